@@ -1,0 +1,66 @@
+"""The on-off attack (OOA)."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from baselines.window import WindowedAttack, check
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.policy import Channel
+from roletrust_env.randomness import Random
+from roletrust_env.views import ProviderView
+
+
+@dataclass(frozen=True)
+class OnOff(WindowedAttack):
+    """On-off attack (OOA): a provider that serves badly and well in turn.
+
+    Su and Saint-Jore (EWSN 2023), section 3, Figure 3. With `switching="random"` bad and good spells have geometric
+    lengths of the same means as in the regular attack.
+
+    Attributes:
+        period: rounds of one bad and one good spell together.
+        duty: share of the period that is bad, in [0, 1]; a regular period begins with its bad rounds.
+        bad: quality of bad service, in [0, 1].
+        good: quality of good service while the attack lasts, in [0, 1].
+        switching: `"regular"` or `"random"`.
+        start: first round of the attack.
+        stop: first round after it; None attacks to the end.
+    """
+
+    period: int = 2
+    duty: float = 0.5
+    bad: float = 0.0
+    good: float = 1.0
+    switching: Literal["regular", "random"] = "regular"
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self.period >= 1, "period", self.period, "1 or more rounds")
+        for name in ("duty", "bad", "good"):
+            value = getattr(self, name)
+            check(0 <= value <= 1, name, value, "in [0, 1]")
+        known = ("regular", "random")
+        check(self.switching in known, "switching", self.switching, f"one of {', '.join(known)}")
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Whether the service is bad just now, if that is left to chance. See `Policy.begin`."""
+        return None if self.switching == "regular" else random.uniform(shape) < self.duty
+
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Bad or good by turns while active, 1 otherwise. See `Policy.quality`."""
+        xp = namespace(view.trust)
+        bad_rounds = self.duty * self.period
+        if self.switching == "regular":
+            bad = (view.round - self.start) % self.period < bad_rounds
+        else:
+            bad = memory
+            leaves = xp.where(bad, _chance(bad_rounds), _chance(self.period - bad_rounds))
+            memory = bad ^ (random.uniform(view.trust.shape) < leaves)
+        served = xp.where(bad, self.bad, self.good)
+        return xp.where(self.active(view.round), served, 0 * view.trust + 1), memory
+
+
+def _chance(mean_rounds: float) -> float:
+    """The chance, in each round, that a spell of this mean length ends."""
+    return 1.0 if mean_rounds <= 1 else 1 / mean_rounds

@@ -1,0 +1,347 @@
+"""The game: its state and the transition from one round to the next, pure and batched.
+
+One round is: ratings arrive -> trust -> who is present -> services -> rewards. Providers and raters act at once, so the
+ratings of a round are for the services of the round before, and on the first step there is nothing to rate.
+
+Everything here is a function of its arguments and of constants. Random numbers are drawn outside and passed in, so that
+a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.randomness import Random
+from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
+from roletrust_env.views import AgentView, Layout, ProviderView, RaterView
+from roletrust_env.world import access, channel, mobility
+from roletrust_env.world.presence import PRESENT, Population, Presence
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Choice, InRange, Scenario
+from roletrust_env.world.service import make_service
+
+
+class Actions(NamedTuple):
+    """What the agents do in one round: `quality`, shape (P, ...), and `ratings`, shape (S, P, ...), in [0, 1]."""
+
+    quality: Array
+    ratings: Array
+
+
+class State(NamedTuple):
+    """All that a round leaves behind. Parts that a scenario has no use for are None.
+
+    Attributes:
+        round: number of rounds played, (...), integer.
+        trust: the trust model's own state.
+        ratings: the ratings that arrived in the last round, 0 where none did, (S, P, ...).
+        rated: where they did, (S, P, ...), boolean.
+        quality: as delivered in the last round, (P, ...).
+        service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
+        awaiting: which do, (S, P, ...), boolean.
+        value: of the service that each provider provides next, (P, ...).
+        counts: services rated and provided so far by SR+SP agents, (2, n_both, ...).
+        population: who is present, if that changes.
+        places: where the agents are, if they move.
+        transit: the ratings that are late, if any can be.
+    """
+
+    round: Array
+    trust: Any
+    ratings: Array
+    rated: Array
+    quality: Array
+    service: Array
+    awaiting: Array
+    value: Array
+    counts: Array | None
+    population: Population | None
+    places: mobility.Places | None
+    transit: channel.InTransit | None
+
+
+class Noise(NamedTuple):
+    """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
+
+    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at the
+    start only, `position` (N, 2, ...).
+    """
+
+    perception: Array
+    lost: Array | None = None
+    late: Array | None = None
+    choice: Array | None = None
+    presence: Array | None = None
+    value: Array | None = None
+    goal: Array | None = None
+    position: Array | None = None
+
+
+class Game:
+    """The rules of one scenario under one trust model.
+
+    Args:
+        scenario: what is played.
+        trust_model: the name of a trust model, or a model. A name is made with the scenario's `lam` and `initial_trust`.
+        like: an array of the library, dtype and device to play with; by default NumPy's float64.
+
+    Attributes:
+        scenario: as given.
+        model: the trust model.
+        roster: who is who.
+        layout: where each field of a view stands in an observation.
+    """
+
+    def __init__(
+        self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust", like: Array | None = None
+    ) -> None:
+        self.scenario = scenario
+        if isinstance(trust_model, str):
+            trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
+        self.model = trust_model
+        self.roster = roster = Roster.of(scenario)
+        self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
+        self._like = like = np.zeros(()) if like is None else like
+        self.service = make_service(scenario, roster, like)
+        self.presence = Presence(scenario, roster, like)
+        self._xp = namespace(like)
+        self._stranger = self._constant(roster.stranger)
+        self._strength = self._constant(_strength(scenario), like.dtype)
+        rating, providing = roster.on_duty(scenario.max_cycles)
+        always = bool(rating.all() and providing.all())
+        self._duty = None if always else (self._constant(rating), self._constant(providing))
+        self._values = None
+        if len(set(scenario.values)) > 1:
+            self._values = self._constant(np.asarray(scenario.values) / max(scenario.values), like.dtype)
+        self._costs = scenario.rewards.quality_cost * max(scenario.values)
+
+    def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
+        """Draw the luck of one round, or of the start.
+
+        Args:
+            random: the source.
+            batch: shape of the batch.
+            start: whether this is for `start`, which alone scatters the agents.
+        """
+        s, p, n, rules = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents, self.scenario
+        pairs = (s, p, *batch)
+        return Noise(
+            random.normal(pairs),
+            random.uniform(pairs) if rules.ratings.lost > 0 else None,
+            random.uniform(pairs) if rules.ratings.late > 0 else None,
+            random.uniform(pairs) if isinstance(rules.access, Choice) else None,
+            random.uniform((n, *batch)) if self.presence.changes else None,
+            random.uniform((p, *batch)) if self._values is not None else None,
+            random.uniform((n, 2, *batch)) if isinstance(rules.access, InRange) else None,
+            random.uniform((n, 2, *batch)) if start and isinstance(rules.access, InRange) else None,
+        )
+
+    def start(self, noise: Noise) -> State:
+        """The state before the first round."""
+        xp, rules, roster = self._xp, self.scenario, self.roster
+        nothing = xp.zeros_like(noise.perception)
+        count = xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64)
+        return State(
+            round=count,
+            trust=self.model.start(nothing),
+            ratings=nothing,
+            rated=nothing > 0,
+            quality=nothing[0],
+            service=nothing,
+            awaiting=nothing > 0,
+            value=self._next_value(nothing[0] + 1, noise),
+            counts=xp.stack([nothing[: roster.n_both, 0, ...]] * 2) if roster.n_both else None,
+            population=self.presence.start(noise.presence) if self.presence.changes else None,
+            places=mobility.place(rules.access, noise.position, noise.goal)
+            if isinstance(rules.access, InRange)
+            else None,
+            transit=channel.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+        )
+
+    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
+        """Play one round.
+
+        Args:
+            state: before the round; it is left as it is.
+            actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
+            noise: the luck of the round.
+
+        Returns:
+            The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
+        """
+        xp, rules, roster = self._xp, self.scenario, self.roster
+        ratings, rated, transit = channel.deliver(
+            rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
+        )
+        trust = self.model.update(state.trust, ratings, rated)
+        top = self.model.provider_trust(trust)
+
+        counts = state.counts
+        if counts is not None:
+            counts = counts + xp.stack(
+                [xp.astype(roster.both(rated.sum(axis=1)), counts.dtype), 0 * counts[1]]
+            )
+        tor = self.model.rater_trust(trust)
+
+        population = state.population
+        if population is not None:
+            agents = self._agent_trust(tor, top, counts)
+            population = self.presence.step(population, state.round + 1, agents, noise.presence)
+        places = state.places
+        if places is not None:
+            places = mobility.move(rules.access, places, noise.goal)
+
+        served = self._served(state, population, places, top, noise)
+        provides = served.any(axis=0)
+        if counts is not None:
+            provided = xp.astype(roster.both(served.sum(axis=0)), counts.dtype)
+            counts = counts + xp.stack([0 * counts[0], provided])
+        quality = xp.where(provides, actions.quality, 0.0)
+        service = self.service.perceive(quality, self._strength[state.round], state.round, noise.perception)
+        after = State(
+            round=state.round + 1,
+            trust=trust,
+            ratings=xp.where(rated, ratings, 0.0),
+            rated=rated,
+            quality=quality,
+            service=xp.where(served, service, 0.0),
+            awaiting=served,
+            value=self._next_value(state.value, noise),
+            counts=counts,
+            population=population,
+            places=places,
+            transit=transit,
+        )
+        return after, self._rewards(tor, top, counts, self._costs * state.value * quality)
+
+    def published(self, state: State) -> tuple[Array, Array]:
+        """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
+
+    def agent_trust(self, state: State) -> Array:
+        """The trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
+        return self._agent_trust(*self.published(state), state.counts)
+
+    def present(self, state: State) -> Array | None:
+        """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
+        return None if state.population is None else state.population.phase == PRESENT
+
+    def views(self, state: State) -> tuple[ProviderView, RaterView]:
+        """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
+        tor, top = self.published(state)
+        per_rater, round = 0 * tor, self._xp.astype(state.round, tor.dtype)
+        provider = ProviderView(round + 0 * top, top, state.value, state.ratings, state.rated)
+        rater = RaterView(
+            round + per_rater,
+            tor,
+            top[:, None, ...] + per_rater,
+            state.service.swapaxes(0, 1),
+            state.awaiting.swapaxes(0, 1),
+            state.ratings.swapaxes(0, 1),
+            state.rated.swapaxes(0, 1),
+        )
+        return provider, rater
+
+    def observations(self, state: State) -> tuple[Array, Array, Array | None]:
+        """The observation vectors of the SR, (K, n, ...), of the SP and of the SR+SP agents (None without any)."""
+        provider, rater = self.views(state)
+        of_raters, of_providers = self.layout.flatten(rater), self.layout.flatten(provider)
+        both = self.roster.n_both
+        if not both:
+            return of_raters, of_providers, None
+        trust = self.agent_trust(state)[self.roster.n_agents - both :]
+        n_sr, n_sp = self.roster.n_raters - both, self.roster.n_providers - both
+        of_both = self._xp.concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
+        return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
+
+    @property
+    def summary_size(self) -> int:
+        """Number of entries of `summary`."""
+        s, p, n = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents
+        return 1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(self.scenario.access, InRange) else 0)
+
+    def summary(self, state: State) -> Array:
+        """The whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
+
+        In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); who is present
+        (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
+        and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
+        """
+        xp, batch, dtype = self._xp, state.round.shape, state.ratings.dtype
+        tor, top = self.published(state)
+        present = self.present(state)
+        if present is None:
+            present = xp.ones((self.roster.n_agents, *batch), dtype=dtype, device=self._like.device)
+        parts = [state.round / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
+        parts += [state.service, state.awaiting, state.ratings, state.rated]
+        if state.places is not None and isinstance(self.scenario.access, InRange):
+            parts.append(state.places.position / self.scenario.access.arena)
+        return xp.concat([xp.astype(part, dtype).reshape(-1, *batch) for part in parts])
+
+    def _served(
+        self,
+        state: State,
+        population: Population | None,
+        places: mobility.Places | None,
+        top: Array,
+        noise: Noise,
+    ) -> Array:
+        """Who is served by whom in this round, shape (S, P, ...), boolean."""
+        xp, rules, roster = self._xp, self.scenario, self.roster
+        # No rater serves itself; the comparison is true everywhere and brings the shape of the batch.
+        stranger = self._stranger.reshape(self._stranger.shape + (1,) * (top.ndim - 1))
+        served = stranger & (state.ratings >= 0)
+        if self._duty is not None:
+            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+            served = served & rating[:, None, ...] & providing[None, ...]
+        if population is not None and state.population is not None:
+            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
+            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
+            served = served & roster.raters(acting)[:, None, ...] & roster.providers(acting)[None, ...]
+        if places is not None and isinstance(rules.access, InRange):
+            position = places.position
+            near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
+            served = served & near
+        if isinstance(rules.access, Choice):
+            served = access.choose(rules.access, top, served, noise.choice)
+        return served
+
+    def _rewards(self, tor: Array, top: Array, counts: Array | None, costs: Array) -> Array:
+        weights, roster = self.scenario.rewards, self.roster
+        of_both = None
+        if counts is not None:
+            toa = self._both_trust(tor, top, counts)
+            of_both = weights.agent_trust * toa - roster.both(costs)
+        return roster.agents(weights.rater_trust * tor, weights.provider_trust * top - costs, of_both)
+
+    def _agent_trust(self, tor: Array, top: Array, counts: Array | None) -> Array:
+        toa = None if counts is None else self._both_trust(tor, top, counts)
+        return self.roster.agents(tor, top, toa)
+
+    def _both_trust(self, tor: Array, top: Array, counts: Array) -> Array:
+        roster = self.roster
+        return agent_trust(
+            roster.both(tor),
+            roster.both(top),
+            rated=counts[0],
+            provided=counts[1],
+            initial=self.scenario.initial_trust,
+        )
+
+    def _next_value(self, value: Array, noise: Noise) -> Array:
+        if self._values is None or noise.value is None:
+            return value
+        return self._values[self._xp.astype(noise.value * len(self._values), self._xp.int64)]
+
+    def _constant(self, values: Any, dtype: Any = None) -> Array:
+        return self._xp.asarray(values, dtype=dtype, device=self._like.device)
+
+
+def _strength(scenario: Scenario) -> Any:
+    """Strength of the perturbation in each round, shape (max_cycles,): the strongest where several overlap."""
+    strength = np.zeros(scenario.max_cycles)
+    for blow in scenario.perturbations:
+        window = slice(blow.start, blow.stop)
+        strength[window] = np.maximum(strength[window], blow.strength)
+    return strength

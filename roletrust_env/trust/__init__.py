@@ -1,0 +1,21 @@
+"""Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
+
+from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust
+from roletrust_env.trust.mean import Mean
+from roletrust_env.trust.model import TrustModel, make_trust_model, register_trust_model, trust_models
+from roletrust_env.trust.role_trust import RoleTrust
+
+register_trust_model("role-trust", RoleTrust)
+register_trust_model("mean", Mean)
+
+__all__ = [
+    "Mean",
+    "RoleTrust",
+    "TrustModel",
+    "agent_trust",
+    "make_trust_model",
+    "provider_trust",
+    "rater_trust",
+    "register_trust_model",
+    "trust_models",
+]

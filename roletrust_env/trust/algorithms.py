@@ -1,0 +1,161 @@
+"""The three algorithms of Su and Saint-Jore (EWSN 2023, hal-04161463) as pure functions over arrays.
+
+Axis 0 is the service rater i (of S), axis 1 the service provider j (of P); every further axis is batch. The functions
+run on NumPy and on torch alike, change none of their inputs, and follow the dtype of the ratings.
+"""
+
+import math
+
+from roletrust_env.arrays import Array, namespace
+
+
+def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
+    """Trust of a rater, ToR (Algorithm 1): how near a rater's notes are to the average note.
+
+        fbar[j] = mean over the raters i of j of f[i, j]
+        QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - fbar[j]|)
+        ToR[i] <- lam * QoR[i] + (1 - lam) * ToR[i]
+
+    Args:
+        ratings: f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        mask: m, shape (S, P, ...), boolean, true where i rated j in this round.
+        previous: ToR before the round, shape (S, ...), in [0, 1].
+        lam: weight of the newest round, in [0.5, 1].
+
+    Returns:
+        ToR after the round, shape (S, ...), in [0, 1]. A rater that rated nobody keeps its ToR.
+
+    Raises:
+        ValueError: `lam` is outside [0.5, 1], or the shapes do not belong together.
+
+    Example:
+        >>> import numpy as np
+        >>> notes = np.array([[1.0, 1.0], [1.0, 1.0], [0.5, 0.5]])
+        >>> rater_trust(notes, notes >= 0, previous=np.ones(3), lam=1.0).round(4)
+        array([0.5918, 0.5918, 0.4226])
+    """
+    if not 0.5 <= lam <= 1:
+        raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
+    _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
+    xp = namespace(ratings)
+    average, _ = masked_mean(ratings, mask, axis=0)
+    distance, given = masked_mean(xp.sqrt(abs(ratings - average)), mask, axis=1)
+    return smooth(1 - distance, previous, lam, given > 0)
+
+
+def provider_trust(
+    ratings: Array,
+    mask: Array,
+    *,
+    tor: Array,
+    previous: Array,
+    lam: float,
+    last_ratings: Array,
+    elapsed: Array,
+) -> Array:
+    """Trust of a provider, ToP (Algorithm 2): how good its notes are, how steady, and how trusted their raters.
+
+        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last note i gave j|
+        QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i, j]
+        ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
+
+    Args:
+        ratings: f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        mask: m, shape (S, P, ...), boolean, true where i rated j in this round.
+        tor: ToR as just updated by this round, shape (S, ...), in [0, 1].
+        previous: ToP before the round, shape (P, ...), in [0, 1].
+        lam: weight of the newest round, in [0.5, 1).
+        last_ratings: the note that i gave j last, shape (S, P, ...); ignored where `elapsed` is 0.
+        elapsed: dt, service periods since i last rated j, shape (S, P, ...), and 0 where i never did: a first rating
+            has sinc(delta) ** 0 = 1.
+
+    Returns:
+        ToP after the round, shape (P, ...), in [0, 1]. A provider that nobody rated keeps its ToP.
+
+    Raises:
+        ValueError: `lam` is outside [0.5, 1), or the shapes do not belong together.
+    """
+    if not 0.5 <= lam < 1:
+        raise ValueError(f"lam is {lam!r}; for the trust of a provider it must lie in [0.5, 1)")
+    _check_shapes(
+        ratings,
+        mask=(mask, "SP"),
+        tor=(tor, "S"),
+        previous=(previous, "P"),
+        last_ratings=(last_ratings, "SP"),
+        elapsed=(elapsed, "SP"),
+    )
+    rho = _sinc(1 - ratings) * _sinc(abs(ratings - last_ratings)) ** elapsed
+    quality, received = masked_mean(rho * tor[:, None, ...] * ratings, mask, axis=0)
+    return smooth(quality, previous, lam, received > 0)
+
+
+def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
+    """Trust of an agent that plays both roles, ToA (Algorithm 3): its two trusts, weighted by what it did.
+
+        alpha[k] = rated[k] / (rated[k] + provided[k])
+        ToA[k]   = alpha[k] * ToR[k] + (1 - alpha[k]) * ToP[k]
+
+    Args:
+        tor: ToR of each agent, shape (N, ...), in [0, 1].
+        top: ToP of each agent, shape (N, ...), in [0, 1].
+        rated: number of services that the agent rated so far, shape (N, ...), at least 0.
+        provided: number of services that the agent provided so far, shape (N, ...), at least 0.
+        initial: the trust of an agent that has done neither, in [0, 1].
+
+    Returns:
+        ToA, shape (N, ...), in [0, 1].
+
+    Raises:
+        ValueError: `initial` is outside [0, 1].
+
+    Example:
+        >>> import numpy as np
+        >>> counts = {"rated": np.array([3.0, 0.0]), "provided": np.array([1.0, 0.0])}
+        >>> agent_trust(np.array([0.8, 0.9]), np.array([0.4, 0.9]), initial=0.5, **counts).round(3)
+        array([0.7, 0.5])
+    """
+    if not 0 <= initial <= 1:
+        raise ValueError(f"initial is {initial!r}; a trust must lie in [0, 1]")
+    xp = namespace(tor)
+    total = rated + provided
+    alpha = rated / _at_least_one(total)
+    return xp.where(total > 0, alpha * tor + (1 - alpha) * top, initial)
+
+
+def masked_mean(values: Array, mask: Array, *, axis: int) -> tuple[Array, Array]:
+    """The mean of the values inside the mask along an axis, 0 where there are none, and their number."""
+    count = mask.sum(axis=axis, dtype=values.dtype)
+    return namespace(values).where(mask, values, 0.0).sum(axis=axis) / _at_least_one(count), count
+
+
+def smooth(value: Array, previous: Array, lam: float, happened: Array) -> Array:
+    """lam * value + (1 - lam) * previous where something happened, and the previous value elsewhere."""
+    return namespace(value).where(happened, lam * value + (1 - lam) * previous, previous)
+
+
+def _sinc(x: Array) -> Array:
+    """sin(pi x) / (pi x) for x in [0, 1], and exactly 1 at x = 0.
+
+    The offset stands in for a branch at 0 and is lost in rounding everywhere else. The absolute value keeps the result
+    at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
+    """
+    angle = math.pi * x + 1e-30
+    return abs(namespace(x).sin(angle)) / angle
+
+
+def _at_least_one(count: Array) -> Array:
+    """The count, or 1 where it is 0, so that the mean of nothing is 0 and not NaN."""
+    return count + (count == 0)
+
+
+def _check_shapes(ratings: Array, **others: tuple[Array, str]) -> None:
+    """Refuse arrays whose shapes do not belong to that of the ratings; `others` come with their axes."""
+    shape = ratings.shape
+    needed = {"SP": shape, "S": shape[:1] + shape[2:], "P": shape[1:]}
+    for name, (array, axes) in others.items():
+        if array.shape != needed[axes]:
+            raise ValueError(
+                f"{name} has shape {tuple(array.shape)}; with ratings of shape (S, P, ...) = {tuple(shape)} "
+                f"it must be ({', '.join(axes)}, ...) = {tuple(needed[axes])}"
+            )

@@ -1,0 +1,83 @@
+"""What a trust model is, and the table of those known by name."""
+
+from typing import Any, Protocol, TypeVar
+
+from roletrust_env.arrays import Array
+from roletrust_env.registry import Registry
+
+State = TypeVar("State")
+
+
+class TrustModel(Protocol[State]):
+    """Turns rounds of ratings into trust. It knows nothing of games, names, rewards or files.
+
+    A model is immutable; what it remembers is its state, a NamedTuple of arrays that `update` replaces. Written with
+    operators and `roletrust_env.arrays.namespace`, it runs on NumPy and torch, for one game and for a batch.
+
+    Attributes:
+        rates_raters: whether the model has a notion of rater trust; if not, `rater_trust` reads 1 for all.
+    """
+
+    rates_raters: bool
+
+    def start(self, like: Array) -> State:
+        """The state before any rating.
+
+        Args:
+            like: an array of shape (S, P, ...) that shows the shapes, the dtype, the device and the array library.
+        """
+        ...
+
+    def update(self, state: State, ratings: Array, mask: Array) -> State:
+        """The state after one more round.
+
+        Args:
+            state: the state before the round; it is left as it is.
+            ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere.
+            mask: m, shape (S, P, ...), boolean, true where rater i rated provider j in this round.
+        """
+        ...
+
+    def rater_trust(self, state: State) -> Array:
+        """The trust of each rater, shape (S, ...), in [0, 1]."""
+        ...
+
+    def provider_trust(self, state: State) -> Array:
+        """The trust of each provider, shape (P, ...), in [0, 1]."""
+        ...
+
+
+registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models")
+
+
+def register_trust_model(name: str, factory: Any) -> None:
+    """Make a trust model known by name; see `Registry.register`.
+
+    Args:
+        name: the new name.
+        factory: a callable `(lam=..., initial=..., **own parameters) -> TrustModel`, usually the model's class.
+    """
+    registry.register(name, factory)
+
+
+def make_trust_model(name: str, **parameters: Any) -> TrustModel[Any]:
+    """Make a trust model by name.
+
+    Args:
+        name: a registered name or that of an entry point in the group `roletrust_env.trust_models`.
+        **parameters: the model's own; every model takes `lam`, the weight of the newest round, and `initial`, the
+            trust before any rating.
+
+    Raises:
+        ValueError: the name is unknown, the parameters are not the model's, or a value is outside its range.
+
+    Example:
+        >>> make_trust_model("role-trust", lam=0.7)
+        RoleTrust(lam=0.7, initial=0.5)
+    """
+    return registry.make(name, **parameters)
+
+
+def trust_models() -> dict[str, str]:
+    """The known trust models: name and one line of description."""
+    return registry.describe()

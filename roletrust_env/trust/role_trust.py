@@ -1,0 +1,74 @@
+"""The paper's model: Algorithms 1 and 2 with the memory that they need between rounds."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.trust.algorithms import provider_trust, rater_trust
+from roletrust_env.trust.checks import check_smoothing
+
+
+class RoleTrustState(NamedTuple):
+    """What role-trust remembers.
+
+    Attributes:
+        tor: trust of the raters, shape (S, ...).
+        top: trust of the providers, shape (P, ...).
+        last: the last note that i gave j, shape (S, P, ...).
+        elapsed: service periods since then, shape (S, P, ...), 0 where i never rated j.
+    """
+
+    tor: Array
+    top: Array
+    last: Array
+    elapsed: Array
+
+
+@dataclass(frozen=True)
+class RoleTrust:
+    """Role-based trust: a rater by its distance to the average note, a provider by good, steady, trusted notes.
+
+    Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. An agent's ToA (Algorithm 3) combines the two read-outs and is
+    the game's, since only the game knows which rater and which provider are one agent.
+
+    Attributes:
+        lam: weight of the newest round, in [0.5, 1), for raters and providers alike.
+        initial: trust before any rating, in [0, 1]; the paper does not give it.
+    """
+
+    lam: float = 0.5
+    initial: float = 0.5
+    rates_raters = True
+
+    def __post_init__(self) -> None:
+        check_smoothing(self.lam, self.initial)
+
+    def start(self, like: Array) -> RoleTrustState:
+        """Initial trust for everyone, and no rating yet. See `TrustModel.start`."""
+        xp = namespace(like)
+        nothing = xp.zeros_like(like)
+        return RoleTrustState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
+
+    def update(self, state: RoleTrustState, ratings: Array, mask: Array) -> RoleTrustState:
+        """One round of ratings. See `TrustModel.update`."""
+        xp = namespace(ratings)
+        tor = rater_trust(ratings, mask, previous=state.tor, lam=self.lam)
+        top = provider_trust(
+            ratings,
+            mask,
+            tor=tor,
+            previous=state.top,
+            lam=self.lam,
+            last_ratings=state.last,
+            elapsed=state.elapsed,
+        )
+        waited = state.elapsed + (state.elapsed > 0)
+        return RoleTrustState(tor, top, xp.where(mask, ratings, state.last), xp.where(mask, 1.0, waited))
+
+    def rater_trust(self, state: RoleTrustState) -> Array:
+        """ToR, shape (S, ...)."""
+        return state.tor
+
+    def provider_trust(self, state: RoleTrustState) -> Array:
+        """ToP, shape (P, ...)."""
+        return state.top

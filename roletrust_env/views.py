@@ -1,0 +1,127 @@
+"""What an agent may see, as named fields and as the flat vector of its observation space.
+
+Every view is of one agent and may have further axes: agents that are looked at together, then the batch. A field has
+shape (...) if it is one number, (P, ...) if there is one per provider, (S, ...) if there is one per rater.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
+
+from roletrust_env.arrays import Array, namespace
+
+
+class ProviderView(NamedTuple):
+    """What a provider sees.
+
+    Attributes:
+        round: number of the round, (...).
+        trust: its own ToP, (...).
+        value: value of the service that it provides next, as a share of the dearest, (...).
+        ratings: the ratings of it that arrived in the last round, 0 where none did, (S, ...).
+        rated: where a rater's rating arrived, boolean, (S, ...).
+    """
+
+    round: Array
+    trust: Array
+    value: Array
+    ratings: Array
+    rated: Array
+
+
+class RaterView(NamedTuple):
+    """What a rater sees.
+
+    Attributes:
+        round: number of the round, (...).
+        trust: its own ToR, (...).
+        published: the published ToP of every provider, (P, ...).
+        service: the perceived quality of the services that await its rating, 0 where none does, (P, ...).
+        awaiting: where a service awaits its rating, boolean, (P, ...).
+        ratings: its ratings that arrived in the last round, 0 where none did, (P, ...).
+        rated: where one arrived, boolean, (P, ...).
+    """
+
+    round: Array
+    trust: Array
+    published: Array
+    service: Array
+    awaiting: Array
+    ratings: Array
+    rated: Array
+
+
+class AgentView(NamedTuple):
+    """What an agent with both roles sees: its own ToA, (...), and what each of its roles sees."""
+
+    trust: Array
+    provider: ProviderView
+    rater: RaterView
+
+
+View = TypeVar("View", ProviderView, RaterView)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each field of a view stands in the observation vector.
+
+    An observation has shape (K, ...), every entry in [0, 1]: the fields of the view one after the other, the round as a
+    share of the game's length. An SR+SP agent's is its ToA, then the provider's fields, then the rater's.
+
+    Attributes:
+        n_raters: S.
+        n_providers: P.
+        max_cycles: length of the game in rounds.
+    """
+
+    n_raters: int
+    n_providers: int
+    max_cycles: int
+
+    @property
+    def provider_size(self) -> int:
+        """K of a provider: 3 + 2 S."""
+        return 3 + 2 * self.n_raters
+
+    @property
+    def rater_size(self) -> int:
+        """K of a rater: 2 + 5 P."""
+        return 2 + 5 * self.n_providers
+
+    def flatten(self, view: View) -> Array:
+        """The observation vector of a provider's or a rater's view."""
+        one, (round, *rest) = view.trust.ndim, view
+        parts = [
+            field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)
+        ]
+        return namespace(view.trust).concat(parts)
+
+    def flatten_both(self, view: AgentView) -> Array:
+        """The observation vector of an SR+SP agent's view."""
+        parts = [view.trust[None, ...], self.flatten(view.provider), self.flatten(view.rater)]
+        return namespace(view.trust).concat(parts)
+
+    def provider(self, observation: Array) -> ProviderView:
+        """The view that a provider's observation holds."""
+        o, s = observation, self.n_raters
+        return ProviderView(self._round(o), o[1], o[2], o[3 : 3 + s], o[3 + s :] > 0.5)
+
+    def rater(self, observation: Array) -> RaterView:
+        """The view that a rater's observation holds."""
+        o, p = observation, self.n_providers
+        published, service, awaiting, ratings, rated = (o[2 + k * p : 2 + (k + 1) * p] for k in range(5))
+        return RaterView(self._round(o), o[1], published, service, awaiting > 0.5, ratings, rated > 0.5)
+
+    def both(self, observation: Array) -> AgentView:
+        """The view that an SR+SP agent's observation holds."""
+        end = 1 + self.provider_size
+        return AgentView(observation[0], self.provider(observation[1:end]), self.rater(observation[end:]))
+
+    def by_role(self, role: str, observation: Array) -> tuple[ProviderView | None, RaterView | None]:
+        """What an `sr`, an `sp` or an `srsp` sees as a provider and as a rater; None where it is not one."""
+        if role == "srsp":
+            return self.both(observation)[1:]
+        return (self.provider(observation), None) if role == "sp" else (None, self.rater(observation))
+
+    def _round(self, observation: Array) -> Array:
+        return namespace(observation).round(observation[0] * self.max_cycles)

@@ -1,0 +1,132 @@
+"""Scenarios with a name."""
+
+from pathlib import Path
+
+from roletrust_env.registry import Registry
+from roletrust_env.world.scenario import (
+    Admission,
+    AgentGroup,
+    Choice,
+    InRange,
+    Perturbation,
+    RatingChannel,
+    Scenario,
+    load_scenario,
+)
+
+registry: Registry[Scenario] = Registry("scenario", "roletrust_env.scenarios")
+
+
+def register_scenario(scenario: Scenario) -> None:
+    """Make a scenario known by its name.
+
+    Raises:
+        ValueError: the name is taken or is not a word.
+    """
+    registry.register(scenario.name, lambda: scenario)
+
+
+def make_scenario(scenario: str | Path | Scenario) -> Scenario:
+    """A scenario by name, from a TOML or YAML file, or as it is.
+
+    Args:
+        scenario: a registered name, the path of a file, or a `Scenario`.
+
+    Raises:
+        ValueError: the name is unknown or the file is not a valid scenario.
+
+    Example:
+        >>> make_scenario("paper-3x3").period_s
+        0.5
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Path) or scenario.endswith((".toml", ".yaml", ".yml")):
+        return load_scenario(scenario)
+    return registry.make(scenario)
+
+
+def scenarios() -> dict[str, str]:
+    """The known scenarios: name and one line of description."""
+    return {name: registry.make(name).description for name in registry.names()}
+
+
+def _crowd(n: int) -> tuple[AgentGroup, ...]:
+    return (AgentGroup(role="SR", count=n, noise=0.005), AgentGroup(role="SP", count=n))
+
+
+# The target moves fast at 18 s and at 30 s, for two seconds each.
+_FAST_TARGET = (Perturbation(start=36, stop=40, strength=1.0), Perturbation(start=60, stop=64, strength=1.0))
+
+_PAPER = Scenario(
+    name="paper-3x3",
+    description="Three raters and three cameras, everyone rates everyone, as in Su and Saint-Jore (2023)",
+    tags=("paper", "small"),
+    agents=_crowd(3),
+    perturbations=_FAST_TARGET,
+    max_cycles=240,
+)
+
+for _preset in (
+    _PAPER,
+    _PAPER.change(
+        name="paper-3x3-hog",
+        description="The paper's scenario seen for real: HOG people detection in rendered or given camera frames",
+        tags=("paper", "small", "vision"),
+        service="hog",
+        noise=0.0,
+    ),
+    Scenario(
+        name="crowd-10x10",
+        description="Ten raters and ten providers, everyone rates everyone",
+        tags=("crowd",),
+        agents=_crowd(10),
+        max_cycles=200,
+    ),
+    Scenario(
+        name="crowd-100x100",
+        description="A hundred raters and a hundred providers, everyone rates everyone",
+        tags=("crowd", "large"),
+        agents=_crowd(100),
+        max_cycles=200,
+    ),
+    Scenario(
+        name="robots-that-move",
+        description="Twelve robots wander through an arena and serve those within reach; some ratings get lost or late",
+        tags=("mobility", "lossy"),
+        agents=(
+            AgentGroup(role="SR", count=6, noise=0.01),
+            AgentGroup(role="SP", count=4),
+            AgentGroup(role="SR+SP", count=2, noise=0.01),
+        ),
+        access=InRange(radius=4.0, arena=10.0, speed=0.3),
+        ratings=RatingChannel(lost=0.1, late=0.2, delay=2),
+        max_cycles=300,
+    ),
+    Scenario(
+        name="open-system",
+        description="Agents join and leave all the time, and those whose trust stays low are cut off",
+        tags=("open", "admission", "choice"),
+        agents=(
+            AgentGroup(role="SR", count=6, noise=0.01),
+            AgentGroup(role="SP", count=5),
+            AgentGroup(role="SR", count=5, joins=10, join_rate=0.05, leave_rate=0.01, noise=0.01),
+            AgentGroup(role="SP", count=5, joins=10, join_rate=0.05, leave_rate=0.01),
+        ),
+        access=Choice(providers=2, temperature=0.2),
+        values=(1.0, 1.0, 1.0, 5.0),
+        admission=Admission(threshold=0.25, rounds=10),
+        max_cycles=300,
+    ),
+    Scenario(
+        name="peers",
+        description="Nine agents that are rater and provider at once, three of which change roles every ten rounds",
+        tags=("peers", "roles"),
+        agents=(
+            AgentGroup(role="SR+SP", count=6, noise=0.005),
+            AgentGroup(role="SR+SP", count=3, noise=0.005, turns=("SR", "SP"), turn_length=10),
+        ),
+        max_cycles=200,
+    ),
+):
+    register_scenario(_preset)

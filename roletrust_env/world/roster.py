@@ -1,0 +1,112 @@
+"""Who is who: the agents of a scenario, and their places on the rater, provider and agent axes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.world.scenario import AgentGroup, Role, Scenario
+
+
+@dataclass(frozen=True)
+class Roster:
+    """The agents of a scenario in the order SR, SP, SR+SP, so that every axis is a slice of another.
+
+    Agents: `[SR | SP | SR+SP]`; raters: `[SR | SR+SP]`; providers: `[SP | SR+SP]`.
+
+    Attributes:
+        groups: the group of each agent, in this order.
+    """
+
+    groups: tuple[AgentGroup, ...]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "Roster":
+        """The roster of a scenario."""
+        members = [group for group in scenario.agents for _ in range(group.count)]
+        order: dict[Role, int] = {"SR": 0, "SP": 1, "SR+SP": 2}
+        return cls(tuple(sorted(members, key=lambda group: order[group.role])))
+
+    @cached_property
+    def _count(self) -> dict[Role, int]:
+        roles = [group.role for group in self.groups]
+        return {"SR": roles.count("SR"), "SP": roles.count("SP"), "SR+SP": roles.count("SR+SP")}
+
+    @cached_property
+    def n_agents(self) -> int:
+        """N, the number of agents."""
+        return len(self.groups)
+
+    @cached_property
+    def n_both(self) -> int:
+        """The number of SR+SP agents; they are the last ones on every axis."""
+        return self._count["SR+SP"]
+
+    @cached_property
+    def n_raters(self) -> int:
+        """S, the number of agents that can rate."""
+        return self._count["SR"] + self.n_both
+
+    @cached_property
+    def n_providers(self) -> int:
+        """P, the number of agents that can provide."""
+        return self._count["SP"] + self.n_both
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The agents' names: `sr_0 ...`, `sp_0 ...`, `srsp_0 ...`."""
+        return tuple(
+            f"{role.lower().replace('+', '')}_{i}" for role, n in self._count.items() for i in range(n)
+        )
+
+    @cached_property
+    def rater_names(self) -> tuple[str, ...]:
+        """The names on the rater axis."""
+        return self.names[: self._count["SR"]] + self.names[self.n_agents - self.n_both :]
+
+    @cached_property
+    def provider_names(self) -> tuple[str, ...]:
+        """The names on the provider axis."""
+        return self.names[self._count["SR"] :]
+
+    @cached_property
+    def stranger(self) -> npt.NDArray[np.bool_]:
+        """Shape (S, P): true where rater and provider are two agents, so that one may rate the other."""
+        raters, providers = np.asarray(self.rater_names), np.asarray(self.provider_names)
+        return np.asarray(raters[:, None] != providers)
+
+    def raters(self, of_agents: Array) -> Array:
+        """The rows of the raters, (S, ...), of an array over agents, (N, ...)."""
+        sr = of_agents[: self._count["SR"]]
+        return (
+            namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]]) if self.n_both else sr
+        )
+
+    def providers(self, of_agents: Array) -> Array:
+        """The rows of the providers, (P, ...), of an array over agents, (N, ...)."""
+        return of_agents[self._count["SR"] :]
+
+    def agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
+        """An array over agents, (N, ...), of one over raters, one over providers and one over SR+SP agents."""
+        sr, sp = of_raters[: self._count["SR"]], of_providers[: self._count["SP"]]
+        parts = [sr, sp] if of_both is None else [sr, sp, of_both]
+        return namespace(of_raters).concat(parts)
+
+    def both(self, of_raters_or_providers: Array) -> Array:
+        """The rows of the SR+SP agents of an array over raters or over providers."""
+        return of_raters_or_providers[of_raters_or_providers.shape[0] - self.n_both :]
+
+    def on_duty(self, max_cycles: int) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Who rates and who provides in which round: two arrays, (max_cycles, S) and (max_cycles, P)."""
+        rounds = np.arange(max_cycles)
+
+        def plays(role: Role) -> npt.NDArray[np.bool_]:
+            duty = np.empty((self.n_agents, max_cycles), dtype=bool)
+            for row, group in zip(duty, self.groups, strict=True):
+                turns = np.asarray([role in turn for turn in group.turns or (group.role,)])
+                row[:] = turns[rounds // group.turn_length % len(turns)]
+            return duty
+
+        return self.raters(plays("SR")).T, self.providers(plays("SP")).T

@@ -1,0 +1,272 @@
+"""A scenario: everything that is fixed before a game starts, as frozen, validated data."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    model_validator,
+)
+
+Role = Literal["SR", "SP", "SR+SP"]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+class AgentGroup(_Frozen):
+    """Agents of one kind."""
+
+    role: Role
+    """`SR` rates services, `SP` provides them, `SR+SP` does both."""
+    count: PositiveInt = 1
+    """Number of agents; each is an identity of its own, also one that joins late."""
+    turns: tuple[Role, ...] = ()
+    """For `SR+SP` agents: the roles that they play in turn, over and over; empty: both roles in every round."""
+    turn_length: PositiveInt = 1
+    """Rounds that a turn lasts."""
+    joins: NonNegativeInt = 0
+    """First round in which a member may be present."""
+    join_rate: Share = 1.0
+    """Probability, in each round from `joins` on, that a member that is not there yet joins."""
+    leaves: PositiveInt | None = None
+    """First round in which no member is present any more."""
+    leave_rate: Share = 0.0
+    """Probability, in each round, that a present member leaves, for good."""
+    noise: NonNegativeFloat = 0.0
+    """Standard deviation of a rater's perception of quality (synthetic service only)."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.turns and self.role != "SR+SP":
+            raise ValueError(f"turns are for agents with the role 'SR+SP', not {self.role!r}")
+        if self.leaves is not None and self.leaves <= self.joins:
+            raise ValueError(f"leaves is {self.leaves}; it must be later than joins, {self.joins}")
+        if self.join_rate == 0:
+            raise ValueError("join_rate is 0; it must be above 0, or the group never joins")
+        return self
+
+    @property
+    def open(self) -> bool:
+        """Whether members join or leave while the game runs."""
+        return self.joins > 0 or self.join_rate < 1 or self.leaves is not None or self.leave_rate > 0
+
+
+class Everyone(_Frozen):
+    """Every rater is served by every provider, as in the paper."""
+
+    kind: Literal["everyone"] = "everyone"
+
+
+class InRange(_Frozen):
+    """Agents are robots that move from waypoint to waypoint; a rater is served by the providers near it."""
+
+    kind: Literal["in-range"] = "in-range"
+    radius: PositiveFloat = 4.0
+    """Distance up to which a service reaches, in metres."""
+    arena: PositiveFloat = 10.0
+    """Side of the square arena, in metres."""
+    speed: NonNegativeFloat = 0.25
+    """Distance that a robot moves in a round, in metres."""
+
+
+class Choice(_Frozen):
+    """Each rater chooses a few providers by their published trust."""
+
+    kind: Literal["choice"] = "choice"
+    providers: PositiveInt = 1
+    """How many providers each rater chooses in a round."""
+    temperature: NonNegativeFloat = 0.0
+    """0 chooses greedily, ties broken at random; above 0, by softmax of trust / temperature, without replacement."""
+
+
+class RatingChannel(_Frozen):
+    """What happens to ratings on their way to the trust manager."""
+
+    lost: Share = 0.0
+    """Probability that a rating is lost."""
+    late: Share = 0.0
+    """Probability that a rating that is not lost comes late."""
+    delay: PositiveInt = 1
+    """Rounds by which a late rating is late. It yields to a newer rating that arrives in the same round."""
+
+
+class Perturbation(_Frozen):
+    """A disturbance that strikes all services for a while, as the fast-moving target does in the paper."""
+
+    start: NonNegativeInt
+    """First round struck."""
+    stop: PositiveInt
+    """First round after it."""
+    strength: Share = 1.0
+    """Share of every service's quality that is lost; through the camera, how fast the target moves."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.stop <= self.start:
+            raise ValueError(f"stop is {self.stop}; it must be later than start, {self.start}")
+        return self
+
+
+class Admission(_Frozen):
+    """Admission control: an agent whose trust stays too low is cut off, for good."""
+
+    threshold: Share
+    """Trust under which an agent is in danger."""
+    rounds: PositiveInt = 5
+    """Rounds in succession under the threshold after which it is cut off."""
+
+
+class Rewards(_Frozen):
+    """Weights of the rewards that honest agents play for."""
+
+    rater_trust: NonNegativeFloat = 1.0
+    """Weight of ToR in a rater's reward."""
+    provider_trust: NonNegativeFloat = 1.0
+    """Weight of ToP in a provider's reward."""
+    agent_trust: NonNegativeFloat = 1.0
+    """Weight of ToA in the reward of an agent with both roles."""
+    quality_cost: NonNegativeFloat = 0.1
+    """Cost of providing a service of quality 1 and value 1."""
+
+
+class Scenario(_Frozen):
+    """Everything that is fixed before a game starts. Times are in rounds; a round lasts `period_s` seconds.
+
+    Example:
+        >>> Scenario(agents=[{"role": "SR", "count": 3}, {"role": "SP", "count": 3}], lam=0.7).max_cycles
+        120
+    """
+
+    name: str = "custom"
+    description: str = ""
+    tags: tuple[str, ...] = ()
+    agents: tuple[AgentGroup, ...]
+    """The groups of agents."""
+    access: Annotated[Everyone | InRange | Choice, Field(discriminator="kind")] = Everyone()
+    """Who is served by whom, and so who can rate whom; never oneself."""
+    service: Literal["synthetic", "hog"] = "synthetic"
+    """`synthetic`: perceived quality is a number. `hog`: a people detector looks at camera frames."""
+    frames: str | int | None = None
+    """For `hog`: a video file, an image folder or a camera number; None renders a scene."""
+    ratings: RatingChannel = RatingChannel()
+    perturbations: tuple[Perturbation, ...] = ()
+    values: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
+    """The value of each service is drawn from these, each as likely; the provider knows it before it serves."""
+    admission: Admission | None = None
+    rewards: Rewards = Rewards()
+    max_cycles: PositiveInt = 120
+    """Length of the game, in rounds."""
+    period_s: PositiveFloat = 0.5
+    """Seconds from one service to the next."""
+    lam: Annotated[float, Field(ge=0.5, lt=1)] = 0.5
+    """Weight of the newest round in every trust."""
+    initial_trust: Share = 0.5
+    """Trust of everyone before any rating."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        count = dict.fromkeys(("SR", "SP", "SR+SP"), 0)
+        for group in self.agents:
+            count[group.role] += group.count
+        raters, providers = count["SR"] + count["SR+SP"], count["SP"] + count["SR+SP"]
+        alone = raters == providers == count["SR+SP"] == 1
+        if not raters or not providers or alone:
+            raise ValueError(
+                f"agents have the roles {count}; nobody could rate anybody. "
+                "There must be a rater (SR or SR+SP) and another agent that provides (SP or SR+SP)"
+            )
+        if isinstance(self.access, Choice) and self.access.providers > providers:
+            raise ValueError(
+                f"access.providers is {self.access.providers}; there are {providers} to choose from"
+            )
+        if self.frames is not None and self.service != "hog":
+            raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
+        return self
+
+    def change(self, **changes: Any) -> "Scenario":
+        """The same scenario with other values of some fields, validated anew.
+
+        Args:
+            **changes: fields of the scenario; and `noise`, which replaces every group's perception noise.
+
+        Raises:
+            ValueError: a field does not exist or a value is not allowed.
+        """
+        data = self.model_dump()
+        if "noise" in changes:
+            noise = changes.pop("noise")
+            data["agents"] = [{**group, "noise": noise} for group in data["agents"]]
+        return read_scenario({**data, **changes}, f"scenario {self.name!r}")
+
+
+def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
+    """Make a scenario of plain data.
+
+    Args:
+        data: the fields of `Scenario`, nested as in a TOML file.
+        source: where the data came from, for error messages.
+
+    Raises:
+        ValueError: names each wrong field, its value and what is allowed.
+    """
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise ValueError(f"{source}: " + "; ".join(_explain(e) for e in error.errors())) from None
+
+
+def _explain(error: Any) -> str:
+    """One line on one wrong field."""
+    field = ".".join(str(part) for part in error["loc"]) or "the scenario as a whole"
+    if error["type"] == "extra_forbidden":
+        return f"there is no field {field}"
+    if error["type"] == "missing":
+        return f"field {field} is missing"
+    reason = error["msg"].removeprefix("Value error, ")
+    return (
+        f"{field}: {reason}" if error["type"] == "value_error" else f"{field} is {error['input']!r}: {reason}"
+    )
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read a scenario from a TOML or YAML file.
+
+    Raises:
+        ValueError: the file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
+    """
+    path = Path(path)
+    readers = {".toml": tomllib.loads, ".yaml": _parse_yaml, ".yml": _parse_yaml}
+    if path.suffix not in readers:
+        raise ValueError(f"scenario file {path}: its name must end in one of {', '.join(readers)}")
+    try:
+        data = readers[path.suffix](path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"scenario file {path} cannot be read: {error.strerror}") from None
+    except ValueError as error:  # the parsers' own errors and wrong UTF-8 are ValueErrors
+        raise ValueError(f"scenario file {path} is broken: {error}") from None
+    if not isinstance(data, dict):
+        raise ValueError(
+            f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values"
+        )
+    return read_scenario({"name": path.stem, **data}, f"scenario file {path}")
+
+
+def _parse_yaml(text: str) -> Any:
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None

@@ -1,0 +1,63 @@
+"""From the quality that a provider chose to the quality that each rater perceives."""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Scenario
+
+
+class Service(Protocol):
+    """What lies between a provider's quality and a rater's perception of it."""
+
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
+        """The quality that each rater perceives in each service.
+
+        Args:
+            quality: as delivered, shape (P, ...), in [0, 1].
+            strength: of the perturbation that strikes all services, shape (...), in [0, 1].
+            round: number of the round, shape (...).
+            noise: standard normal, shape (S, P, ...).
+
+        Returns:
+            Perceived quality, shape (S, P, ...), in [0, 1].
+        """
+        ...
+
+
+class SyntheticService:
+    """Perceived quality is delivered quality, dimmed by perturbations, plus the rater's Gaussian noise, clipped.
+
+    Args:
+        roster: whose raters have their perception noise.
+        like: an array of the library, dtype and device to work with.
+    """
+
+    def __init__(self, roster: Roster, like: Array) -> None:
+        noise = np.asarray([group.noise for group in roster.groups])
+        self._deviation = namespace(like).asarray(
+            roster.raters(noise)[:, None], dtype=like.dtype, device=like.device
+        )
+
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
+        """See `Service.perceive`."""
+        deviation = self._deviation.reshape(self._deviation.shape + (1,) * (noise.ndim - 2))
+        return (quality * (1 - strength) + deviation * noise).clip(0.0, 1.0)
+
+
+def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
+    """The service of a scenario; OpenCV is imported only for one that looks at camera frames."""
+    if scenario.service == "synthetic":
+        return SyntheticService(roster, like)
+    from roletrust_env.world.vision import HogService
+
+    service: Any = HogService(
+        roster.n_raters,
+        roster.n_providers,
+        period_s=scenario.period_s,
+        max_cycles=scenario.max_cycles,
+        frames=scenario.frames,
+    )
+    return service
