@@ -14,7 +14,7 @@ import numpy as np
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
-from roletrust_env.views import AgentView, Layout, ProviderView, RaterView
+from roletrust_env.views import Layout, ProviderView, RaterView
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -179,9 +179,7 @@ class Game:
 
         counts = state.counts
         if counts is not None:
-            counts = counts + xp.stack(
-                [xp.astype(roster.both(rated.sum(axis=1)), counts.dtype), 0 * counts[1]]
-            )
+            counts = counts + xp.stack([xp.astype(roster.both(rated.sum(axis=1)), counts.dtype), 0 * counts[1]])
         tor = self.model.rater_trust(trust)
 
         population = state.population

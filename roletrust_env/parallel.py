@@ -184,9 +184,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     def step(
         self, actions: Mapping[str, Vector]
-    ) -> tuple[
-        dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
-    ]:
+    ) -> tuple[dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Play one round.
 
         Args:
@@ -292,9 +290,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             if wrong.size:
                 return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]"
         strangers = ", ".join(repr(agent) for agent in actions if agent not in self.agents)
-        return (
-            f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
-        )
+        return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         rows: list[Vector] = []
@@ -314,9 +310,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             rater: {"trust": trust, "received": true}
             for rater, trust, true in zip(roster.rater_names, tor.tolist(), received, strict=True)
         }
-        for provider, trust, quality in zip(
-            roster.provider_names, top.tolist(), state.quality.tolist(), strict=True
-        ):
+        for provider, trust, quality in zip(roster.provider_names, top.tolist(), state.quality.tolist(), strict=True):
             if provider in infos:
                 infos[provider]["rater_trust"] = infos[provider]["trust"]
                 infos[provider].update(provider_trust=trust, quality=quality)

@@ -123,8 +123,7 @@ class Cast:
     def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
         """What the policies remember before the first round."""
         return tuple(
-            seats.policy.begin(random, (max(len(seats.provider), len(seats.rater)), *batch))
-            for seats in self._seats
+            seats.policy.begin(random, (max(len(seats.provider), len(seats.rater)), *batch)) for seats in self._seats
         )
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
@@ -169,7 +168,7 @@ def _words(channels: frozenset[Channel]) -> str:
 
 def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
     """The fields of a view of all agents, for some of them."""
-    xp, one = namespace(view.trust), view.trust.ndim
+    _xp, one = namespace(view.trust), view.trust.ndim
     return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
 
 

@@ -27,9 +27,7 @@ class Random:
             return self.generator.random(tuple(shape), dtype=self.dtype)
         import torch
 
-        return torch.rand(
-            tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device
-        )
+        return torch.rand(tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device)
 
     def normal(self, shape: Sequence[int]) -> Array:
         """Numbers from N(0, 1)."""
@@ -37,6 +35,4 @@ class Random:
             return self.generator.standard_normal(tuple(shape), dtype=self.dtype)
         import torch
 
-        return torch.randn(
-            tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device
-        )
+        return torch.randn(tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device)

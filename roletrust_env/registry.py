@@ -72,16 +72,12 @@ class Registry(Generic[Thing]):
         try:
             inspect.signature(factory).bind(**parameters)
         except TypeError as error:
-            raise ValueError(
-                f"{self.kind} {name!r}: {error}; it takes {inspect.signature(factory)}"
-            ) from error
+            raise ValueError(f"{self.kind} {name!r}: {error}; it takes {inspect.signature(factory)}") from error
         return factory(**parameters)
 
     def describe(self) -> dict[str, str]:
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
-        described = {
-            name: (inspect.getdoc(f) or "").partition("\n")[0] for name, f in self._factories.items()
-        }
+        described = {name: (inspect.getdoc(f) or "").partition("\n")[0] for name, f in self._factories.items()}
         for name, plugin in self._plugins().items():
             described.setdefault(name, f"from {plugin.value}")
         return described

@@ -91,9 +91,7 @@ class Layout:
     def flatten(self, view: View) -> Array:
         """The observation vector of a provider's or a rater's view."""
         one, (round, *rest) = view.trust.ndim, view
-        parts = [
-            field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)
-        ]
+        parts = [field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)]
         return namespace(view.trust).concat(parts)
 
     def flatten_both(self, view: AgentView) -> Array:

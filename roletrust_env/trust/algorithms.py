@@ -130,7 +130,7 @@ def masked_mean(values: Array, mask: Array, *, axis: int) -> tuple[Array, Array]
 
 
 def smooth(value: Array, previous: Array, lam: float, happened: Array) -> Array:
-    """lam * value + (1 - lam) * previous where something happened, and the previous value elsewhere."""
+    """Lam * value + (1 - lam) * previous where something happened, and the previous value elsewhere."""
     return namespace(value).where(happened, lam * value + (1 - lam) * previous, previous)
 
 

@@ -57,9 +57,7 @@ class Roster:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The agents' names: `sr_0 ...`, `sp_0 ...`, `srsp_0 ...`."""
-        return tuple(
-            f"{role.lower().replace('+', '')}_{i}" for role, n in self._count.items() for i in range(n)
-        )
+        return tuple(f"{role.lower().replace('+', '')}_{i}" for role, n in self._count.items() for i in range(n))
 
     @cached_property
     def rater_names(self) -> tuple[str, ...]:
@@ -80,9 +78,7 @@ class Roster:
     def raters(self, of_agents: Array) -> Array:
         """The rows of the raters, (S, ...), of an array over agents, (N, ...)."""
         sr = of_agents[: self._count["SR"]]
-        return (
-            namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]]) if self.n_both else sr
-        )
+        return namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]]) if self.n_both else sr
 
     def providers(self, of_agents: Array) -> Array:
         """The rows of the providers, (P, ...), of an array over agents, (N, ...)."""

@@ -188,9 +188,7 @@ class Scenario(_Frozen):
                 "There must be a rater (SR or SR+SP) and another agent that provides (SP or SR+SP)"
             )
         if isinstance(self.access, Choice) and self.access.providers > providers:
-            raise ValueError(
-                f"access.providers is {self.access.providers}; there are {providers} to choose from"
-            )
+            raise ValueError(f"access.providers is {self.access.providers}; there are {providers} to choose from")
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
         return self
@@ -235,9 +233,7 @@ def _explain(error: Any) -> str:
     if error["type"] == "missing":
         return f"field {field} is missing"
     reason = error["msg"].removeprefix("Value error, ")
-    return (
-        f"{field}: {reason}" if error["type"] == "value_error" else f"{field} is {error['input']!r}: {reason}"
-    )
+    return f"{field}: {reason}" if error["type"] == "value_error" else f"{field} is {error['input']!r}: {reason}"
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -257,9 +253,7 @@ def load_scenario(path: str | Path) -> Scenario:
     except ValueError as error:  # the parsers' own errors and wrong UTF-8 are ValueErrors
         raise ValueError(f"scenario file {path} is broken: {error}") from None
     if not isinstance(data, dict):
-        raise ValueError(
-            f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values"
-        )
+        raise ValueError(f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values")
     return read_scenario({"name": path.stem, **data}, f"scenario file {path}")
 
 

@@ -37,9 +37,7 @@ class SyntheticService:
 
     def __init__(self, roster: Roster, like: Array) -> None:
         noise = np.asarray([group.noise for group in roster.groups])
-        self._deviation = namespace(like).asarray(
-            roster.raters(noise)[:, None], dtype=like.dtype, device=like.device
-        )
+        self._deviation = namespace(like).asarray(roster.raters(noise)[:, None], dtype=like.dtype, device=like.device)
 
     def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
         """See `Service.perceive`."""
