@@ -64,8 +64,8 @@ class State(NamedTuple):
 class Noise(NamedTuple):
     """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
 
-    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at the
-    start only, `position` (N, 2, ...).
+    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at
+    the start only, `position` (N, 2, ...).
     """
 
     perception: Array
@@ -83,7 +83,7 @@ class Game:
 
     Args:
         scenario: what is played.
-        trust_model: the name of a trust model, or a model. A name is made with the scenario's `lam` and `initial_trust`.
+        trust_model: a trust model, or the name of one, which is made with the scenario's `lam` and `initial_trust`.
         like: an array of the library, dtype and device to play with; by default NumPy's float64.
 
     Attributes:
@@ -187,7 +187,7 @@ class Game:
             agents = self._agent_trust(tor, top, counts)
             population = self.presence.step(population, state.round + 1, agents, noise.presence)
         places = state.places
-        if places is not None:
+        if places is not None and isinstance(rules.access, InRange):
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -98,7 +98,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     - v0: first version.
     """
 
-    metadata = {  # noqa: RUF012 - PettingZoo declares it so
+    metadata: ClassVar[dict[str, Any]] = {
         "name": "roletrust_v0",
         "render_modes": ["human", "rgb_array", "ansi"],
         "is_parallelizable": True,

@@ -132,12 +132,12 @@ class Cast:
         qualities, ratings, after = [], [], []
         for seats, memory in zip(self._seats, memories, strict=True):
             if seats.provider:
-                view = ProviderView(*_take(provider_view, seats.provider))
-                quality, memory = seats.policy.quality(view, memory, random)
+                served = ProviderView(*_take(provider_view, seats.provider))
+                quality, memory = seats.policy.quality(served, memory, random)
                 qualities.append(quality)
             if seats.rater:
-                view = RaterView(*_take(rater_view, seats.rater))
-                given, memory = seats.policy.ratings(view, memory, random)
+                received = RaterView(*_take(rater_view, seats.rater))
+                given, memory = seats.policy.ratings(received, memory, random)
                 ratings.append(given.swapaxes(0, 1))
             after.append(memory)
         order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]

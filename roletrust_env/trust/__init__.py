@@ -1,6 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
-from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust
+from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
 from roletrust_env.trust.mean import Mean
 from roletrust_env.trust.model import TrustModel, make_trust_model, register_trust_model, trust_models
 from roletrust_env.trust.role_trust import RoleTrust
@@ -14,8 +14,10 @@ __all__ = [
     "TrustModel",
     "agent_trust",
     "make_trust_model",
+    "masked_mean",
     "provider_trust",
     "rater_trust",
     "register_trust_model",
+    "smooth",
     "trust_models",
 ]

@@ -38,8 +38,10 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
         raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
     _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
     xp = namespace(ratings)
-    average, _ = masked_mean(ratings, mask, axis=0)
-    distance, given = masked_mean(xp.sqrt(abs(ratings - average)), mask, axis=1)
+    # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
+    below = ratings - xp.max(xp.where(mask, ratings, 0.0), axis=0)
+    average, _ = masked_mean(below, mask, axis=0)
+    distance, given = masked_mean(xp.sqrt(abs(below - average)), mask, axis=1)
     return smooth(1 - distance, previous, lam, given > 0)
 
 
@@ -85,7 +87,7 @@ def provider_trust(
         last_ratings=(last_ratings, "SP"),
         elapsed=(elapsed, "SP"),
     )
-    rho = _sinc(1 - ratings) * _sinc(abs(ratings - last_ratings)) ** elapsed
+    rho = _sinc(1 - ratings) * _sinc(abs(ratings - last_ratings)) ** _like(elapsed, ratings)
     quality, received = masked_mean(rho * tor[:, None, ...] * ratings, mask, axis=0)
     return smooth(quality, previous, lam, received > 0)
 
@@ -117,10 +119,10 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
     """
     if not 0 <= initial <= 1:
         raise ValueError(f"initial is {initial!r}; a trust must lie in [0, 1]")
-    xp = namespace(tor)
+    rated, provided = _like(rated, tor), _like(provided, tor)
     total = rated + provided
     alpha = rated / _at_least_one(total)
-    return xp.where(total > 0, alpha * tor + (1 - alpha) * top, initial)
+    return namespace(tor).where(total > 0, alpha * tor + (1 - alpha) * top, initial)
 
 
 def masked_mean(values: Array, mask: Array, *, axis: int) -> tuple[Array, Array]:
@@ -142,6 +144,11 @@ def _sinc(x: Array) -> Array:
     """
     angle = math.pi * x + 1e-30
     return abs(namespace(x).sin(angle)) / angle
+
+
+def _like(counts: Array, values: Array) -> Array:
+    """Counts, which may be integers, in the dtype of the values, so that the result keeps it."""
+    return counts if counts.dtype == values.dtype else namespace(counts).astype(counts, values.dtype)
 
 
 def _at_least_one(count: Array) -> Array:

@@ -1,7 +1,7 @@
 """A scenario: everything that is fixed before a game starts, as frozen, validated data."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -243,7 +243,7 @@ def load_scenario(path: str | Path) -> Scenario:
         ValueError: the file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
     """
     path = Path(path)
-    readers = {".toml": tomllib.loads, ".yaml": _parse_yaml, ".yml": _parse_yaml}
+    readers: dict[str, Callable[[str], Any]] = {".toml": tomllib.loads, ".yaml": _parse_yaml, ".yml": _parse_yaml}
     if path.suffix not in readers:
         raise ValueError(f"scenario file {path}: its name must end in one of {', '.join(readers)}")
     try:

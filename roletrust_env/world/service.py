@@ -1,6 +1,6 @@
 """From the quality that a provider chose to the quality that each rater perceives."""
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -51,11 +51,10 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
         return SyntheticService(roster, like)
     from roletrust_env.world.vision import HogService
 
-    service: Any = HogService(
+    return HogService(
         roster.n_raters,
         roster.n_providers,
         period_s=scenario.period_s,
         max_cycles=scenario.max_cycles,
         frames=scenario.frames,
     )
-    return service

@@ -1,0 +1,31 @@
+# `make run` sets up a fresh machine and runs the main job; `make test` sets up and runs all checks.
+VENV := .venv
+BIN := $(VENV)/bin
+OUT := results
+
+.PHONY: run test setup format pictures clean
+
+run: setup
+	$(BIN)/roletrust figures --out $(OUT)/figures
+	$(BIN)/roletrust speed --quick --out $(OUT)/speed
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest -n 2
+
+setup: $(VENV)/.ready
+
+# One constraints file pins everything that is installed.
+$(VENV)/.ready: pyproject.toml constraints.txt
+	python3 -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache

@@ -1,0 +1,56 @@
+"""The README's own texts, run as they stand."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roletrust_env import Cast, Game, Random, load_scenario, make_scenario
+from roletrust_env.rollout import record
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def said() -> dict[str, Any]:
+    """What is defined after the Python blocks ran, one after the other."""
+    names: dict[str, Any] = {"__name__": "readme"}
+    for block in blocks("python"):
+        exec(compile(block, "README.md", "exec"), names)
+    return names
+
+
+def test_the_first_loop_shows_the_liar(said):
+    trust = {agent: info["trust"] for agent, info in said["infos"].items()}
+    assert trust["sr_2"] < trust["sr_0"] < 0.7
+
+
+def test_the_batch_shows_the_closed_form(said):
+    np.testing.assert_allclose(said["history"].tor[-1, :, 0], 1 - np.sqrt([1 / 6, 1 / 6, 1 / 3]), atol=1e-6)
+
+
+def test_the_model_resists_a_liar_better_than_the_mean(said):
+    game = Game(make_scenario("crowd-10x10"), "weighted-mean")
+    mean = Game(make_scenario("crowd-10x10"), "mean")
+    liar = {"sr_0": said["BadMouthing"](level=0.0)}
+    defended, undefended = (
+        record(Cast(g, liar), Random(np.random.default_rng(0))).top[-1].mean() for g in (game, mean)
+    )
+    assert defended > undefended + 0.05
+
+
+def test_the_attacker_plays(said):
+    top = record(said["opportunist"], Random(np.random.default_rng(0))).top
+    assert top[-1, 0] < 0.7 < top[-1, 1]
+
+
+def test_the_scenario_is_valid(tmp_path):
+    path = tmp_path / "drones.toml"
+    path.write_text(blocks("toml")[0])
+    assert load_scenario(path).name == "drones"
