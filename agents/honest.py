@@ -1,11 +1,13 @@
 """Honest play."""
 
-from dataclasses import dataclass
 from typing import Any
+
+from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
 from roletrust_env.policy import Policy
 from roletrust_env.randomness import Random
+from roletrust_env.ranges import Share
 from roletrust_env.views import ProviderView
 
 
@@ -17,11 +19,7 @@ class Honest(Policy):
         best: the quality that the provider can reach, in [0, 1].
     """
 
-    best: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.best <= 1:
-            raise ValueError(f"best is {self.best!r}; a quality must lie in [0, 1]")
+    best: Share = 1.0
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Its best, always. See `Policy.quality`."""

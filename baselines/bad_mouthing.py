@@ -1,12 +1,15 @@
 """The bad-mouthing attack (BMA)."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from baselines.window import WindowedAttack, check
+from pydantic import Field, NonNegativeInt
+from pydantic.dataclasses import dataclass
+
+from baselines.window import WindowedAttack
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.policy import Channel
 from roletrust_env.randomness import Random
+from roletrust_env.ranges import Share
 from roletrust_env.views import RaterView
 
 
@@ -25,18 +28,9 @@ class BadMouthing(WindowedAttack):
     """
 
     lie: Literal["constant", "relative"] = "constant"
-    level: float = 0.5
-    targets: tuple[int, ...] | None = None
+    level: Share = 0.5
+    targets: Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None = None
     attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(0 <= self.level <= 1, "level", self.level, "in [0, 1]")
-        known = ("constant", "relative")
-        check(self.lie in known, "lie", self.lie, f"one of {', '.join(known)}")
-        if self.targets is not None:
-            natural = len(self.targets) > 0 and all(isinstance(j, int) and j >= 0 for j in self.targets)
-            check(natural, "targets", self.targets, "None or places of providers, 0 or more")
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Lies about the targets while active, the truth otherwise. See `Policy.ratings`."""

@@ -1,12 +1,15 @@
 """The on-off attack (OOA)."""
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from baselines.window import WindowedAttack, check
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass
+
+from baselines.window import WindowedAttack
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.policy import Channel
 from roletrust_env.randomness import Random
+from roletrust_env.ranges import Share
 from roletrust_env.views import ProviderView
 
 
@@ -27,21 +30,12 @@ class OnOff(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    period: int = 2
-    duty: float = 0.5
-    bad: float = 0.0
-    good: float = 1.0
+    period: PositiveInt = 2
+    duty: Share = 0.5
+    bad: Share = 0.0
+    good: Share = 1.0
     switching: Literal["regular", "random"] = "regular"
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self.period >= 1, "period", self.period, "1 or more rounds")
-        for name in ("duty", "bad", "good"):
-            value = getattr(self, name)
-            check(0 <= value <= 1, name, value, "in [0, 1]")
-        known = ("regular", "random")
-        check(self.switching in known, "switching", self.switching, f"one of {', '.join(known)}")
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Whether the service is bad just now, if that is left to chance. See `Policy.begin`."""

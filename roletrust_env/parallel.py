@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT
+
+if TYPE_CHECKING:
+    from roletrust_env.rendering import Renderer
 
 RenderMode = Literal["human", "rgb_array", "ansi"]
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
@@ -141,6 +144,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self._random: Random | None = None
         self._state: State | None = None
         self._curves: list[tuple[Any, Any]] = []
+        self._renderer: Renderer | None = None  # made when first needed
 
     def observation_space(self, agent: str) -> Box:
         """The observation space of an agent, the same object at each call."""
@@ -237,16 +241,17 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             raise RuntimeError("render_mode is None; make the environment with render_mode='rgb_array', say")
         if self._state is None:
             raise RuntimeError("call reset() before render(): there is no episode")
-        from roletrust_env.rendering import render
+        if self._renderer is None:
+            from roletrust_env.rendering import Renderer
 
-        return render(self.game, self._state, self._curves, self.attackers, self.render_mode)
+            self._renderer = Renderer(self.game, self.render_mode)
+        return self._renderer.render(self._state, self._curves, self.attackers)
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self.render_mode == "human" and self._curves:
-            from roletrust_env.rendering import close
-
-            close()
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def _note(self) -> None:
         """Keep the trust curves for renderings, and show a window what is new."""

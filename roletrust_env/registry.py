@@ -6,6 +6,10 @@ from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
+from pydantic import ValidationError
+
+from roletrust_env.errors import explain
+
 Thing = TypeVar("Thing")
 
 
@@ -52,7 +56,7 @@ class Registry(Generic[Thing]):
         plugins = self._plugins()
         if name not in plugins:
             near = get_close_matches(str(name), self.names(), 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = f"; did you mean {near[0]!r}?" if near else "."
             raise ValueError(f"unknown {self.kind} {name!r}{hint} Known: {', '.join(self.names())}")
         try:
             factory: Callable[..., Thing] = plugins[name].load()
@@ -69,11 +73,15 @@ class Registry(Generic[Thing]):
             ValueError: the name is unknown, or the thing does not take these parameters.
         """
         factory = self.factory(name)
+        signature = inspect.signature(factory)
         try:
-            inspect.signature(factory).bind(**parameters)
+            signature.bind(**parameters)
         except TypeError as error:
-            raise ValueError(f"{self.kind} {name!r}: {error}; it takes {inspect.signature(factory)}") from error
-        return factory(**parameters)
+            raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
+        try:
+            return factory(**parameters)
+        except ValidationError as error:
+            raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
 
     def describe(self) -> dict[str, str]:
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""

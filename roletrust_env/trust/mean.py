@@ -1,11 +1,12 @@
 """The undefended baseline: believe what the raters say, on average."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from pydantic.dataclasses import dataclass
+
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import masked_mean, smooth
-from roletrust_env.trust.checks import check_smoothing
 
 
 class MeanState(NamedTuple):
@@ -24,12 +25,9 @@ class Mean:
         initial: trust before any rating, in [0, 1].
     """
 
-    lam: float = 0.5
-    initial: float = 0.5
+    lam: Lam = 0.5
+    initial: Share = 0.5
     rates_raters = False
-
-    def __post_init__(self) -> None:
-        check_smoothing(self.lam, self.initial)
 
     def start(self, like: Array) -> MeanState:
         """Initial trust for every provider. See `TrustModel.start`."""

@@ -1,11 +1,12 @@
 """The paper's model: Algorithms 1 and 2 with the memory that they need between rounds."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from pydantic.dataclasses import dataclass
+
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import provider_trust, rater_trust
-from roletrust_env.trust.checks import check_smoothing
 
 
 class RoleTrustState(NamedTuple):
@@ -36,12 +37,9 @@ class RoleTrust:
         initial: trust before any rating, in [0, 1]; the paper does not give it.
     """
 
-    lam: float = 0.5
-    initial: float = 0.5
+    lam: Lam = 0.5
+    initial: Share = 0.5
     rates_raters = True
-
-    def __post_init__(self) -> None:
-        check_smoothing(self.lam, self.initial)
 
     def start(self, like: Array) -> RoleTrustState:
         """Initial trust for everyone, and no rating yet. See `TrustModel.start`."""

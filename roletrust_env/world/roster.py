@@ -96,13 +96,9 @@ class Roster:
 
     def on_duty(self, max_cycles: int) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Who rates and who provides in which round: two arrays, (max_cycles, S) and (max_cycles, P)."""
-        rounds = np.arange(max_cycles)
 
         def plays(role: Role) -> npt.NDArray[np.bool_]:
-            duty = np.empty((self.n_agents, max_cycles), dtype=bool)
-            for row, group in zip(duty, self.groups, strict=True):
-                turns = np.asarray([role in turn for turn in group.turns or (group.role,)])
-                row[:] = turns[rounds // group.turn_length % len(turns)]
-            return duty
+            duty = {group: [role in group.role_in(r) for r in range(max_cycles)] for group in set(self.groups)}
+            return np.asarray([duty[group] for group in self.groups])
 
         return self.raters(plays("SR")).T, self.providers(plays("SP")).T

@@ -17,12 +17,24 @@ from pydantic import (
     model_validator,
 )
 
+from roletrust_env.errors import explain
+from roletrust_env.ranges import Lam, Share
+
 Role = Literal["SR", "SP", "SR+SP"]
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_fields(cls, data: Any) -> Any:
+        for name, value in data.items() if isinstance(data, dict) else ():
+            if name not in cls.model_fields:
+                raise ValueError(f"there is no field {name!r}; there are {', '.join(cls.model_fields)}")
+            if isinstance(value, bool):  # would pass for 0 or 1
+                raise ValueError(f"{name} is {value}; no field is true or false")
+        return data
 
 
 class AgentGroup(_Frozen):
@@ -56,6 +68,10 @@ class AgentGroup(_Frozen):
         if self.join_rate == 0:
             raise ValueError("join_rate is 0; it must be above 0, or the group never joins")
         return self
+
+    def role_in(self, round: int) -> Role:
+        """The role that its members play in a round."""
+        return self.turns[round // self.turn_length % len(self.turns)] if self.turns else self.role
 
     @property
     def open(self) -> bool:
@@ -170,30 +186,35 @@ class Scenario(_Frozen):
     """Length of the game, in rounds."""
     period_s: PositiveFloat = 0.5
     """Seconds from one service to the next."""
-    lam: Annotated[float, Field(ge=0.5, lt=1)] = 0.5
+    lam: Lam = 0.5
     """Weight of the newest round in every trust."""
     initial_trust: Share = 0.5
     """Trust of everyone before any rating."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        count = dict.fromkeys(("SR", "SP", "SR+SP"), 0)
-        for group in self.agents:
-            count[group.role] += group.count
-        raters, providers = count["SR"] + count["SR+SP"], count["SP"] + count["SR+SP"]
-        alone = raters == providers == count["SR+SP"] == 1
-        if not raters or not providers or alone:
+        if not any(self._somebody_rates(round) for round in range(self.max_cycles)):
+            roles = ", ".join(f"{g.count} {' then '.join(g.turns) or g.role}" for g in self.agents) or "none at all"
             raise ValueError(
-                f"agents have the roles {count}; nobody could rate anybody. "
-                "There must be a rater (SR or SR+SP) and another agent that provides (SP or SR+SP)"
+                f"agents: {roles}; nobody could rate anybody. In some round there must be a rater (SR or SR+SP) "
+                "and another agent that provides (SP or SR+SP)"
             )
+        providers = sum(group.count for group in self.agents if group.role != "SR")
         if isinstance(self.access, Choice) and self.access.providers > providers:
             raise ValueError(f"access.providers is {self.access.providers}; there are {providers} to choose from")
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
         return self
 
-    def change(self, **changes: Any) -> "Scenario":
+    def _somebody_rates(self, round: int) -> bool:
+        """Whether, in this round, one agent rates and another one provides."""
+        playing = [(group.role_in(round), group.count) for group in self.agents]
+        raters = sum(count for role, count in playing if role != "SP")
+        providers = sum(count for role, count in playing if role != "SR")
+        both = sum(count for role, count in playing if role == "SR+SP")
+        return raters > 0 and providers > 0 and not raters == providers == both == 1
+
+    def change(self, /, **changes: Any) -> "Scenario":
         """The same scenario with other values of some fields, validated anew.
 
         Args:
@@ -202,11 +223,11 @@ class Scenario(_Frozen):
         Raises:
             ValueError: a field does not exist or a value is not allowed.
         """
-        data = self.model_dump()
-        if "noise" in changes:
-            noise = changes.pop("noise")
-            data["agents"] = [{**group, "noise": noise} for group in data["agents"]]
-        return read_scenario({**data, **changes}, f"scenario {self.name!r}")
+        noise = changes.pop("noise", None)
+        data = {**self.model_dump(), **changes}
+        if noise is not None:
+            data["agents"] = [{**dict(group), "noise": noise} for group in data["agents"]]
+        return read_scenario(data, f"scenario {self.name!r}")
 
 
 def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
@@ -222,18 +243,7 @@ def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise ValueError(f"{source}: " + "; ".join(_explain(e) for e in error.errors())) from None
-
-
-def _explain(error: Any) -> str:
-    """One line on one wrong field."""
-    field = ".".join(str(part) for part in error["loc"]) or "the scenario as a whole"
-    if error["type"] == "extra_forbidden":
-        return f"there is no field {field}"
-    if error["type"] == "missing":
-        return f"field {field} is missing"
-    reason = error["msg"].removeprefix("Value error, ")
-    return f"{field}: {reason}" if error["type"] == "value_error" else f"{field} is {error['input']!r}: {reason}"
+        raise ValueError(f"{source}: {explain(error)}") from None
 
 
 def load_scenario(path: str | Path) -> Scenario:

@@ -1,0 +1,72 @@
+"""The command line, `roletrust`."""
+
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from typer.core import TyperGroup
+
+from experiments.console import console, errors
+from experiments.figures import figures
+from experiments.listing import list_command
+from experiments.play import play
+from roletrust_env import __version__
+
+
+class _CleanErrors(TyperGroup):
+    """Commands whose bad input and unwritable files get one red message and exit code 2, not a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except (ValueError, OSError) as error:
+            errors.print(f"[bold red]Error:[/] {escape(str(error))}", soft_wrap=True)
+            raise typer.Exit(2) from None
+
+
+app = typer.Typer(
+    cls=_CleanErrors,
+    rich_markup_mode="rich",
+    no_args_is_help=True,
+    pretty_exceptions_show_locals=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        console.print(f"roletrust {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def roletrust(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Attack and measure [bold]role-based trust models[/]: who rates, who serves, and whom to believe.
+
+    [bold]Examples[/]
+
+    [dim]# the paper's two figures, from camera frames[/]
+    [cyan]roletrust figures[/]
+
+    [dim]# an attack on the paper's scenario[/]
+    [cyan]roletrust play --attack sp_2=on-off:start=100[/]
+
+    [dim]# what each command can do[/]
+    [cyan]roletrust play --help[/]
+    """
+
+
+app.command("figures")(figures)
+app.command("play")(play)
+app.command("list")(list_command)
+# from experiments.speed import speed; app.command("speed")(speed)
+
+
+def main() -> None:
+    """Run the command line."""
+    app(prog_name="roletrust")

@@ -1,0 +1,58 @@
+"""Means over games, and how sure they are."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+class Mean(NamedTuple):
+    """Means over games, and half the width of their 95% intervals: NaN where there are not two games."""
+
+    mean: Floats
+    half: Floats
+    games: npt.NDArray[np.int64]
+
+
+def over_games(values: Floats) -> Mean:
+    """The mean over the last axis, games, with Student's 95% confidence interval.
+
+    Args:
+        values: shape (..., E); a game that has none (NaN) is left out.
+    """
+    there = ~np.isnan(values)
+    n = there.sum(axis=-1)
+    mean = mean_where(values, axis=-1)
+    squares = np.where(there, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.sqrt(squares / (n - 1) / n)
+    quantile = np.array([student_95(k - 1) for k in range(values.shape[-1] + 1)])
+    return Mean(mean, np.where(n > 1, quantile[n] * error, np.nan), n)
+
+
+def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+    """The mean of what is not NaN along some axes; NaN where nothing is."""
+    there = ~np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        total: Floats = np.where(there, values, 0.0).sum(axis=axis) / there.sum(axis=axis)
+    return total
+
+
+def student_95(freedom: int) -> float:
+    """The t with P(|T| < t) = 0.95 for Student's distribution; NaN without a degree of freedom.
+
+    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1).
+
+    Example:
+        >>> [round(student_95(k), 3) for k in (1, 4, 30)]
+        [12.706, 2.776, 2.042]
+    """
+    if freedom < 1:
+        return math.nan
+    angle = np.linspace(0, math.pi / 2, 20_001)
+    density = np.cos(angle) ** (freedom - 1)
+    area = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    return float(math.sqrt(freedom) * np.tan(np.interp(0.95, area / area[-1], angle)))

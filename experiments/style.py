@@ -1,0 +1,47 @@
+"""How all pictures look: colours that colour-blind people tell apart (Okabe and Ito 2008), and quiet axes."""
+
+from collections.abc import Iterable
+
+from matplotlib.axes import Axes
+
+ATTACKER = "#D55E00"
+ATTACKERS = (ATTACKER, "#CC79A7", "#E69F00", "#8C510A")
+HONEST = ("#0072B2", "#009E73", "#56B4E9", "#000000")
+DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.6, 1.2, 1.6)))
+INK, QUIET = "#222222", "#6B7280"
+PERTURBED, ATTACKED = "#9CA3AF", "#FBE3D2"
+
+
+def tidy(axes: Axes, label: str) -> None:
+    """A trust axis from 0 to 1 with a light grid."""
+    axes.set_ylim(-0.03, 1.05)
+    axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "0.5", "", "1"])
+    axes.set_ylabel(label, color=INK)
+    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    axes.margins(x=0)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#9CA3AF")
+
+
+def shade(axes: Axes, windows: Iterable[tuple[float, float]], colour: str, label: str | None = None) -> None:
+    """Shade stretches of time, and say above each what it is; attacks stand a line higher, clear of perturbations."""
+    attack = colour == ATTACKED
+    for start, stop in windows:
+        axes.axvspan(
+            start, stop, color=colour, alpha=1.0 if attack else 0.38, linewidth=0, zorder=0.1 if attack else 0.2
+        )
+        if label:
+            axes.text(
+                (start + stop) / 2,
+                1.1 if attack else 1.02,
+                label,
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=9,
+                color=ATTACKER if attack else QUIET,
+            )
