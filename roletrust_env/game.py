@@ -18,7 +18,7 @@ from roletrust_env.views import Layout, ProviderView, RaterView
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
-from roletrust_env.world.scenario import Choice, InRange, Scenario
+from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
 from roletrust_env.world.service import make_service
 
 
@@ -107,10 +107,14 @@ class Game:
         self.presence = Presence(scenario, roster, like)
         self._xp = namespace(like)
         self._stranger = self._constant(roster.stranger)
+        self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
+        self._rounds = self._constant(range(scenario.max_cycles + 1), like.dtype)
         self._strength = self._constant(_strength(scenario), like.dtype)
         rating, providing = roster.on_duty(scenario.max_cycles)
         always = bool(rating.all() and providing.all())
         self._duty = None if always else (self._constant(rating), self._constant(providing))
+        open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
+        self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._values = None
         if len(set(scenario.values)) > 1:
             self._values = self._constant(np.asarray(scenario.values) / max(scenario.values), like.dtype)
@@ -191,19 +195,22 @@ class Game:
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        provides = served.any(axis=0)
         if counts is not None:
             provided = xp.astype(roster.both(served.sum(axis=0)), counts.dtype)
             counts = counts + xp.stack([0 * counts[0], provided])
-        quality = xp.where(provides, actions.quality, 0.0)
+        quality = actions.quality
+        if not self._everyone:
+            quality = xp.where(served.any(axis=0), quality, self._zero)
         service = self.service.perceive(quality, self._strength[state.round], state.round, noise.perception)
+        if not self._everyone:
+            service = xp.where(served, service, self._zero)
         after = State(
             round=state.round + 1,
             trust=trust,
-            ratings=xp.where(rated, ratings, 0.0),
+            ratings=xp.where(rated, ratings, self._zero),
             rated=rated,
             quality=quality,
-            service=xp.where(served, service, 0.0),
+            service=service,
             awaiting=served,
             value=self._next_value(state.value, noise),
             counts=counts,
@@ -228,8 +235,8 @@ class Game:
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
         tor, top = self.published(state)
-        per_rater, round = 0 * tor, self._xp.astype(state.round, tor.dtype)
-        provider = ProviderView(round + 0 * top, top, state.value, state.ratings, state.rated)
+        per_rater, round = 0.0 * tor, self._rounds[state.round]
+        provider = ProviderView(round + 0.0 * top, top, state.value, state.ratings, state.rated)
         rater = RaterView(
             round + per_rater,
             tor,
@@ -271,7 +278,7 @@ class Game:
         present = self.present(state)
         if present is None:
             present = xp.ones((self.roster.n_agents, *batch), dtype=dtype, device=self._like.device)
-        parts = [state.round / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
+        parts = [self._rounds[state.round] / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
         parts += [state.service, state.awaiting, state.ratings, state.rated]
         if state.places is not None and isinstance(self.scenario.access, InRange):
             parts.append(state.places.position / self.scenario.access.arena)
@@ -287,9 +294,9 @@ class Game:
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
         xp, rules, roster = self._xp, self.scenario, self.roster
-        # No rater serves itself; the comparison is true everywhere and brings the shape of the batch.
+        # No rater is served by itself, nor ever was: what awaits a rating only brings the shape of the batch.
         stranger = self._stranger.reshape(self._stranger.shape + (1,) * (top.ndim - 1))
-        served = stranger & (state.ratings >= 0)
+        served = stranger | state.awaiting
         if self._duty is not None:
             rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
             served = served & rating[:, None, ...] & providing[None, ...]

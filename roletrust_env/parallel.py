@@ -298,10 +298,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
-        rows: list[Vector] = []
-        for of_role in self.game.observations(state):
-            if of_role is not None:
-                rows.extend(np.array(of_role.T, dtype=np.float32, order="C"))
+        by_role = [of_role for of_role in self.game.observations(state) if of_role is not None]
+        rows = [row for of_role in by_role for row in of_role.T.astype(np.float32, order="C")]
         if len(agents) == len(rows):
             return dict(zip(agents, rows, strict=True))
         seen = dict(zip(self.possible_agents, rows, strict=True))

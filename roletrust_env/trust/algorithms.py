@@ -5,8 +5,11 @@ run on NumPy and on torch alike, change none of their inputs, and follow the dty
 """
 
 import math
+from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
+
+_TINY = 1e-30  # stands in for a branch at 0, and is lost in rounding everywhere else
 
 
 def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
@@ -37,12 +40,8 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
     if not 0.5 <= lam <= 1:
         raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
     _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
-    xp = namespace(ratings)
-    # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    below = ratings - xp.max(xp.where(mask, ratings, 0.0), axis=0)
-    average, _ = masked_mean(below, mask, axis=0)
-    distance, given = masked_mean(xp.sqrt(abs(below - average)), mask, axis=1)
-    return smooth(1 - distance, previous, lam, given > 0)
+    notes = Notes.of(ratings, mask)
+    return smooth(rater_quality(notes), previous, lam, notes.given)
 
 
 def provider_trust(
@@ -87,9 +86,9 @@ def provider_trust(
         last_ratings=(last_ratings, "SP"),
         elapsed=(elapsed, "SP"),
     )
-    rho = _sinc(1 - ratings) * _sinc(abs(ratings - last_ratings)) ** _like(elapsed, ratings)
-    quality, received = masked_mean(rho * tor[:, None, ...] * ratings, mask, axis=0)
-    return smooth(quality, previous, lam, received > 0)
+    notes = Notes.of(ratings, mask)
+    quality = provider_quality(notes, tor, last_ratings, _like(elapsed, ratings))
+    return smooth(quality, previous, lam, notes.received)
 
 
 def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
@@ -121,39 +120,82 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
         raise ValueError(f"initial is {initial!r}; a trust must lie in [0, 1]")
     rated, provided = _like(rated, tor), _like(provided, tor)
     total = rated + provided
-    alpha = rated / _at_least_one(total)
+    alpha = rated / (total + _TINY)
     return namespace(tor).where(total > 0, alpha * tor + (1 - alpha) * top, initial)
+
+
+class Notes(NamedTuple):
+    """The ratings of one round made ready for means, once for all the means that a model takes.
+
+    Attributes:
+        values: the ratings inside the mask and 0 elsewhere, shape (S, P, ...).
+        weights: 1 inside the mask and 0 elsewhere, shape (S, P, ...), in the dtype of the ratings.
+        received: the number of ratings of each provider, shape (P, ...).
+        given: the number of ratings by each rater, shape (S, ...).
+    """
+
+    values: Array
+    weights: Array
+    received: Array
+    given: Array
+
+    @classmethod
+    def of(cls, ratings: Array, mask: Array) -> "Notes":
+        """The notes of ratings inside a mask, both of shape (S, P, ...)."""
+        xp = namespace(ratings)
+        weights = xp.astype(mask, ratings.dtype)
+        values = xp.where(mask, ratings, weights)
+        return cls(values, weights, weights.sum(axis=0), weights.sum(axis=1))
+
+
+def rater_quality(notes: Notes) -> Array:
+    """QoR of Algorithm 1, shape (S, ...); 1 for a rater that rated nobody."""
+    xp = namespace(notes.values)
+    # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
+    below = notes.weights * (notes.values - xp.max(notes.values, axis=0))
+    distance = notes.weights * xp.sqrt(abs(below - below.sum(axis=0) / (notes.received + _TINY)))
+    return 1.0 - distance.sum(axis=1) / (notes.given + _TINY)
+
+
+def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array) -> Array:
+    """QoP of Algorithm 2, shape (P, ...); 0 for a provider that nobody rated. Arguments as for `provider_trust`."""
+    values = notes.values
+    rho = _sinc(1.0 - values) * _sinc(abs(values - last_ratings)) ** elapsed
+    return (rho * tor[:, None, ...] * values).sum(axis=0) / (notes.received + _TINY)
 
 
 def masked_mean(values: Array, mask: Array, *, axis: int) -> tuple[Array, Array]:
     """The mean of the values inside the mask along an axis, 0 where there are none, and their number."""
     count = mask.sum(axis=axis, dtype=values.dtype)
-    return namespace(values).where(mask, values, 0.0).sum(axis=axis) / _at_least_one(count), count
+    return namespace(values).where(mask, values, 0.0).sum(axis=axis) / (count + _TINY), count
 
 
-def smooth(value: Array, previous: Array, lam: float, happened: Array) -> Array:
-    """Lam * value + (1 - lam) * previous where something happened, and the previous value elsewhere."""
-    return namespace(value).where(happened, lam * value + (1 - lam) * previous, previous)
+def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
+    """Lam * value + (1 - lam) * previous where the value is a mean of something, and the previous value elsewhere.
+
+    Written as a step from the previous value, which is then exact where there is nothing to step to.
+
+    Args:
+        value: the mean of a round, as of `masked_mean`.
+        previous: the smoothed value before the round.
+        lam: weight of the newest round.
+        count: of how many it is the mean; 0 where nothing happened.
+    """
+    return previous + lam * namespace(count).sign(count) * (value - previous)
 
 
 def _sinc(x: Array) -> Array:
     """sin(pi x) / (pi x) for x in [0, 1], and exactly 1 at x = 0.
 
-    The offset stands in for a branch at 0 and is lost in rounding everywhere else. The absolute value keeps the result
-    at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
+    The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
     """
-    angle = math.pi * x + 1e-30
+    angle = math.pi * x + _TINY
     return abs(namespace(x).sin(angle)) / angle
 
 
 def _like(counts: Array, values: Array) -> Array:
     """Counts, which may be integers, in the dtype of the values, so that the result keeps it."""
     return counts if counts.dtype == values.dtype else namespace(counts).astype(counts, values.dtype)
-
-
-def _at_least_one(count: Array) -> Array:
-    """The count, or 1 where it is 0, so that the mean of nothing is 0 and not NaN."""
-    return count + (count == 0)
 
 
 def _check_shapes(ratings: Array, **others: tuple[Array, str]) -> None:

@@ -37,7 +37,7 @@ class Mean:
     def update(self, state: MeanState, ratings: Array, mask: Array) -> MeanState:
         """One round of ratings. See `TrustModel.update`."""
         average, raters = masked_mean(ratings, mask, axis=0)
-        return MeanState(smooth(average, state.top, self.lam, raters > 0), state.tor)
+        return MeanState(smooth(average, state.top, self.lam, raters), state.tor)
 
     def rater_trust(self, state: MeanState) -> Array:
         """1 for every rater, shape (S, ...): the model has no notion of rater trust."""

@@ -6,7 +6,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import provider_trust, rater_trust
+from roletrust_env.trust.algorithms import Notes, provider_quality, rater_quality, smooth
 
 
 class RoleTrustState(NamedTuple):
@@ -50,18 +50,13 @@ class RoleTrust:
     def update(self, state: RoleTrustState, ratings: Array, mask: Array) -> RoleTrustState:
         """One round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
-        tor = rater_trust(ratings, mask, previous=state.tor, lam=self.lam)
-        top = provider_trust(
-            ratings,
-            mask,
-            tor=tor,
-            previous=state.top,
-            lam=self.lam,
-            last_ratings=state.last,
-            elapsed=state.elapsed,
-        )
-        waited = state.elapsed + (state.elapsed > 0)
-        return RoleTrustState(tor, top, xp.where(mask, ratings, state.last), xp.where(mask, 1.0, waited))
+        notes = Notes.of(ratings, mask)
+        tor = smooth(rater_quality(notes), state.tor, self.lam, notes.given)
+        quality = provider_quality(notes, tor, state.last, state.elapsed)
+        top = smooth(quality, state.top, self.lam, notes.received)
+        last = xp.where(mask, ratings, state.last)
+        elapsed = xp.where(mask, notes.weights, state.elapsed + xp.sign(state.elapsed))
+        return RoleTrustState(tor, top, last, elapsed)
 
     def rater_trust(self, state: RoleTrustState) -> Array:
         """ToR, shape (S, ...)."""

@@ -50,7 +50,7 @@ class Presence:
     def start(self, luck: Array) -> Population:
         """The population of round 0. `luck` is uniform noise of shape (N, ...)."""
         xp = namespace(luck)
-        waiting = xp.zeros_like(luck, dtype=xp.int8)
+        waiting = xp.zeros_like(luck, dtype=xp.int32)
         return Population(self._come_and_go(waiting, waiting[0], luck), waiting)
 
     def step(self, population: Population, round: Array, trust: Array, luck: Array) -> Population:

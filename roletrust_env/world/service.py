@@ -1,6 +1,6 @@
 """From the quality that a provider chose to the quality that each rater perceives."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,13 +36,17 @@ class SyntheticService:
     """
 
     def __init__(self, roster: Roster, like: Array) -> None:
+        def constant(values: Any) -> Array:
+            return namespace(like).asarray(values, dtype=like.dtype, device=like.device)
+
         noise = np.asarray([group.noise for group in roster.groups])
-        self._deviation = namespace(like).asarray(roster.raters(noise)[:, None], dtype=like.dtype, device=like.device)
+        self._deviation = constant(roster.raters(noise)[:, None])
+        self._bounds = constant(0), constant(1)  # arrays: `clip` takes numbers at twice the cost of a small array
 
     def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation.reshape(self._deviation.shape + (1,) * (noise.ndim - 2))
-        return (quality * (1 - strength) + deviation * noise).clip(0.0, 1.0)
+        return (quality * (1 - strength) + deviation * noise).clip(*self._bounds)
 
 
 def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:

@@ -265,9 +265,7 @@ def test_raters_that_agree_keep_full_trust(asarray: Callable) -> None:
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_a_leap_from_0_to_1_earns_nothing(asarray: Callable, precision: type, game: Game) -> None:
     """Not even a trust below 0, which a rounded sin(pi) would give."""
-    leap = game._replace(
-        ratings=np.ones_like(game.ratings), last=np.zeros_like(game.last), top=np.zeros_like(game.top)
-    )
+    leap = game._replace(ratings=np.ones_like(game.ratings), last=np.zeros_like(game.last), top=np.zeros_like(game.top))
     trust = np.asarray(providers(leap.map(lambda a: asarray(in_precision(a, precision)))))
     assert np.all((trust >= 0) & (trust < 1e-6))
 

@@ -112,9 +112,7 @@ def test_role_trust_is_the_two_algorithms_and_their_memory(shape: tuple[int, ...
         state = model.update(state, ratings, mask)
         elapsed = np.where(when < 0, 0, now - when)
         tor = rater_trust(ratings, mask, previous=tor, lam=0.6)
-        top = provider_trust(
-            ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed
-        )
+        top = provider_trust(ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed)
         last, when = np.where(mask, ratings, last), np.where(mask, now, when)
         np.testing.assert_allclose(model.rater_trust(state), tor, rtol=0, atol=1e-12)
         np.testing.assert_allclose(model.provider_trust(state), top, rtol=0, atol=1e-12)
@@ -129,9 +127,7 @@ def test_mean_is_an_exponential_mean_of_the_average_rating() -> None:
     state = model.update(state, ratings, mask)
     assert model.provider_trust(state) == pytest.approx([0.75 * 0.75 + 0.25 * 0.2, 0.2])
     state = model.update(state, ratings, ~mask)
-    assert model.provider_trust(state) == pytest.approx(
-        [0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05]
-    )
+    assert model.provider_trust(state) == pytest.approx([0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05])
     assert np.array_equal(model.rater_trust(state), np.ones(3))
 
 
@@ -164,9 +160,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, s
         about = tmp_path / f"{module}-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text(
-            f"[roletrust_env.trust_models]\n{module}-model = {module}:Model\n"
-        )
+        (about / "entry_points.txt").write_text(f"[roletrust_env.trust_models]\n{module}-model = {module}:Model\n")
 
     return install
 
