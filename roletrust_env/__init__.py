@@ -4,10 +4,11 @@ from importlib.metadata import version
 
 import pettingzoo
 
-from roletrust_env.game import Actions, Game, Noise, State
+from roletrust_env.game import Game
 from roletrust_env.parallel import RoleTrustParallelEnv, env, parallel_env
 from roletrust_env.policy import Cast, Player, Policy
 from roletrust_env.randomness import Random
+from roletrust_env.state import Actions, Noise, State
 from roletrust_env.trust import make_trust_model, register_trust_model, trust_models
 from roletrust_env.world import Scenario, load_scenario, make_scenario, register_scenario, scenarios
 

@@ -7,12 +7,13 @@ Everything here is a function of its arguments and of constants. Random numbers 
 a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import Random
+from roletrust_env.state import Actions, Noise, State
 from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
 from roletrust_env.views import Layout, ProviderView, RaterView
 from roletrust_env.world import access, channel, mobility
@@ -20,62 +21,6 @@ from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
 from roletrust_env.world.service import make_service
-
-
-class Actions(NamedTuple):
-    """What the agents do in one round: `quality`, shape (P, ...), and `ratings`, shape (S, P, ...), in [0, 1]."""
-
-    quality: Array
-    ratings: Array
-
-
-class State(NamedTuple):
-    """All that a round leaves behind. Parts that a scenario has no use for are None.
-
-    Attributes:
-        round: number of rounds played, (...), integer.
-        trust: the trust model's own state.
-        ratings: the ratings that arrived in the last round, 0 where none did, (S, P, ...).
-        rated: where they did, (S, P, ...), boolean.
-        quality: as delivered in the last round, (P, ...).
-        service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
-        awaiting: which do, (S, P, ...), boolean.
-        value: of the service that each provider provides next, (P, ...).
-        counts: services rated and provided so far by SR+SP agents, (2, n_both, ...).
-        population: who is present, if that changes.
-        places: where the agents are, if they move.
-        transit: the ratings that are late, if any can be.
-    """
-
-    round: Array
-    trust: Any
-    ratings: Array
-    rated: Array
-    quality: Array
-    service: Array
-    awaiting: Array
-    value: Array
-    counts: Array | None
-    population: Population | None
-    places: mobility.Places | None
-    transit: channel.InTransit | None
-
-
-class Noise(NamedTuple):
-    """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
-
-    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at
-    the start only, `position` (N, 2, ...).
-    """
-
-    perception: Array
-    lost: Array | None = None
-    late: Array | None = None
-    choice: Array | None = None
-    presence: Array | None = None
-    value: Array | None = None
-    goal: Array | None = None
-    position: Array | None = None
 
 
 class Game:

@@ -11,8 +11,9 @@ from gymnasium.utils import seeding
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 
-from roletrust_env.game import Actions, Game, State
+from roletrust_env.game import Game
 from roletrust_env.randomness import Random
+from roletrust_env.state import Actions, State
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT

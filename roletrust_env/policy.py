@@ -6,8 +6,9 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game import Actions, Game, State
+from roletrust_env.game import Game
 from roletrust_env.randomness import Random
+from roletrust_env.state import Actions, State
 from roletrust_env.views import Layout, ProviderView, RaterView
 
 Channel = Literal["quality", "ratings"]

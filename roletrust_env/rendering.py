@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.game import Game, State
+from roletrust_env.game import Game
+from roletrust_env.state import State
 from roletrust_env.world.presence import CUT_OFF, LEFT, WAITING
 
 if TYPE_CHECKING:

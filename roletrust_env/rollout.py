@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game import State
 from roletrust_env.policy import Cast
 from roletrust_env.randomness import Random
+from roletrust_env.state import State
 
 
 class Round(NamedTuple):

@@ -1,0 +1,64 @@
+"""What a round takes and what it leaves behind: actions, luck and state, as tuples of arrays."""
+
+from typing import Any, NamedTuple
+
+from roletrust_env.arrays import Array
+from roletrust_env.world.channel import InTransit
+from roletrust_env.world.mobility import Places
+from roletrust_env.world.presence import Population
+
+
+class Actions(NamedTuple):
+    """What the agents do in one round: `quality`, shape (P, ...), and `ratings`, shape (S, P, ...), in [0, 1]."""
+
+    quality: Array
+    ratings: Array
+
+
+class State(NamedTuple):
+    """All that a round leaves behind. Parts that a scenario has no use for are None.
+
+    Attributes:
+        round: number of rounds played, (...), integer.
+        trust: the trust model's own state.
+        ratings: the ratings that arrived in the last round, 0 where none did, (S, P, ...).
+        rated: where they did, (S, P, ...), boolean.
+        quality: as delivered in the last round, (P, ...).
+        service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
+        awaiting: which do, (S, P, ...), boolean.
+        value: of the service that each provider provides next, (P, ...).
+        counts: services rated and provided so far by SR+SP agents, (2, n_both, ...).
+        population: who is present, if that changes.
+        places: where the agents are, if they move.
+        transit: the ratings that are late, if any can be.
+    """
+
+    round: Array
+    trust: Any
+    ratings: Array
+    rated: Array
+    quality: Array
+    service: Array
+    awaiting: Array
+    value: Array
+    counts: Array | None
+    population: Population | None
+    places: Places | None
+    transit: InTransit | None
+
+
+class Noise(NamedTuple):
+    """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
+
+    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at
+    the start only, `position` (N, 2, ...).
+    """
+
+    perception: Array
+    lost: Array | None = None
+    late: Array | None = None
+    choice: Array | None = None
+    presence: Array | None = None
+    value: Array | None = None
+    goal: Array | None = None
+    position: Array | None = None
