@@ -1,0 +1,32 @@
+"""The paper's service for real: camera frames, OpenCV's people detector, and the probability of a person.
+
+The only part of the library that imports OpenCV; the rest imports it only for scenarios that look at frames.
+"""
+
+from roletrust_env.world.vision.calibration import fit_calibration, labelled_margins
+from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
+from roletrust_env.world.vision.degrade import degrade
+from roletrust_env.world.vision.detector import OFFSET, SLOPE, best_margin, probability, view
+from roletrust_env.world.vision.frames import FramesError, FrameSource, open_frames
+from roletrust_env.world.vision.montage import montage
+from roletrust_env.world.vision.scene import RenderedScene
+from roletrust_env.world.vision.service import HogService
+
+__all__ = [
+    "FRAME_HEIGHT",
+    "FRAME_WIDTH",
+    "OFFSET",
+    "SLOPE",
+    "FrameSource",
+    "FramesError",
+    "HogService",
+    "RenderedScene",
+    "best_margin",
+    "degrade",
+    "fit_calibration",
+    "labelled_margins",
+    "montage",
+    "open_frames",
+    "probability",
+    "view",
+]

@@ -1,0 +1,227 @@
+"""Where frames come from: the rendered scene, a video file, a folder of images, or a camera."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from roletrust_env.world.vision.camera import FRAME_HEIGHT, Frame
+from roletrust_env.world.vision.degrade import motion_kernel
+from roletrust_env.world.vision.scene import RenderedScene
+
+__all__ = ["FrameSource", "FramesError", "ImageFolder", "LiveCamera", "VideoFile", "open_frames"]
+
+IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+"""What counts as an image in a folder, in lower case."""
+
+_MIN_ASPECT = 0.45  # width over height; in a narrower frame the detector's window does not fit
+_ROUNDING_S = 1e-6
+
+
+class FramesError(ValueError):
+    """Frames cannot be had; the message names the source, what is wrong, and what is allowed."""
+
+
+class FrameSource(Protocol):
+    """Anything that shows what the cameras see."""
+
+    def frame(self, camera: int, time_s: float, strength: float) -> Frame:
+        """What a camera sees.
+
+        Args:
+            camera: number of the camera, from 0.
+            time_s: time since the start of the run, seconds.
+            strength: of the perturbation, in [0, 1]: how fast the target moves.
+
+        Returns:
+            The frame (FRAME_HEIGHT, width, 3).
+        """
+        ...
+
+
+class _Recorded:
+    """Frames that were not rendered: resized, and blurred sideways as a whole where the target moves fast."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._shown: tuple[float, Frame] | None = None  # all providers that share a source see the same instant
+
+    def frame(self, camera: int, time_s: float, strength: float) -> Frame:
+        """See `FrameSource.frame`; every camera sees the same."""
+        if self._shown is None or self._shown[0] != time_s:
+            self._shown = (time_s, self._fitted(self._read(time_s)))
+        picture = self._shown[1]
+        if strength > 0:
+            picture = np.asarray(cv2.filter2D(picture, -1, motion_kernel(strength, (1.0, 0.0))), np.uint8)
+        return picture
+
+    def _read(self, time_s: float) -> Frame:
+        """The frame at a time in OpenCV's order of colours, of any size."""
+        raise NotImplementedError
+
+    def _fitted(self, picture: Frame) -> Frame:
+        height, width = picture.shape[:2]
+        if width < _MIN_ASPECT * height:
+            raise FramesError(
+                f"{self._name}: frames of {width}x{height} pixels are too narrow; "
+                f"the width must be at least {_MIN_ASPECT} of the height"
+            )
+        size = (round(width * FRAME_HEIGHT / height), FRAME_HEIGHT)
+        shrinks = height > FRAME_HEIGHT
+        resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+        return np.asarray(cv2.cvtColor(resized, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+class VideoFile(_Recorded):
+    """Frames of a video, by its own clock.
+
+    Args:
+        path: of the video.
+        duration_s: how long the run is, seconds.
+
+    Raises:
+        FramesError: the video cannot be opened, or is shorter than the run.
+    """
+
+    def __init__(self, path: Path, duration_s: float) -> None:
+        super().__init__(f"video {path}")
+        self._path = path
+        self._open()
+        self._fps = self._capture.get(cv2.CAP_PROP_FPS)
+        if not self._fps > 0:
+            raise FramesError(f"{self._name} gives no frame rate; a constant frame rate is needed")
+        self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less where the format has none
+        if 0 < self._count / self._fps < duration_s - _ROUNDING_S:
+            raise FramesError(
+                f"{self._name} lasts {self._count / self._fps:.1f} s and ends before the run, "
+                f"which lasts {duration_s:.1f} s; use a longer video or a shorter run"
+            )
+
+    def _open(self) -> None:
+        with _quiet():
+            self._capture = cv2.VideoCapture(str(self._path))
+        if not self._capture.isOpened():
+            raise FramesError(f"{self._name} cannot be opened; it must be a video that OpenCV can decode")
+        self._next = 0
+
+    def _read(self, time_s: float) -> Frame:
+        # Read in order, from the start again if need be: seeking is inexact in many formats, and then what is
+        # seen would depend on the order of the calls.
+        index = int(time_s * self._fps + _ROUNDING_S)
+        if self._count > 0 and index == self._count:
+            index -= 1  # the last instant of a video that is just as long as the run
+        if index < self._next:
+            self._open()
+        while self._next <= index:
+            if not self._capture.grab():
+                raise FramesError(
+                    f"{self._name} ends after {self._next} frames ({self._next / self._fps:.1f} s), "
+                    f"but the run needs a frame at {time_s:.1f} s; use a longer video or a shorter run"
+                )
+            self._next += 1
+        decoded, picture = self._capture.retrieve()
+        if not decoded:
+            raise FramesError(f"{self._name}: frame {index} cannot be decoded")
+        return np.asarray(picture, np.uint8)
+
+
+class ImageFolder(_Recorded):
+    """The images of a folder in the order of their names, one for each round.
+
+    Args:
+        path: of the folder.
+        duration_s: how long the run is, seconds.
+        period_s: how long a round is, seconds.
+
+    Raises:
+        FramesError: the folder holds no images, or fewer than the run has rounds.
+    """
+
+    def __init__(self, path: Path, duration_s: float, period_s: float) -> None:
+        super().__init__(f"image folder {path}")
+        self._period_s = period_s
+        self._images = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+        needed = round(duration_s / period_s)
+        if not self._images:
+            raise FramesError(f"{self._name} holds no images; allowed are {', '.join(IMAGE_SUFFIXES)}")
+        if len(self._images) < needed:
+            raise FramesError(
+                f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
+                f"which has {needed} rounds; use more images or a shorter run"
+            )
+
+    def _read(self, time_s: float) -> Frame:
+        index = round(time_s / self._period_s)
+        if index >= len(self._images):
+            raise FramesError(f"{self._name} holds {len(self._images)} images, but round {index} needs one more")
+        with _quiet():
+            picture = cv2.imread(str(self._images[index]), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise FramesError(f"image {self._images[index]} cannot be read; it must be one that OpenCV can decode")
+        return np.asarray(picture, np.uint8)
+
+
+class LiveCamera(_Recorded):
+    """Frames of a camera of this machine, at the moment they are asked for: the one source that never repeats.
+
+    Args:
+        number: of the camera, from 0.
+
+    Raises:
+        FramesError: there is no such camera.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"camera {number}")
+        with _quiet():
+            self._capture = cv2.VideoCapture(number)
+        if not self._capture.isOpened():
+            raise FramesError(f"{self._name} cannot be opened; give the number of a connected camera, 0 for the first")
+
+    def _read(self, time_s: float) -> Frame:
+        seen, picture = self._capture.read()
+        if not seen:
+            raise FramesError(f"{self._name} stopped sending frames at {time_s:.1f} s")
+        return np.asarray(picture, np.uint8)
+
+
+def open_frames(source: str | Path | int | None, *, duration_s: float, period_s: float, seed: int = 0) -> FrameSource:
+    """Opens a source of frames, and checks up front that it lasts as long as the run where that can be known.
+
+    Args:
+        source: path of a video or of a folder of images; number of a camera (`"0"` too, unless a file has that
+            name); none for the rendered scene.
+        duration_s: how long the run is, seconds.
+        period_s: how long a round is, seconds.
+        seed: of the rendered scene.
+
+    Raises:
+        FramesError: there is no such thing, it cannot be opened, or it ends before the run.
+    """
+    if source is None:
+        return RenderedScene(seed)
+    path = Path(str(source))
+    if isinstance(source, int) or (not path.exists() and str(source).isdecimal()):
+        return LiveCamera(int(source))  # type: ignore[arg-type]
+    if path.is_dir():
+        return ImageFolder(path, duration_s, period_s)
+    if not path.exists():
+        raise FramesError(
+            f"frames {str(source)!r} do not exist; "
+            "allowed are a video file, a folder of images, and the number of a camera"
+        )
+    return VideoFile(path, duration_s)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps OpenCV from printing warnings of its own: what is wrong is said once, by the error."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)

@@ -1,0 +1,131 @@
+import cv2
+import numpy as np
+import pytest
+
+from roletrust_env.world.vision import FRAME_HEIGHT, FramesError, HogService, RenderedScene, open_frames
+
+FPS = 10
+
+
+def write_video(path, seconds, width=320, height=240, codec="MJPG"):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), FPS, (width, height))
+    assert writer.isOpened()
+    for k in range(round(seconds * FPS)):
+        writer.write(np.full((height, width, 3), 5 * k % 256, np.uint8))  # frame k is grey 5 k
+    writer.release()
+    return path
+
+
+def write_images(folder, count):
+    for k in range(count):
+        cv2.imwrite(str(folder / f"{k:03}.png"), np.full((90, 160, 3), (0, 0, 10 * k), np.uint8))  # red, in BGR
+    (folder / "notes.txt").write_text("not an image")
+    return folder
+
+
+def opened(source, duration_s=2.0, period_s=0.5):
+    return open_frames(source, duration_s=duration_s, period_s=period_s)
+
+
+def test_a_video_is_read_by_its_own_clock_in_any_order(tmp_path):
+    source = opened(str(write_video(tmp_path / "walk.avi", 3.0)))
+    for time_s in (0.5, 1.5, 0.0, 2.0, 2.0, 0.5):
+        frame = source.frame(0, time_s, 0.0)
+        assert frame.shape == (FRAME_HEIGHT, 480, 3)
+        assert frame.mean() == pytest.approx(5 * FPS * time_s, abs=4)
+
+
+def test_a_video_just_as_long_as_the_run_will_do(tmp_path):
+    source = opened(write_video(tmp_path / "walk.avi", 2.0))
+    assert source.frame(0, 2.0, 0.0).mean() == pytest.approx(5 * 19, abs=4)
+
+
+def test_a_video_that_ends_early_is_refused_up_front(tmp_path):
+    with pytest.raises(FramesError, match=r"walk\.avi lasts 1\.0 s and ends before the run, which lasts 2\.0 s"):
+        opened(write_video(tmp_path / "walk.avi", 1.0))
+
+
+def test_a_video_that_lied_about_its_length_is_refused_where_it_ends(tmp_path):
+    path = write_video(tmp_path / "walk.avi", 3.0)
+    source = opened(path)
+    source._count = 1000  # what a broken header would promise
+    with pytest.raises(FramesError, match=r"ends after 30 frames \(3\.0 s\), but the run needs a frame at 5\.0 s"):
+        source.frame(0, 5.0, 0.0)
+
+
+def test_a_file_that_is_no_video(tmp_path):
+    path = tmp_path / "walk.mp4"
+    path.write_text("not a video")
+    with pytest.raises(FramesError, match=r"walk\.mp4 cannot be opened"):
+        opened(path)
+
+
+def test_an_image_folder_gives_one_image_a_round_in_rgb(tmp_path):
+    source = opened(write_images(tmp_path, 5), duration_s=2.5)
+    for k in (3, 0, 4):
+        frame = source.frame(1, 0.5 * k, 0.0)
+        assert frame.shape == (FRAME_HEIGHT, 640, 3)
+        np.testing.assert_allclose(frame.mean((0, 1)), (10 * k, 0, 0), atol=1)
+
+
+def test_image_folders_that_will_not_do(tmp_path):
+    with pytest.raises(FramesError, match=r"holds no images; allowed are .*\.png"):
+        opened(tmp_path)
+    write_images(tmp_path, 3)
+    with pytest.raises(FramesError, match="holds 3 images, one for each round, and ends before the run, which has 4"):
+        opened(tmp_path)
+    (tmp_path / "000.png").write_text("broken")
+    with pytest.raises(FramesError, match=r"000\.png cannot be read"):
+        opened(tmp_path, duration_s=1.5).frame(0, 0.0, 0.0)
+
+
+def test_frames_too_narrow_for_the_detector(tmp_path):
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((100, 20, 3), np.uint8))
+    with pytest.raises(FramesError, match="20x100 pixels are too narrow"):
+        opened(tmp_path, duration_s=0.5).frame(0, 0.0, 0.0)
+
+
+def test_what_does_not_exist():
+    with pytest.raises(FramesError, match=r"'no/such/walk\.mp4' do not exist; allowed are a video file, a folder"):
+        opened("no/such/walk.mp4")
+
+
+@pytest.mark.parametrize("number", [97, "97"])
+def test_a_camera_that_is_not_there(number, capfd):
+    with pytest.raises(FramesError, match="camera 97 cannot be opened"):
+        opened(number)
+    assert capfd.readouterr().err == ""
+
+
+def test_no_source_is_the_rendered_scene():
+    assert isinstance(opened(None), RenderedScene)
+
+
+def test_recorded_frames_blur_where_the_target_moves_fast(tmp_path):
+    rng = np.random.default_rng(0)
+    cv2.imwrite(str(tmp_path / "0.png"), rng.integers(0, 256, (360, 480, 3), dtype=np.uint8))
+    source = opened(tmp_path, duration_s=0.5)
+    sharp, fast = (source.frame(0, 0.0, strength).astype(float) for strength in (0.0, 1.0))
+    assert np.abs(np.diff(fast, axis=1)).mean() < 0.1 * np.abs(np.diff(sharp, axis=1)).mean()
+
+
+def test_a_video_of_the_scene_gets_the_ratings_of_the_scene(tmp_path):
+    scene = RenderedScene(0)
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), scene.frame(0, k * 0.5)[..., ::-1])
+    recorded = HogService(2, 1, period_s=0.5, max_cycles=3, frames=str(tmp_path))
+    rendered = HogService(2, 1, period_s=0.5, max_cycles=3)
+    noise = np.random.default_rng(0).standard_normal((2, 1))
+    for k in range(3):
+        np.testing.assert_array_equal(recorded.perceive([1.0], 0.0, k, noise), rendered.perceive([1.0], 0.0, k, noise))
+
+
+def test_one_source_for_each_provider(tmp_path):
+    wide = write_video(tmp_path / "wide.avi", 1.0, 320, 180)
+    square = write_video(tmp_path / "square.avi", 1.0, 200, 200)
+    service = HogService(1, 2, period_s=0.5, max_cycles=2, frames=[str(wide), str(square)])
+    assert service.perceive([1.0, 1.0], 0.0, 1, np.zeros((1, 2))).max() < 0.03  # grey frames: nobody
+    assert service.latest.shape == (2, FRAME_HEIGHT, 640, 3)
+    assert not service.latest[1, :, 360:].any()
+    with pytest.raises(ValueError, match="names 1 sources; allowed are one for all, or 2"):
+        HogService(1, 2, period_s=0.5, max_cycles=2, frames=[str(wide)])

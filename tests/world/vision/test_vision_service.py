@@ -1,0 +1,131 @@
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, HogService
+
+CALM = ([1.0, 1.0, 1.0], 0.0)
+
+
+@pytest.fixture(scope="module")
+def service():
+    return HogService(3, 3, period_s=0.5, max_cycles=240)
+
+
+def noise(seed, *shape):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def test_honest_and_calm_every_rater_is_sure_and_raters_differ_slightly(service):
+    rounds = range(0, 240, 6)
+    seen = np.stack([service.perceive(*CALM, k, noise(k, 3, 3)) for k in rounds])
+    assert seen.min() >= 0.97
+    assert seen.max() <= 1
+    spread = np.ptp(seen, axis=1)
+    assert (spread > 0).all()
+    assert spread.mean() < 0.004
+    quality_of_raters = 1 - np.sqrt(np.abs(seen - seen.mean(1, keepdims=True))).mean(2)
+    assert quality_of_raters.min() > 0.93
+
+
+def test_a_fast_target_is_a_dip_for_every_camera(service):
+    seen = np.stack([service.perceive(CALM[0], 1.0, k, noise(k, 3, 3)) for k in range(36, 60)]).mean((0, 1))
+    assert (seen > 0.1).all()
+    assert (seen < 0.8).all()
+
+
+def test_only_the_bad_provider_is_rated_badly(service):
+    seen = service.perceive([1.0, 1.0, 0.0], 0.0, 5, noise(0, 3, 3))
+    assert seen[:, :2].min() > 0.97
+    assert seen[:, 2].max() < 0.01
+
+
+def test_same_arguments_same_bits_whatever_came_before(service):
+    fresh = HogService(3, 3, period_s=0.5, max_cycles=240)
+    arguments = ([0.9, 0.5, 1.0], 0.3, 7, noise(1, 3, 3))
+    first = service.perceive(*arguments)
+    service.perceive(*CALM, 3, noise(2, 3, 3))
+    np.testing.assert_array_equal(service.perceive(*arguments), first)
+    np.testing.assert_array_equal(fresh.perceive(*arguments), first)
+    assert not np.array_equal(service.perceive(*arguments[:3], noise(3, 3, 3)), first)
+
+
+def test_a_batch_is_its_games_one_by_one(service):
+    quality = np.random.default_rng(4).uniform(0.4, 1, (3, 2, 2))
+    strength, rounds = np.array([[0.0, 0.5], [1.0, 0.0]]), np.array([[3, 3], [8, 0]])
+    copies = noise(5, 3, 3, 2, 2)
+    together = service.perceive(quality, strength, rounds, copies)
+    assert together.shape == (3, 3, 2, 2)
+    for game in np.ndindex(2, 2):
+        at = (slice(None), slice(None), *game)
+        alone = service.perceive(quality[at[1:]], strength[game], rounds[game], copies[at])
+        np.testing.assert_array_equal(together[at], alone)
+
+
+def test_precision_follows_the_noise_and_inputs_are_left_alone(service):
+    quality, copies = np.array([1.0, 0.5, 1.0], np.float32), noise(6, 3, 3).astype(np.float32)
+    kept = quality.copy(), copies.copy()
+    assert service.perceive(quality, 0.0, 2, copies).dtype == np.float32
+    np.testing.assert_array_equal(quality, kept[0])
+    np.testing.assert_array_equal(copies, kept[1])
+
+
+def test_the_latest_frames_are_what_providers_delivered():
+    service = HogService(1, 3, period_s=0.5, max_cycles=10)
+    assert service.latest.shape == (3, FRAME_HEIGHT, FRAME_WIDTH, 3)
+    assert not service.latest.any()
+    service.perceive([1.0, 1.0, 0.0], 0.0, 0, np.zeros((1, 3)))
+    assert service.latest.dtype == np.uint8
+    assert service.latest[0].mean() > 100
+    assert service.latest[2].mean() < 20
+
+
+def test_more_providers_than_the_paper_has():
+    service = HogService(1, 7, period_s=0.5, max_cycles=10)
+    assert service.perceive(np.ones(7), 0.0, 4, noise(7, 1, 7)).min() > 0.97
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"quality": [1.0, np.nan, 1.0]}, r"quality is 1\.0, nan, 1\.0; every value must be a number in \[0, 1\]"),
+        ({"quality": [1.0, 1.2, 1.0]}, r"quality is 1\.0, 1\.2, 1\.0"),
+        ({"quality": [1.0, 1.0]}, r"quality has shape \(2,\); it must be \(3,\)"),
+        ({"strength": -0.1}, r"strength is -0\.1; every value must be a number in \[0, 1\]"),
+        ({"strength": np.zeros(2)}, r"strength has shape \(2,\)"),
+        ({"round": -1}, "round is -1; it must be an integer that is not negative"),
+        ({"round": 1.5}, r"round is 1\.5"),
+        ({"noise": np.zeros((3, 2))}, r"noise is float64 of shape \(3, 2\); it must be floating, of shape \(3, 3\)"),
+        ({"noise": np.zeros((3, 3), int)}, "must be floating"),
+        ({"noise": np.full((3, 3), np.inf)}, "not finite"),
+    ],
+)
+def test_bad_input_gets_one_clear_error(service, change, message):
+    arguments = {"quality": CALM[0], "strength": 0.0, "round": 0, "noise": np.zeros((3, 3))} | change
+    before = service.latest
+    with pytest.raises(ValueError, match=message):
+        service.perceive(**arguments)
+    assert service.latest is before
+
+
+def test_a_round_of_nine_takes_less_than_100_ms_on_one_core(service):
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        spent = []
+        for k in range(12):
+            start = time.process_time()
+            service.perceive([1.0, 0.8, 0.3], 0.5, k, noise(k, 3, 3))
+            spent.append(time.process_time() - start)
+    finally:
+        cv2.setNumThreads(threads)
+    assert np.median(spent) < 0.1
+
+
+def test_importing_the_world_does_not_import_opencv():
+    code = "import sys, roletrust_env.world; assert 'cv2' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
