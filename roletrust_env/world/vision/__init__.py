@@ -8,7 +8,6 @@ from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH
 from roletrust_env.world.vision.degrade import degrade
 from roletrust_env.world.vision.detector import OFFSET, SLOPE, best_margin, probability, view
 from roletrust_env.world.vision.frames import FramesError, FrameSource, open_frames
-from roletrust_env.world.vision.montage import montage
 from roletrust_env.world.vision.scene import RenderedScene
 from roletrust_env.world.vision.service import HogService
 
@@ -25,7 +24,6 @@ __all__ = [
     "degrade",
     "fit_calibration",
     "labelled_margins",
-    "montage",
     "open_frames",
     "probability",
     "view",

@@ -1,5 +1,6 @@
 """Where frames come from: the rendered scene, a video file, a folder of images, or a camera."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -165,7 +166,9 @@ class ImageFolder(_Recorded):
 
 
 class LiveCamera(_Recorded):
-    """Frames of a camera of this machine, at the moment they are asked for: the one source that never repeats.
+    """Frames of a camera of this machine, in real time: a round that comes early waits for its moment.
+
+    It is the one source that never shows the same again.
 
     Args:
         number: of the camera, from 0.
@@ -180,8 +183,14 @@ class LiveCamera(_Recorded):
             self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
             raise FramesError(f"{self._name} cannot be opened; give the number of a connected camera, 0 for the first")
+        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # what it sees now, not what it saw a while ago
+        self._begun = self._last = float("inf")
 
     def _read(self, time_s: float) -> Frame:
+        if time_s < self._last:  # a run begins
+            self._begun = time.monotonic() - time_s
+        self._last = time_s
+        time.sleep(max(0.0, self._begun + time_s - time.monotonic()))
         seen, picture = self._capture.read()
         if not seen:
             raise FramesError(f"{self._name} stopped sending frames at {time_s:.1f} s")

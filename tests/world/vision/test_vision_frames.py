@@ -1,3 +1,5 @@
+import time
+
 import cv2
 import numpy as np
 import pytest
@@ -129,3 +131,29 @@ def test_one_source_for_each_provider(tmp_path):
     assert not service.latest[1, :, 360:].any()
     with pytest.raises(ValueError, match="names 1 sources; allowed are one for all, or 2"):
         HogService(1, 2, period_s=0.5, max_cycles=2, frames=[str(wide)])
+
+
+class OneCamera:
+    """A stand-in for `cv2.VideoCapture` of a camera that is always there."""
+
+    def __init__(self, number):
+        pass
+
+    def isOpened(self):
+        return True
+
+    def set(self, what, value):
+        return True
+
+    def read(self):
+        return True, np.full((360, 480, 3), 128, np.uint8)
+
+
+def test_a_live_camera_keeps_the_time_of_the_run(monkeypatch):
+    monkeypatch.setattr(cv2, "VideoCapture", OneCamera)
+    camera = open_frames(7, duration_s=1.0, period_s=0.1)
+    for _ in range(2):  # a second run on the same camera begins at its own 0
+        begun = time.monotonic()
+        for time_s in (0.0, 0.1, 0.2):
+            assert camera.frame(0, time_s, 0.0).shape == (360, 480, 3)
+        assert 0.2 <= time.monotonic() - begun < 0.3

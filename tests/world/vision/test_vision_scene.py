@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, RenderedScene, best_margin, degrade, montage, view
+from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, RenderedScene, best_margin, degrade, view
 
 STRENGTHS = (0.0, 0.4, 1.0)
 
@@ -73,18 +73,3 @@ def test_degrading_is_smooth_and_seeded(scene):
     np.testing.assert_array_equal(degrade(frame, 0.5, (1, 2)), degrade(frame, 0.5, (1, 2)))
     assert not np.array_equal(degrade(frame, 0.5, (1, 2)), degrade(frame, 0.5, (1, 3)))
     np.testing.assert_array_equal(frame, kept)
-
-
-def test_a_montage_holds_every_frame(scene):
-    frames = [scene.frame(camera, 0.0) for camera in range(3)]
-    picture = montage(frames)
-    assert picture.shape[0] == FRAME_HEIGHT
-    for k, frame in enumerate(frames):
-        left = k * (picture.shape[1] + 6) // 3
-        np.testing.assert_array_equal(picture[:, left : left + FRAME_WIDTH], frame)
-    labelled = montage(np.stack(frames), ["SP1", "SP2", "SP3"], columns=2)
-    assert labelled.shape == (2 * FRAME_HEIGHT + 6, 2 * FRAME_WIDTH + 6, 3)
-    with pytest.raises(ValueError, match="2 labels for 3 frames"):
-        montage(frames, ["a", "b"])
-    with pytest.raises(ValueError, match="at least one"):
-        montage([])
