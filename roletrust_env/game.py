@@ -13,7 +13,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import Random
-from roletrust_env.state import Actions, Noise, State
+from roletrust_env.state import Actions, Counts, Noise, State
 from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
 from roletrust_env.views import Layout, ProviderView, RaterView
 from roletrust_env.world import access, channel, mobility
@@ -100,7 +100,7 @@ class Game:
             service=nothing,
             awaiting=nothing > 0,
             value=self._next_value(nothing[0] + 1, noise),
-            counts=xp.stack([nothing[: roster.n_both, 0, ...]] * 2) if roster.n_both else None,
+            counts=Counts(*[nothing[: roster.n_both, 0, ...]] * 2) if roster.n_both else None,
             population=self.presence.start(noise.presence) if self.presence.changes else None,
             places=mobility.place(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)
@@ -124,12 +124,11 @@ class Game:
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
         trust = self.model.update(state.trust, ratings, rated)
-        top = self.model.provider_trust(trust)
+        tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
 
         counts = state.counts
         if counts is not None:
-            counts = counts + xp.stack([xp.astype(roster.both(rated.sum(axis=1)), counts.dtype), 0 * counts[1]])
-        tor = self.model.rater_trust(trust)
+            counts = counts._replace(rated=counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)))
 
         population = state.population
         if population is not None:
@@ -141,8 +140,7 @@ class Game:
 
         served = self._served(state, population, places, top, noise)
         if counts is not None:
-            provided = xp.astype(roster.both(served.sum(axis=0)), counts.dtype)
-            counts = counts + xp.stack([0 * counts[0], provided])
+            counts = counts._replace(provided=counts.provided + roster.both(served.sum(axis=0, dtype=top.dtype)))
         quality = actions.quality
         if not self._everyone:
             quality = xp.where(served.any(axis=0), quality, self._zero)
@@ -257,7 +255,7 @@ class Game:
             served = access.choose(rules.access, top, served, noise.choice)
         return served
 
-    def _rewards(self, tor: Array, top: Array, counts: Array | None, costs: Array) -> Array:
+    def _rewards(self, tor: Array, top: Array, counts: Counts | None, costs: Array) -> Array:
         weights, roster = self.scenario.rewards, self.roster
         of_both = None
         if counts is not None:
@@ -265,17 +263,17 @@ class Game:
             of_both = weights.agent_trust * toa - roster.both(costs)
         return roster.agents(weights.rater_trust * tor, weights.provider_trust * top - costs, of_both)
 
-    def _agent_trust(self, tor: Array, top: Array, counts: Array | None) -> Array:
+    def _agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
         toa = None if counts is None else self._both_trust(tor, top, counts)
         return self.roster.agents(tor, top, toa)
 
-    def _both_trust(self, tor: Array, top: Array, counts: Array) -> Array:
+    def _both_trust(self, tor: Array, top: Array, counts: Counts) -> Array:
         roster = self.roster
         return agent_trust(
             roster.both(tor),
             roster.both(top),
-            rated=counts[0],
-            provided=counts[1],
+            rated=counts.rated,
+            provided=counts.provided,
             initial=self.scenario.initial_trust,
         )
 

@@ -15,6 +15,13 @@ class Actions(NamedTuple):
     ratings: Array
 
 
+class Counts(NamedTuple):
+    """Services that each SR+SP agent rated and provided so far, shape (n_both, ...) each."""
+
+    rated: Array
+    provided: Array
+
+
 class State(NamedTuple):
     """All that a round leaves behind. Parts that a scenario has no use for are None.
 
@@ -27,7 +34,7 @@ class State(NamedTuple):
         service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
         awaiting: which do, (S, P, ...), boolean.
         value: of the service that each provider provides next, (P, ...).
-        counts: services rated and provided so far by SR+SP agents, (2, n_both, ...).
+        counts: services rated and provided so far by SR+SP agents, if there are any.
         population: who is present, if that changes.
         places: where the agents are, if they move.
         transit: the ratings that are late, if any can be.
@@ -41,7 +48,7 @@ class State(NamedTuple):
     service: Array
     awaiting: Array
     value: Array
-    counts: Array | None
+    counts: Counts | None
     population: Population | None
     places: Places | None
     transit: InTransit | None
