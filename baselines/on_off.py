@@ -22,7 +22,7 @@ class OnOff(WindowedAttack):
 
     Attributes:
         period: rounds of one bad and one good spell together.
-        duty: share of the period that is bad, in [0, 1]; a regular period begins with its bad rounds.
+        duty: share of the period that is bad, in [0, 1]; a regular period begins with its bad rounds, rounded up.
         bad: quality of bad service, in [0, 1].
         good: quality of good service while the attack lasts, in [0, 1].
         switching: `"regular"` or `"random"`.
@@ -43,16 +43,16 @@ class OnOff(WindowedAttack):
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Bad or good by turns while active, 1 otherwise. See `Policy.quality`."""
-        xp = namespace(view.trust)
+        xp, zero = namespace(view.trust), 0 * view.trust
         bad_rounds = self.duty * self.period
         if self.switching == "regular":
-            bad = (view.round - self.start) % self.period < bad_rounds
+            bad = (view.round - self.start) % self.period < bad_rounds - 1e-9  # 0.07 * 100 is a little above 7
         else:
             bad = memory
             leaves = xp.where(bad, _chance(bad_rounds), _chance(self.period - bad_rounds))
             memory = bad ^ (random.uniform(view.trust.shape) < leaves)
-        served = xp.where(bad, self.bad, self.good)
-        return xp.where(self.active(view.round), served, 0 * view.trust + 1), memory
+        served = xp.where(bad, zero + self.bad, zero + self.good)
+        return xp.where(self.active(view.round), served, zero + 1), memory
 
 
 def _chance(mean_rounds: float) -> float:

@@ -36,6 +36,7 @@ class Game:
         model: the trust model.
         roster: who is who.
         layout: where each field of a view stands in an observation.
+        like: an array of the library, dtype and device that it plays with.
     """
 
     def __init__(
@@ -44,13 +45,14 @@ class Game:
         self.scenario = scenario
         if isinstance(trust_model, str):
             trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
+        if not isinstance(trust_model, TrustModel):
+            raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
-        self._like = like = np.zeros(()) if like is None else like
+        self.like = like = np.zeros(()) if like is None else like
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
-        self._xp = namespace(like)
         self._stranger = self._constant(roster.stranger)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._rounds = self._constant(range(scenario.max_cycles + 1), like.dtype)
@@ -88,7 +90,7 @@ class Game:
 
     def start(self, noise: Noise) -> State:
         """The state before the first round."""
-        xp, rules, roster = self._xp, self.scenario, self.roster
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
         nothing = xp.zeros_like(noise.perception)
         count = xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64)
         return State(
@@ -119,7 +121,7 @@ class Game:
         Returns:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
         """
-        xp, rules, roster = self._xp, self.scenario, self.roster
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
@@ -200,7 +202,7 @@ class Game:
             return of_raters, of_providers, None
         trust = self.agent_trust(state)[self.roster.n_agents - both :]
         n_sr, n_sp = self.roster.n_raters - both, self.roster.n_providers - both
-        of_both = self._xp.concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
+        of_both = namespace(self.like).concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
         return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
 
     @property
@@ -216,11 +218,11 @@ class Game:
         (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
         and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
         """
-        xp, batch, dtype = self._xp, state.round.shape, state.ratings.dtype
+        xp, batch, dtype = namespace(self.like), state.round.shape, state.ratings.dtype
         tor, top = self.published(state)
         present = self.present(state)
         if present is None:
-            present = xp.ones((self.roster.n_agents, *batch), dtype=dtype, device=self._like.device)
+            present = xp.ones((self.roster.n_agents, *batch), dtype=dtype, device=self.like.device)
         parts = [self._rounds[state.round] / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
         parts += [state.service, state.awaiting, state.ratings, state.rated]
         if state.places is not None and isinstance(self.scenario.access, InRange):
@@ -236,7 +238,7 @@ class Game:
         noise: Noise,
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
-        xp, rules, roster = self._xp, self.scenario, self.roster
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
         # No rater is served by itself, nor ever was: what awaits a rating only brings the shape of the batch.
         stranger = self._stranger.reshape(self._stranger.shape + (1,) * (top.ndim - 1))
         served = stranger | state.awaiting
@@ -280,10 +282,10 @@ class Game:
     def _next_value(self, value: Array, noise: Noise) -> Array:
         if self._values is None or noise.value is None:
             return value
-        return self._values[self._xp.astype(noise.value * len(self._values), self._xp.int64)]
+        return self._values[namespace(self.like).astype(noise.value * len(self._values), namespace(self.like).int64)]
 
     def _constant(self, values: Any, dtype: Any = None) -> Array:
-        return self._xp.asarray(values, dtype=dtype, device=self._like.device)
+        return namespace(self.like).asarray(values, dtype=dtype, device=self.like.device)
 
 
 def _strength(scenario: Scenario) -> Any:

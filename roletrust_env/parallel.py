@@ -9,7 +9,8 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from roletrust_env.game import Game
 from roletrust_env.randomness import Random
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from roletrust_env.rendering import Renderer
 
 RenderMode = Literal["human", "rgb_array", "ansi"]
+_NUMBERS = "fiub"
+"""Kinds of dtype that an action may have: floats, integers and booleans."""
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 Vector = npt.NDArray[np.float32]
 
@@ -121,6 +124,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
         scenario = make_scenario(scenario)
         self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
+        if all(group.joins > 0 or group.join_rate < 1 for group in self.game.scenario.agents):
+            raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
         self.possible_agents = list(self.game.roster.names)
@@ -218,7 +223,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         else:
             there = dict(zip(self.possible_agents, present.tolist(), strict=True))
             acted = set(agents)
-            agents = [a for a in self.possible_agents if a in acted or there[a]]
+            agents = [a for a in self.possible_agents if a in acted or (there[a] and not over)]
             earned = dict(zip(self.possible_agents, rewards.tolist(), strict=True))
             reward = {a: earned[a] if a in acted else 0.0 for a in agents}
             terminations = {a: not there[a] for a in agents}
@@ -268,7 +273,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             for agent in self.agents:
                 shape, place = self._slots[agent]
                 action = actions[agent]
-                if action.shape != shape:
+                if action.shape != shape or action.dtype.kind not in _NUMBERS:
                     raise ValueError
                 joint[place] = action
         except (KeyError, AttributeError, ValueError, TypeError):
@@ -284,19 +289,22 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         for agent in self.agents:
             if agent not in actions:
                 return f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}"
-            shape = self._slots[agent][0]
-            try:
-                action = np.asarray(actions[agent], dtype=np.float64)
-            except (TypeError, ValueError):
-                return f"the action of {agent!r} is {actions[agent]!r}; it must be an array of shape {shape}"
-            if action.shape != shape or not isinstance(actions[agent], np.ndarray):
-                found = f"of shape {action.shape}" if isinstance(actions[agent], np.ndarray) else "no array"
-                return f"the action of {agent!r} is {found}; it must be a NumPy array of shape {shape}"
-            wrong = action[~((action >= 0) & (action <= 1))]
-            if wrong.size:
-                return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]"
+            if complaint := self.complaint(agent, actions[agent]):
+                return complaint
         strangers = ", ".join(repr(agent) for agent in actions if agent not in self.agents)
         return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
+
+    def complaint(self, agent: str, action: Any) -> str | None:
+        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        shape = self._slots[agent][0]
+        if not isinstance(action, np.ndarray):
+            return f"the action of {agent!r} is no array but {action!r}; it must be a NumPy array of shape {shape}"
+        if action.dtype.kind not in _NUMBERS:
+            return f"the action of {agent!r} is {action!r}; it must be a NumPy array of numbers, of shape {shape}"
+        if action.shape != shape:
+            return f"the action of {agent!r} is of shape {action.shape}; it must be a NumPy array of shape {shape}"
+        wrong = action[~((action >= 0) & (action <= 1))]
+        return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         by_role = [of_role for of_role in self.game.observations(state) if of_role is not None]
@@ -374,4 +382,13 @@ def env(
     **changes: Any,
 ) -> AECEnv[str, Vector, Vector | None]:
     """The game as a PettingZoo AEC environment, agents in turn. Arguments as for `parallel_env`."""
-    return parallel_to_aec(parallel_env(scenario, trust_model, render_mode, **changes))
+    return OrderEnforcingWrapper(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
+
+
+class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
+    """Refuses a bad action at once, not when the last agent has acted."""
+
+    def step(self, action: Vector | None) -> None:
+        if action is not None and (complaint := self.env.complaint(self.agent_selection, action)):
+            raise ValueError(complaint)
+        super().step(action)

@@ -59,12 +59,15 @@ class Registry(Generic[Thing]):
             hint = f"; did you mean {near[0]!r}?" if near else "."
             raise ValueError(f"unknown {self.kind} {name!r}{hint} Known: {', '.join(self.names())}")
         try:
-            factory: Callable[..., Thing] = plugins[name].load()
+            factory = plugins[name].load()
         except Exception as error:  # whatever a foreign package raises on import
             raise ValueError(
                 f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be loaded: {error!r}"
             ) from error
-        return factory
+        if not callable(factory):
+            raise ValueError(f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called")
+        made: Callable[..., Thing] = factory
+        return made
 
     def make(self, name: str, **parameters: Any) -> Thing:
         """Make the thing of that name, with these parameters.

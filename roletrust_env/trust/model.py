@@ -1,6 +1,6 @@
 """What a trust model is, and the table of those known by name."""
 
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from roletrust_env.arrays import Array
 from roletrust_env.registry import Registry
@@ -8,6 +8,7 @@ from roletrust_env.registry import Registry
 State = TypeVar("State")
 
 
+@runtime_checkable
 class TrustModel(Protocol[State]):
     """Turns rounds of ratings into trust. It knows nothing of games, names, rewards or files.
 

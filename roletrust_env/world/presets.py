@@ -41,14 +41,23 @@ def make_scenario(scenario: str | Path | Scenario) -> Scenario:
     """
     if isinstance(scenario, Scenario):
         return scenario
+    if not isinstance(scenario, str | Path):
+        raise ValueError(f"scenario is {scenario!r}; it must be a Scenario, the name of one, or the path of a file")
     if isinstance(scenario, Path) or scenario.endswith((".toml", ".yaml", ".yml")):
         return load_scenario(scenario)
     return registry.make(scenario)
 
 
 def scenarios() -> dict[str, str]:
-    """The known scenarios: name and one line of description."""
-    return {name: registry.make(name).description for name in registry.names()}
+    """The known scenarios: name and one line of description, or what is wrong with a plug-in."""
+    return {name: _describe(name) for name in registry.names()}
+
+
+def _describe(name: str) -> str:
+    try:
+        return registry.make(name).description
+    except ValueError as error:
+        return str(error)
 
 
 def _crowd(n: int) -> tuple[AgentGroup, ...]:

@@ -94,7 +94,7 @@ def test_video(tmp_path):
         (["--attack", "sp_0"], "AGENT=NAME"),
         (["--attack", "sp_0=onoff"], "unknown attacker 'onoff'"),
         (["--attack", "sp_0=on-off:duty=7"], "duty is 7"),
-        (["--attack", "sp_0=on-off:duty=much"], "wrong type"),
+        (["--attack", "sp_0=on-off:duty=much"], "duty is 'much'"),
         (["--attack", "sp_0=on-off:duty"], "field=value"),
         (["--attack", "sp_9=on-off"], "there is no agent 'sp_9'"),
         (["--attack", "xx_*=on-off"], "no agent matches"),
@@ -102,7 +102,7 @@ def test_video(tmp_path):
         (["--attack", "sp_0=on-off", "--attack", "sp_*=on-off"], "two attacks"),
         (["--attack", "sr_0=bad-mouthing:targets=[7]"], "the last provider is 2"),
         (["--set", "lam=0.2"], "lam is 0.2"),
-        (["--set", "colour=blue"], "there is no field colour"),
+        (["--set", "colour=blue"], "there is no field 'colour'"),
         (["--set", "lam=0.6", "--set", "lam=0.7"], "twice"),
     ],
 )

@@ -1,0 +1,153 @@
+"""Tables of named things: registered here, or brought by installed packages."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from baselines import OnOff, attackers, make_attacker, register_attacker
+from baselines import registry as attacker_registry
+from roletrust_env import Scenario, make_scenario, register_scenario, scenarios
+from roletrust_env.registry import Registry
+from roletrust_env.world.presets import registry as scenario_registry
+
+
+def box(size: int = 1) -> tuple[str, int]:
+    """A box.
+
+    More than one line.
+    """
+    return "box", size
+
+
+@pytest.fixture
+def registry() -> Registry:
+    registry: Registry = Registry("thing", "roletrust_env.tests.things")
+    registry.register("box", box)
+    return registry
+
+
+@pytest.fixture
+def clean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names that the test registers are gone after it."""
+    for registry in (scenario_registry, attacker_registry):
+        monkeypatch.setattr(registry, "_factories", dict(registry._factories))
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, str], None]:
+    """Put a package with one module and one entry point, named like it, where Python finds packages."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def install(module: str, group: str, code: str) -> None:
+        (tmp_path / f"{module}.py").write_text(code)
+        about = tmp_path / f"{module}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{module} = {module}:made\n")
+
+    return install
+
+
+def test_a_thing_is_made_by_name(registry: Registry) -> None:
+    assert registry.make("box", size=3) == ("box", 3)
+    assert registry.names() == ["box"]
+    assert registry.describe() == {"box": "A box."}
+
+
+@pytest.mark.parametrize("name", ["", "two words", "a/b", "box\n", "a,b"])
+def test_a_name_is_a_word(registry: Registry, name: str) -> None:
+    with pytest.raises(ValueError, match="no name for a thing"):
+        registry.register(name, box)
+
+
+def test_a_name_is_given_once(registry: Registry) -> None:
+    with pytest.raises(ValueError, match="'box' is registered already"):
+        registry.register("box", lambda: None)
+    assert registry.make("box") == ("box", 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bax", "unknown thing 'bax'; did you mean 'box'? Known: box"),
+        ("zebra", "unknown thing 'zebra'. Known: box"),
+    ],
+)
+def test_an_unknown_name_is_answered_with_the_known_ones(registry: Registry, name: str, message: str) -> None:
+    with pytest.raises(ValueError, match="unknown") as error:
+        registry.make(name)
+    assert str(error.value) == message
+
+
+def test_unknown_parameters_are_answered_with_the_known_ones(registry: Registry) -> None:
+    with pytest.raises(ValueError, match=r"thing 'box'.*'weight'.*size"):
+        registry.make("box", weight=3)
+
+
+def test_what_a_plug_in_brings_is_found_last(registry: Registry, install: Callable) -> None:
+    install("crate", registry.group, "def made(size=1): return 'crate', size")
+    assert registry.names() == ["box", "crate"]
+    assert registry.describe()["crate"] == "from crate:made"
+    assert registry.make("crate", size=2) == ("crate", 2)
+    with pytest.raises(ValueError, match="did you mean 'crate'"):
+        registry.make("crat")
+
+
+def test_a_plug_in_does_not_shadow_what_is_registered(registry: Registry, install: Callable) -> None:
+    install("box", registry.group, "raise RuntimeError")
+    assert registry.make("box") == ("box", 1)
+
+
+@pytest.mark.parametrize("code", ["raise RuntimeError('half installed')", "made = 3"], ids=["breaks", "no factory"])
+def test_a_broken_plug_in_harms_only_who_asks_for_it(registry: Registry, install: Callable, code: str) -> None:
+    install("shattered", registry.group, code)
+    assert registry.make("box") == ("box", 1)
+    assert "shattered" in registry.describe()
+    with pytest.raises(ValueError, match="shattered"):
+        registry.make("shattered")
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_scenario_from_user_code_is_known_by_name() -> None:
+    mine = make_scenario("paper-3x3").change(name="mine", description="My own.")
+    register_scenario(mine)
+    assert make_scenario("mine") is mine
+    assert scenarios()["mine"] == "My own."
+    with pytest.raises(ValueError, match="mine"):
+        register_scenario(mine)
+
+
+def test_scenarios_of_installed_packages(install: Callable) -> None:
+    code = "from roletrust_env import make_scenario\ndef made(): return make_scenario('peers').change(max_cycles=3)"
+    install("faraway", "roletrust_env.scenarios", code)
+    assert make_scenario("faraway").max_cycles == 3
+    assert {"faraway", "paper-3x3"} <= set(scenarios())
+
+
+def test_a_broken_scenario_plug_in_harms_only_who_asks_for_it(install: Callable) -> None:
+    install("brokenscenario", "roletrust_env.scenarios", "raise RuntimeError('half installed')")
+    assert "paper-3x3" in scenarios()
+    with pytest.raises(ValueError, match="half installed"):
+        make_scenario("brokenscenario")
+
+
+@pytest.mark.usefixtures("clean")
+def test_attackers_are_known_by_name() -> None:
+    register_attacker("my-own", OnOff)
+    assert {"on-off", "bad-mouthing", "my-own"} <= set(attackers())
+    assert attackers()["on-off"].startswith("On-off attack")
+    assert make_attacker("my-own", period=4) == OnOff(period=4)
+    with pytest.raises(ValueError, match=r"'onoff'.*on-off"):
+        make_attacker("onoff")
+    with pytest.raises(ValueError, match=r"'on-off'.*'perod'"):
+        make_attacker("on-off", perod=4)
+
+
+@pytest.mark.parametrize("name", scenarios())
+def test_presets_are_described(name: str) -> None:
+    scenario = make_scenario(name)
+    assert isinstance(scenario, Scenario)
+    assert scenario.name == name
+    assert scenario.description
+    assert scenario.tags

@@ -1,0 +1,273 @@
+"""Scenarios: what is refused and how, files, and changes."""
+
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, parallel_env, scenarios
+from roletrust_env.world.scenario import read_scenario
+
+AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"lam": 0.49}, ["lam", "0.49", "[0.5, 1)"]),
+        ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
+        ({"lam": float("nan")}, ["lam", "nan", "finite"]),
+        ({"lam": "much"}, ["lam", "'much'", "number"]),
+        ({"lam": None}, ["lam", "None", "number"]),
+        ({"initial_trust": 1.1}, ["initial_trust", "1.1", "[0, 1]"]),
+        ({"max_cycles": 0}, ["max_cycles", "0", "greater than 0"]),
+        ({"max_cycles": 2.5}, ["max_cycles", "2.5", "integer"]),
+        ({"max_cycles": True}, ["max_cycles", "True"]),
+        ({"period_s": 0}, ["period_s", "0", "greater than 0"]),
+        ({"period_s": float("inf")}, ["period_s", "inf", "finite"]),
+        ({"values": []}, ["values", "[]", "at least 1"]),
+        ({"values": [1.0, -1.0]}, ["values.1", "-1.0", "greater than 0"]),
+        ({"service": "smell"}, ["service", "'smell'", "'synthetic'", "'hog'"]),
+        ({"frames": "video.mp4"}, ["frames", "'hog'", "'synthetic'"]),
+        ({"agents": "many"}, ["agents", "'many'", "tuple"]),
+        ({"agents": [{"role": "XX"}]}, ["agents.0.role", "'XX'", "'SR'", "'SP'", "'SR+SP'"]),
+        ({"agents": [{"count": 2}]}, ["agents.0.role", "missing"]),
+        ({"agents": [{"role": "SR", "count": 0}, {"role": "SP"}]}, ["agents.0.count", "0", "greater than 0"]),
+        ({"agents": [{"role": "SR", "noise": -1}, {"role": "SP"}]}, ["agents.0.noise", "-1", "greater than or equal"]),
+        ({"agents": [{"role": "SR", "turns": ["SP"]}, {"role": "SP"}]}, ["agents.0", "turns", "'SR+SP'", "'SR'"]),
+        ({"agents": [*AGENTS, {"role": "SR", "joins": 5, "leaves": 5}]}, ["agents.2", "leaves is 5", "joins, 5"]),
+        ({"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]}, ["agents.2", "join_rate is 0", "above 0"]),
+        ({"access": {"kind": "wifi"}}, ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"]),
+        ({"access": {"kind": "in-range", "radius": -1}}, ["access", "radius", "-1", "greater than 0"]),
+        ({"access": {"kind": "choice", "providers": 3}}, ["access.providers", "3", "2 to choose from"]),
+        ({"ratings": {"lost": 1.1}}, ["ratings.lost", "1.1", "[0, 1]"]),
+        ({"ratings": {"late": 0.1, "delay": 0}}, ["ratings.delay", "0", "greater than 0"]),
+        ({"perturbations": [{"start": 4, "stop": 4}]}, ["perturbations.0", "stop is 4", "start, 4"]),
+        ({"admission": {"rounds": 3}}, ["admission.threshold", "missing"]),
+        ({"rewards": {"quality_cost": -1}}, ["rewards.quality_cost", "-1", "greater than or equal to 0"]),
+        ({"lam": 2, "max_cycles": -3}, ["lam", "2", "max_cycles", "-3"]),
+    ],
+    ids=str,
+)
+def test_a_wrong_field_is_named_with_its_value_and_what_is_allowed(fields: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(ValueError, match="my file: ") as error:
+        read_scenario({"agents": AGENTS} | fields, "my file")
+    assert all(word in str(error.value) for word in words), str(error.value)
+    assert "\n" not in str(error.value)
+    with pytest.raises(ValueError, match="'paper-3x3': "):
+        parallel_env(**{"agents": AGENTS} | fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "unknown", "allowed"),
+    [
+        ({"lamb": 0.7}, "lamb", "lam"),
+        ({"ratings": {"lots": 0.1}}, "lots", "lost"),
+        ({"agents": [{"role": "SR", "number": 3}, {"role": "SP"}]}, "number", "count"),
+        ({"access": {"kind": "in-range", "range": 3.0}}, "range", "radius"),
+    ],
+    ids=str,
+)
+def test_an_unknown_field_is_answered_with_the_known_ones(fields: dict[str, Any], unknown: str, allowed: str) -> None:
+    with pytest.raises(ValueError, match="there is no field") as error:
+        read_scenario({"agents": AGENTS} | fields, "my file")
+    assert unknown in str(error.value)
+    assert allowed in str(error.value).partition(unknown)[2]
+
+
+@pytest.mark.parametrize(
+    "agents",
+    [
+        [],
+        [{"role": "SR", "count": 5}],
+        [{"role": "SP", "count": 5}],
+        [{"role": "SR+SP"}],
+        [{"role": "SR+SP", "count": 3, "turns": ["SR"]}],
+        [{"role": "SR+SP", "count": 3, "turns": ["SP"]}, {"role": "SP"}],
+        [{"role": "SR+SP", "count": 3, "turns": ["SR", "SP"]}],
+    ],
+    ids=str,
+)
+def test_roles_that_leave_nobody_to_rate_are_refused(agents: list[dict[str, Any]]) -> None:
+    with pytest.raises(ValueError, match="nobody could rate anybody"):
+        read_scenario({"agents": agents}, "my file")
+
+
+@pytest.mark.parametrize(
+    "agents",
+    [
+        [{"role": "SR"}, {"role": "SP"}],
+        [{"role": "SR+SP", "count": 2}],
+        [{"role": "SR+SP"}, {"role": "SP"}],
+        [{"role": "SR"}, {"role": "SR+SP"}],
+        [{"role": "SR+SP", "turns": ["SR", "SP"]}, {"role": "SR+SP", "turns": ["SP", "SR"]}],
+        [{"role": "SR+SP", "count": 2, "turns": ["SR", "SR+SP"]}],
+    ],
+    ids=str,
+)
+def test_the_smallest_scenarios_are_taken(agents: list[dict[str, Any]]) -> None:
+    env = parallel_env(Scenario(agents=agents, max_cycles=3))
+    env.reset(seed=0)
+    rated = False
+    while env.agents:
+        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+        rated = rated or env._state.rated.any()
+    assert rated
+
+
+# --- files ------------------------------------------------------------------------------------------
+
+TOML = """
+description = "From a file"
+max_cycles = 7
+values = [1, 5]
+admission = {threshold = 0.2}
+
+[[agents]]
+role = "SR"
+count = 2
+
+[[agents]]
+role = "SP"
+leave_rate = 0.1
+
+[access]
+kind = "choice"
+temperature = 0.5
+"""
+YAML = """
+description: From a file
+max_cycles: 7
+values: [1, 5]
+admission: {threshold: 0.2}
+agents:
+  - {role: SR, count: 2}
+  - {role: SP, leave_rate: 0.1}
+access: {kind: choice, temperature: 0.5}
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("mine.toml", TOML), ("mine.yaml", YAML), ("mine.yml", YAML)])
+def test_files(tmp_path: Path, name: str, text: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    expected = Scenario(
+        name="mine",
+        description="From a file",
+        agents=[{"role": "SR", "count": 2}, {"role": "SP", "leave_rate": 0.1}],
+        max_cycles=7,
+        values=(1, 5),
+        admission={"threshold": 0.2},
+        access={"kind": "choice", "temperature": 0.5},
+    )
+    assert (
+        load_scenario(path) == load_scenario(str(path)) == make_scenario(path) == make_scenario(str(path)) == expected
+    )
+    assert parallel_env(path, max_cycles=3).game.scenario == expected.change(max_cycles=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.toml", b"max_cycles = = 3", ["is broken", "line 1"]),
+        ("a.toml", b"max_cycles = 3\nmax_cycles = 4", ["is broken", "overwrite"]),
+        ("a.toml", b"\x00\xff\xfe\x89PNG", ["is broken", "utf-8"]),
+        ("a.yaml", b"agents: [", ["is broken", "line 1"]),
+        ("a.yaml", b"\x89PNG\xff", ["is broken", "utf-8"]),
+        ("a.yaml", b"max_cycles: !!python/object/apply:os.system ['true']", ["is broken", "python"]),
+        ("a.yaml", b"- a\n- b", ["holds a list", "fields"]),
+        ("a.yaml", b"just words", ["holds a str", "fields"]),
+        ("a.yaml", b"", ["fields"]),
+        ("a.yaml", b"1: 2", ["1"]),
+        ("a.toml", b"", ["agents", "missing"]),
+        ("a.toml", b"lam = 3", ["lam is 3", "[0.5, 1)", "agents", "missing"]),
+        ("a.json", b"{}", ["must end in", ".toml", ".yaml", ".yml"]),
+        ("missing.toml", None, ["cannot be read", "No such file"]),
+        ("", None, ["must end in"]),
+    ],
+)
+def test_broken_files(tmp_path: Path, name: str, content: bytes | None, words: list[str]) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match="scenario file") as error:
+        load_scenario(path)
+    assert all(word in str(error.value) for word in [str(path), *words]), str(error.value)
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").mkdir()
+    with pytest.raises(ValueError, match=r"a\.toml cannot be read"):
+        make_scenario(tmp_path / "a.toml")
+
+
+# --- changes ----------------------------------------------------------------------------------------
+
+
+def test_a_scenario_is_frozen() -> None:
+    scenario = make_scenario("peers")
+    with pytest.raises(ValueError, match="frozen"):
+        scenario.lam = 0.9
+    with pytest.raises(ValueError, match="frozen"):
+        scenario.agents[0].count = 9
+    assert hash(scenario) == hash(make_scenario("peers"))
+
+
+def test_changes() -> None:
+    paper = make_scenario("paper-3x3")
+    quiet = paper.change(noise=0.0, lam=0.7)
+    assert {group.noise for group in quiet.agents} == {0.0}
+    assert quiet.lam == 0.7
+    assert paper.lam == 0.5
+    assert {group.noise for group in paper.agents if group.role == "SR"} == {0.005}
+    assert paper.change() == paper
+
+
+def test_noise_reaches_agents_that_are_changed_with_it() -> None:
+    changed = make_scenario("paper-3x3").change(agents=AGENTS, noise=0.3)
+    assert [group.noise for group in changed.agents] == [0.3, 0.3]
+    with pytest.raises(ValueError, match=r"noise.*-1"):
+        make_scenario("paper-3x3").change(noise=-1)
+
+
+@pytest.mark.parametrize("name", scenarios())
+def test_presets_survive_a_round_trip(name: str) -> None:
+    scenario = make_scenario(name)
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+    assert read_scenario(scenario.model_dump(), "itself") == scenario
+
+
+# --- anything at all --------------------------------------------------------------------------------
+
+junk = st.one_of(
+    st.none(), st.booleans(), st.integers(-3, 9), st.floats(), st.text(max_size=4), st.just([]), st.just({})
+)
+names = st.sampled_from(["role", "count", "turns", "joins", "noise", "kind", "radius", "start", "stop", "x"])
+inner = st.dictionaries(names, junk | st.sampled_from(["SR", "SP", "SR+SP", "choice"]), max_size=4)
+agents = st.lists(inner | st.sampled_from([*AGENTS, {"role": "SR+SP", "count": 2}]), max_size=3)
+fields = st.dictionaries(
+    st.sampled_from([*Scenario.model_fields, "oops"]), junk | inner | st.lists(inner, max_size=2), max_size=4
+)
+
+
+@settings(deadline=None, max_examples=150)
+@given(fields, agents)
+def test_a_scenario_of_anything_is_refused_clearly_or_plays(fields: dict[str, Any], agents: list[Any]) -> None:
+    message = "junk: "
+    try:
+        scenario = read_scenario({"agents": agents} | fields, "junk")
+    except ValueError as refusal:
+        message = str(refusal)
+    else:
+        plays(scenario)
+    assert message.startswith("junk: ")
+
+
+def plays(scenario: Scenario) -> None:
+    if scenario.service == "synthetic":
+        game, random = Game(scenario.change(max_cycles=1)), Random(np.random.default_rng(0))
+        state = game.start(game.draw(random, start=True))
+        assert np.all(np.isfinite(game.summary(state)))
