@@ -181,7 +181,7 @@ class Game:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
         tor, top = self.published(state)
         per_rater, round = 0.0 * tor, self._rounds[state.round]
-        provider = ProviderView(round + 0.0 * top, top, state.value, state.ratings, state.rated)
+        provider = ProviderView(round + 0.0 * top, top, state.value, state.quality, state.ratings, state.rated)
         rater = RaterView(
             round + per_rater,
             tor,

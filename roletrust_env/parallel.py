@@ -51,15 +51,16 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Observation Space
 
-    A `Box(0, 1, ...)` of float32 for each agent, with S raters and P providers in the scenario. A provider (3 + 2 S):
+    A `Box(0, 1, ...)` of float32 for each agent, with S raters and P providers in the scenario. A provider (4 + 2 S):
 
     | num | observation | min | max |
     |---|---|---|---|
     | 0 | clock: share of the game that is over | 0 | 1 |
     | 1 | own ToP | 0 | 1 |
     | 2 | value of the next service, as a share of the dearest | 0 | 1 |
-    | 3 ... 2+S | ratings of it that arrived in the last step, 0 where none did | 0 | 1 |
-    | 3+S ... 2+2S | 1 where one arrived | 0 | 1 |
+    | 3 | quality of its last service, not rated yet | 0 | 1 |
+    | 4 ... 3+S | ratings of it that arrived in the last step, 0 where none did | 0 | 1 |
+    | 4+S ... 3+2S | 1 where one arrived | 0 | 1 |
 
     A rater (2 + 5 P):
 

@@ -17,6 +17,7 @@ class ProviderView(NamedTuple):
         round: number of the round, (...).
         trust: its own ToP, (...).
         value: value of the service that it provides next, as a share of the dearest, (...).
+        quality: of the service that it provided last, which nobody has rated yet, (...).
         ratings: the ratings of it that arrived in the last round, 0 where none did, (S, ...).
         rated: where a rater's rating arrived, boolean, (S, ...).
     """
@@ -24,6 +25,7 @@ class ProviderView(NamedTuple):
     round: Array
     trust: Array
     value: Array
+    quality: Array
     ratings: Array
     rated: Array
 
@@ -80,8 +82,8 @@ class Layout:
 
     @property
     def provider_size(self) -> int:
-        """K of a provider: 3 + 2 S."""
-        return 3 + 2 * self.n_raters
+        """K of a provider: 4 + 2 S."""
+        return 4 + 2 * self.n_raters
 
     @property
     def rater_size(self) -> int:
@@ -102,7 +104,7 @@ class Layout:
     def provider(self, observation: Array) -> ProviderView:
         """The view that a provider's observation holds."""
         o, s = observation, self.n_raters
-        return ProviderView(self._round(o), o[1], o[2], o[3 : 3 + s], o[3 + s :] > 0.5)
+        return ProviderView(self._round(o), o[1], o[2], o[3], o[4 : 4 + s], o[4 + s :] > 0.5)
 
     def rater(self, observation: Array) -> RaterView:
         """The view that a rater's observation holds."""

@@ -13,7 +13,7 @@ from roletrust_env.views import ProviderView, RaterView
 def test_honest_play_serves_its_best_and_reports_what_it_perceived(policy: Policy, batch: tuple[int, ...]) -> None:
     service = np.random.default_rng(0).random((5, *batch))
     one = np.zeros(batch)
-    provider = ProviderView(one, one + 0.2, one, np.zeros((3, *batch)), np.zeros((3, *batch), bool))
+    provider = ProviderView(one, one + 0.2, one, one, np.zeros((3, *batch)), np.zeros((3, *batch), bool))
     rater = RaterView(one, one, service, service, service > 0.3, service, service > 0)
     quality, memory = policy.quality(provider, None, None)
     assert quality.shape == batch

@@ -12,7 +12,7 @@ from roletrust_env.views import ProviderView
 
 
 def seen(round: Any) -> ProviderView:
-    return ProviderView(round, 0 * round + 0.5, 0 * round + 1, None, None)
+    return ProviderView(round, 0 * round + 0.5, 0 * round + 1, 0 * round + 1, None, None)
 
 
 def rounds(policy: OnOff, n: int = 20) -> list[float]:
