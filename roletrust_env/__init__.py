@@ -10,12 +10,14 @@ from roletrust_env.policy import Cast, Player, Policy
 from roletrust_env.randomness import Random
 from roletrust_env.state import Actions, Noise, State
 from roletrust_env.trust import make_trust_model, register_trust_model, trust_models
+from roletrust_env.vector import register_tasks
 from roletrust_env.world import Scenario, load_scenario, make_scenario, register_scenario, scenarios
 
 __version__ = version("roletrust-env")
 
 pettingzoo.register("parallel", "RoleTrust-v0", parallel_env)
 pettingzoo.register("aec", "RoleTrust-v0", env)
+register_tasks()
 
 __all__ = [
     "Actions",

@@ -92,17 +92,19 @@ class Game:
         """The state before the first round."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         nothing = xp.zeros_like(noise.perception)
-        count = xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64)
+        # No two parts share an array: a compiler would have to compile anew when later ones do not.
         return State(
-            round=count,
+            round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
             trust=self.model.start(nothing),
             ratings=nothing,
             rated=nothing > 0,
-            quality=nothing[0],
-            service=nothing,
+            quality=xp.zeros_like(nothing[0]),
+            service=xp.zeros_like(nothing),
             awaiting=nothing > 0,
             value=self._next_value(nothing[0] + 1, noise),
-            counts=Counts(*[nothing[: roster.n_both, 0, ...]] * 2) if roster.n_both else None,
+            counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
+            if roster.n_both
+            else None,
             population=self.presence.start(noise.presence) if self.presence.changes else None,
             places=mobility.place(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)

@@ -89,7 +89,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     ## Episode End
 
     Truncation for all after the scenario's `max_cycles` steps. Termination of an agent when it leaves or when admission
-    control cuts it off, both for good. Agents that join later appear in `agents` when they do.
+    control cuts it off, both for good. Agents that join later appear in `agents` when they do. If nobody is present
+    any more the episode is over, also when others would have joined later: PettingZoo has no step without agents.
 
     ## Information
 

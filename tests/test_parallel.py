@@ -111,7 +111,7 @@ def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
         ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
         ({"lamb": 0.7}, ["lamb"]),
         ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
-        ({"max_cycles": 0}, ["max_cycles", "0", "greater than 0"]),
+        ({"max_cycles": 0}, ["max_cycles", "0", "greater than"]),
         ({"agents": ({"role": "SR"},)}, ["agents", "nobody could rate anybody"]),
     ],
     ids=str,

@@ -44,8 +44,8 @@ class RoleTrust:
     def start(self, like: Array) -> RoleTrustState:
         """Initial trust for everyone, and no rating yet. See `TrustModel.start`."""
         xp = namespace(like)
-        nothing = xp.zeros_like(like)
-        return RoleTrustState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
+        last, elapsed = xp.zeros_like(like), xp.zeros_like(like)
+        return RoleTrustState(last[:, 0, ...] + self.initial, last[0] + self.initial, last, elapsed)
 
     def update(self, state: RoleTrustState, ratings: Array, mask: Array) -> RoleTrustState:
         """One round of ratings. See `TrustModel.update`."""

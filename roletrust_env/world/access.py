@@ -37,7 +37,7 @@ def choose(rule: Choice, top: Array, available: Array, luck: Array) -> Array:
     if rule.temperature > 0:
         score = top[None, ...] / rule.temperature - xp.log(-xp.log(xp.clip(luck, 1e-12, 1 - 1e-7)))
     else:
-        score = top[None, ...] + 1e-5 * luck  # breaks ties at random
+        score = top[None, ...] + 1e-5 * luck  # breaks ties, and near ties, at random
     score = xp.where(available, score, -xp.inf)
     rank = xp.argsort(xp.argsort(score, axis=1), axis=1)
     return available & (rank >= luck.shape[1] - rule.providers)

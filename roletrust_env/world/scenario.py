@@ -114,7 +114,7 @@ class RatingChannel(_Frozen):
     """Probability that a rating is lost."""
     late: Share = 0.0
     """Probability that a rating that is not lost comes late."""
-    delay: PositiveInt = 1
+    delay: Annotated[int, Field(ge=1, le=1000)] = 1
     """Rounds by which a late rating is late. It yields to a newer rating that arrives in the same round."""
 
 
@@ -182,7 +182,7 @@ class Scenario(_Frozen):
     """The value of each service is drawn from these, each as likely; the provider knows it before it serves."""
     admission: Admission | None = None
     rewards: Rewards = Rewards()
-    max_cycles: PositiveInt = 120
+    max_cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 120
     """Length of the game, in rounds."""
     period_s: PositiveFloat = 0.5
     """Seconds from one service to the next."""
@@ -223,11 +223,12 @@ class Scenario(_Frozen):
         Raises:
             ValueError: a field does not exist or a value is not allowed.
         """
-        noise = changes.pop("noise", None)
-        data = {**self.model_dump(), **changes}
-        if noise is not None:
-            data["agents"] = [{**dict(group), "noise": noise} for group in data["agents"]]
-        return read_scenario(data, f"scenario {self.name!r}")
+        source, noise = f"scenario {self.name!r}", changes.pop("noise", None)
+        changed = read_scenario({**self.model_dump(), **changes}, source)
+        if noise is None:
+            return changed
+        agents = [{**group.model_dump(), "noise": noise} for group in changed.agents]
+        return read_scenario({**changed.model_dump(), "agents": agents}, source)
 
 
 def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
