@@ -23,6 +23,13 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
+# The pictures of the README.
+pictures: setup
+	$(BIN)/roletrust figures --out $(OUT)/figures
+	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --out $(OUT)/play
+	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
+	cp $(OUT)/play/play.png docs/render.png
+
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .

@@ -15,6 +15,8 @@ _FRAMES_PER_S = 8
 def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: int, progress: Progress) -> None:
     """Play one game through the PettingZoo environment and film it, one frame a round.
 
+    The last frame is saved beside the film, as a picture.
+
     The seed deals this game the luck of the first game that `record` plays alone with it.
 
     Args:
@@ -45,3 +47,5 @@ def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: i
         finally:
             film.close()
             environment.close()
+    with replacing(path.with_suffix(".png")) as temporary:
+        imageio.imwrite(temporary, picture)
