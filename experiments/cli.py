@@ -10,6 +10,7 @@ from experiments.console import console, errors
 from experiments.figures import figures
 from experiments.listing import list_command
 from experiments.play import play
+from experiments.speed import speed
 from roletrust_env import __version__
 
 
@@ -64,7 +65,7 @@ def roletrust(
 app.command("figures")(figures)
 app.command("play")(play)
 app.command("list")(list_command)
-# from experiments.speed import speed; app.command("speed")(speed)
+app.command("speed")(speed)
 
 
 def main() -> None:

@@ -42,7 +42,9 @@ def play(
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/play"),
-    video: Annotated[bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")] = False,
+    video: Annotated[
+        bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
+    ] = False,
 ) -> None:
     r"""Play [bold]any scenario[/] with any attackers and trust model, and save what came of it.
 
@@ -81,7 +83,9 @@ def play(
     title = f"{rules.name}, {trust_model}, " + (f"{len(attackers)} attacking" if attackers else "everyone honest")
     written = _write(out, game, curves, attackers, seed, title, found)
     console.print(_table(title, found, games))
-    console.print(f"Written to {out}: {', '.join([*written, 'play.mp4', 'play.png'] if video else written)}", soft_wrap=True)
+    console.print(
+        f"Written to {out}: {', '.join([*written, 'play.mp4', 'play.png'] if video else written)}", soft_wrap=True
+    )
 
 
 Found = dict[str, dict[str, tuple[float, float]]]

@@ -11,6 +11,8 @@ Array: TypeAlias = Any
 
 
 _NUMPY = (np.ndarray, np.generic)
+_NAMESPACES: dict[type, ModuleType] = {}
+"""By type of array, as far as they were asked for: a compiler can see through a look-up, but not through a cache."""
 
 
 def namespace(array: Array) -> ModuleType:
@@ -23,4 +25,9 @@ def namespace(array: Array) -> ModuleType:
         `numpy` itself (NumPy 2 follows the standard, and a wrapper would double the time of a small game), or the
         namespace that array-api-compat gives.
     """
-    return np if isinstance(array, _NUMPY) else array_namespace(array)
+    if isinstance(array, _NUMPY):
+        return np
+    kind = type(array)
+    if kind not in _NAMESPACES:
+        _NAMESPACES[kind] = array_namespace(array)
+    return _NAMESPACES[kind]

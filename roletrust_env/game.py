@@ -97,10 +97,10 @@ class Game:
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
             trust=self.model.start(nothing),
             ratings=nothing,
-            rated=nothing > 0,
+            rated=self._over(self._stranger & False, nothing.shape),
             quality=xp.zeros_like(nothing[0]),
             service=xp.zeros_like(nothing),
-            awaiting=nothing > 0,
+            awaiting=self._over(self._stranger & False, nothing.shape),
             value=self._next_value(nothing[0] + 1, noise),
             counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
             if roster.n_both
@@ -241,9 +241,7 @@ class Game:
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
-        # No rater is served by itself, nor ever was: what awaits a rating only brings the shape of the batch.
-        stranger = self._stranger.reshape(self._stranger.shape + (1,) * (top.ndim - 1))
-        served = stranger | state.awaiting
+        served = self._over(self._stranger, state.awaiting.shape)
         if self._duty is not None:
             rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
             served = served & rating[:, None, ...] & providing[None, ...]
@@ -258,6 +256,15 @@ class Game:
         if isinstance(rules.access, Choice):
             served = access.choose(rules.access, top, served, noise.choice)
         return served
+
+    def _over(self, pairs: Array, shape: tuple[int, ...]) -> Array:
+        """What holds of each rater and provider, shape (S, P), in every game of a batch.
+
+        A view and not a copy: compiled for the CPU, writing booleans takes as long as the whole trust model.
+        """
+        if pairs.shape == shape:
+            return pairs
+        return namespace(pairs).broadcast_to(pairs.reshape(pairs.shape + (1,) * (len(shape) - 2)), shape)
 
     def _rewards(self, tor: Array, top: Array, counts: Counts | None, costs: Array) -> Array:
         weights, roster = self.scenario.rewards, self.roster

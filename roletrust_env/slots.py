@@ -1,0 +1,135 @@
+"""What the faces for Stable-Baselines3 have in common: a `VecEnv` whose slots are one batch."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import VecEnv
+
+from roletrust_env.arrays import Array
+from roletrust_env.randomness import Random
+
+Floats = npt.NDArray[np.float32]
+Flags = npt.NDArray[np.bool_]
+
+
+class Step(NamedTuple):
+    """What a round brought each slot, and what its info says."""
+
+    rewards: Floats
+    terminated: Flags
+    truncated: Flags
+    details: Mapping[str, Floats]
+
+
+class Slots(VecEnv):
+    """The part of `VecEnv` that does not depend on what a slot is.
+
+    Infos of a slot whose episode ends hold `terminal_observation`, `TimeLimit.truncated` and SB3's
+    `episode`: `r`, the sum of rewards, `l`, the number of rounds, `t`, seconds since this object was made.
+    """
+
+    def __init__(self, slots: int, seen: Box, action: Box, like: Array, *, scaled: bool, seed: int | None) -> None:
+        if not isinstance(like, np.ndarray):
+            raise ValueError(f"the game plays on {type(like).__name__}; Stable-Baselines3 needs one on NumPy")
+        if slots < 1:
+            raise ValueError("num_envs is less than 1; there must be a game")
+        self.render_mode = None
+        self._scaled = scaled
+        space = Box(-1.0, 1.0, action.shape, np.float32) if scaled else action
+        super().__init__(slots, seen, space)
+        self.metadata["autoreset_mode"] = AutoresetMode.SAME_STEP  # type: ignore[assignment] # SB3 only has lists
+        self._dtype = like.dtype
+        self._random = Random(np.random.default_rng(seed), like.dtype)
+        self._returns, self._lengths = np.zeros(slots), np.zeros(slots, int)
+        self._began = perf_counter()
+        self._actions: Floats | None = None
+
+    @abstractmethod
+    def _restart(self, ended: Flags | None) -> None:
+        """Begin all episodes, or those of some slots."""
+
+    @abstractmethod
+    def _play(self, actions: Floats) -> Step:
+        """Play a round; actions in [0, 1], (slots, A)."""
+
+    @abstractmethod
+    def _observe(self) -> Floats:
+        """What each slot sees, (slots, K), a new array."""
+
+    def reset(self) -> Floats:
+        """Restart all slots; a seed given to `seed` before takes effect."""
+        if self._seeds[0] is not None:
+            self._random = Random(np.random.default_rng(self._seeds[0]), self._dtype)
+        self._reset_seeds()
+        self._reset_options()
+        self._restart(None)
+        self._returns[:], self._lengths[:] = 0, 0
+        return self._observe()
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Take the actions of the next round, of the action space, (slots, A).
+
+        Raises:
+            ValueError: they are of the wrong shape, or NaN or outside the space. Nothing has changed then.
+        """
+        shape = (self.num_envs, *(self.action_space.shape or ()))
+        low = -1.0 if self._scaled else 0.0
+        if actions.shape != shape:
+            raise ValueError(f"the actions have shape {actions.shape}; needed is {shape}")
+        if not (actions.min() >= low and actions.max() <= 1):
+            raise ValueError(f"the actions hold NaN or numbers outside [{low:g}, 1]; every entry must lie in there")
+        self._actions = (actions * 0.5 + 0.5 if self._scaled else actions).astype(np.float32, copy=False)
+
+    def step_wait(self) -> tuple[Floats, Floats, Flags, list[dict[str, Any]]]:
+        """Play the round; a slot whose episode ended begins the next one at once."""
+        if self._actions is None:
+            raise RuntimeError("call step_async() before step_wait(): there are no actions")
+        actions, self._actions = self._actions, None
+        step = self._play(actions)
+        self._returns += step.rewards
+        self._lengths += 1
+        names = list(step.details)
+        rows = zip(*(values.tolist() for values in step.details.values()), strict=True)
+        infos = [dict(zip(names, row, strict=True)) for row in rows] if names else [{} for _ in range(self.num_envs)]
+        observation = self._observe()
+        dones: Flags = step.terminated | step.truncated
+        if dones.any():
+            seconds = round(perf_counter() - self._began, 6)
+            for slot in np.flatnonzero(dones).tolist():
+                episode = {"r": float(self._returns[slot]), "l": int(self._lengths[slot]), "t": seconds}
+                infos[slot]["terminal_observation"] = observation[slot]
+                infos[slot]["TimeLimit.truncated"] = bool(step.truncated[slot])
+                infos[slot]["episode"] = episode
+            self._returns[dones], self._lengths[dones] = 0, 0
+            self._restart(dones)
+            observation = self._observe()
+        return observation, step.rewards.astype(np.float32, copy=False), dones, infos
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of this object, for each slot asked for."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused: the slots are one object."""
+        raise NotImplementedError("the games are one batch; there is no environment of its own to set an attribute of")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Refused: the slots are one object."""
+        raise NotImplementedError("the games are one batch; there is no environment of its own to call a method of")
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
+        """Whether a slot does what the wrapper does: the infos have what `Monitor` adds to them."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+    def _get_indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
+        return range(self.num_envs) if indices is None else [indices] if isinstance(indices, int) else indices
