@@ -28,7 +28,8 @@ class Game:
 
     Args:
         scenario: what is played.
-        trust_model: a trust model, or the name of one, which is made with the scenario's `lam` and `initial_trust`.
+        trust_model: the name of a trust model, which is made with the scenario's `lam` and `initial_trust`; or a model,
+            which keeps its own.
         like: an array of the library, dtype and device to play with; by default NumPy's float64.
 
     Attributes:
@@ -42,6 +43,8 @@ class Game:
     def __init__(
         self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust", like: Array | None = None
     ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
         self.scenario = scenario
         if isinstance(trust_model, str):
             trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
@@ -66,6 +69,20 @@ class Game:
         if len(set(scenario.values)) > 1:
             self._values = self._constant(np.asarray(scenario.values) / max(scenario.values), like.dtype)
         self._costs = scenario.rewards.quality_cost * max(scenario.values)
+
+    def random(self, seed: int | None = None) -> Random:
+        """A source of luck for this game: of its array library, dtype and device.
+
+        Args:
+            seed: makes it reproducible; None takes fresh entropy.
+        """
+        if isinstance(self.like, np.ndarray):
+            return Random(np.random.default_rng(seed), self.like.dtype)
+        import torch
+
+        generator = torch.Generator(self.like.device)
+        generator.manual_seed(torch.seed() if seed is None else seed)
+        return Random(generator, self.like.dtype)
 
     def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
         """Draw the luck of one round, or of the start.

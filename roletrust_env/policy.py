@@ -57,9 +57,13 @@ class Player:
         agent: its name, such as `sr_0`; the role is read off it.
         layout: the game's, see `RoleTrustParallelEnv.layout`.
         seed: for policies that play at random.
+
+    Raises:
+        ValueError: the policy attacks on no channel that the agent has.
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
+        _check_channels(agent, policy)
         self.policy = policy
         self._role = _role(agent)
         self._layout = layout
@@ -155,6 +159,10 @@ def _check_seat(game: Game, name: str, policy: Policy) -> None:
     if name not in names:
         shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
+    _check_channels(name, policy)
+
+
+def _check_channels(name: str, policy: Policy) -> None:
     channels = _CHANNELS[_role(name)]
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(

@@ -13,13 +13,18 @@ class Random:
 
     Args:
         generator: a `numpy.random.Generator` or a `torch.Generator`, whose device decides where arrays are made.
-        dtype: the dtype of the numbers, of the generator's library.
+        dtype: the dtype of the numbers, of the generator's library; None is its default.
+
+    Raises:
+        ValueError: the generator is neither of the two. `Game.random(seed)` makes one that fits a game.
     """
 
-    def __init__(self, generator: Any, dtype: Any = np.float64) -> None:
-        self.generator = generator
-        self.dtype = dtype
+    def __init__(self, generator: Any, dtype: Any = None) -> None:
         self._numpy = isinstance(generator, np.random.Generator)
+        if not self._numpy and not hasattr(generator, "device"):
+            raise ValueError(f"generator is {generator!r}; it must be a numpy.random.Generator or a torch.Generator")
+        self.generator = generator
+        self.dtype = np.float64 if self._numpy and dtype is None else dtype
 
     def uniform(self, shape: Sequence[int]) -> Array:
         """Numbers from U[0, 1)."""

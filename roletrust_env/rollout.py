@@ -27,6 +27,8 @@ class History(NamedTuple):
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
         rewards: (T, N, ...).
+        present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
+            initial one before it joins, and stays where it was after it has gone; leave it out of means.
     """
 
     tor: Array
@@ -36,6 +38,7 @@ class History(NamedTuple):
     ratings: Array
     rated: Array
     rewards: Array
+    present: Array
 
 
 def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
@@ -48,7 +51,12 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
 
     Yields:
         Each round as it was played.
+
+    Raises:
+        ValueError: `batch` is no tuple.
     """
+    if not isinstance(batch, tuple):
+        raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
     game = cast.game
     state = game.start(game.draw(random, batch, start=True))
     memories = cast.begin(random, batch)
@@ -62,9 +70,9 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
     """Play to the scenario's end and keep what happened. Arguments as for `play`.
 
     Example:
-        >>> import numpy as np, roletrust_env
+        >>> import roletrust_env
         >>> game = roletrust_env.Game(roletrust_env.make_scenario("paper-3x3").change(noise=0.0))
-        >>> history = record(roletrust_env.Cast(game, {}), roletrust_env.Random(np.random.default_rng(0)))
+        >>> history = record(roletrust_env.Cast(game, {}), game.random(seed=0))
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
@@ -72,6 +80,9 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
     for state, rewards in play(cast, random, batch):
         tor, top = cast.game.published(state)
         trust = cast.game.agent_trust(state)
-        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, rewards))
+        present = cast.game.present(state)
+        if present is None:
+            present = trust == trust  # everybody
+        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, rewards, present))
     stack = namespace(rows[0][0]).stack
     return History(*(stack(column) for column in zip(*rows, strict=True)))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_env import Cast, Game, Random, load_scenario, make_scenario
+from roletrust_env import Cast, Game, load_scenario, make_scenario
 from roletrust_env.rollout import record
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
@@ -35,18 +35,22 @@ def test_the_batch_shows_the_closed_form(said):
     np.testing.assert_allclose(said["history"].tor[-1, :, 0], 1 - np.sqrt([1 / 6, 1 / 6, 1 / 3]), atol=1e-6)
 
 
+def test_tensors_show_the_same(said):
+    np.testing.assert_allclose(said["history_of_tensors"].tor, said["history"].tor, atol=1e-5)
+
+
 def test_the_model_resists_a_liar_better_than_the_mean(said):
     game = Game(make_scenario("crowd-10x10"), "weighted-mean")
     mean = Game(make_scenario("crowd-10x10"), "mean")
     liar = {"sr_0": said["BadMouthing"](level=0.0)}
     defended, undefended = (
-        record(Cast(g, liar), Random(np.random.default_rng(0))).top[-1].mean() for g in (game, mean)
+        record(Cast(g, liar), g.random(seed=0)).top[-1].mean() for g in (game, mean)
     )
     assert defended > undefended + 0.05
 
 
 def test_the_attacker_plays(said):
-    top = record(said["opportunist"], Random(np.random.default_rng(0))).top
+    top = record(said["opportunist"], said["game"].random(seed=0)).top
     assert top[-1, 0] < 0.7 < top[-1, 1]
 
 

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
+from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -25,6 +26,12 @@ Role = Literal["SR", "SP", "SR+SP"]
 
 class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Tell of the fields in the class's own documentation, too."""
+        fields = [f"    {name}: {info.description}" for name, info in cls.model_fields.items()]
+        cls.__doc__ = "\n".join([cleandoc(cls.__doc__ or ""), "", "Attributes:", *fields])
 
     @model_validator(mode="before")
     @classmethod
@@ -83,12 +90,14 @@ class Everyone(_Frozen):
     """Every rater is served by every provider, as in the paper."""
 
     kind: Literal["everyone"] = "everyone"
+    """`everyone`."""
 
 
 class InRange(_Frozen):
     """Agents are robots that move from waypoint to waypoint; a rater is served by the providers near it."""
 
     kind: Literal["in-range"] = "in-range"
+    """`in-range`."""
     radius: PositiveFloat = 4.0
     """Distance up to which a service reaches, in metres."""
     arena: PositiveFloat = 10.0
@@ -101,6 +110,7 @@ class Choice(_Frozen):
     """Each rater chooses a few providers by their published trust."""
 
     kind: Literal["choice"] = "choice"
+    """`choice`."""
     providers: PositiveInt = 1
     """How many providers each rater chooses in a round."""
     temperature: NonNegativeFloat = 0.0
@@ -166,8 +176,11 @@ class Scenario(_Frozen):
     """
 
     name: str = "custom"
+    """What it is called."""
     description: str = ""
+    """One line on what it shows."""
     tags: tuple[str, ...] = ()
+    """Words to find it by."""
     agents: tuple[AgentGroup, ...]
     """The groups of agents."""
     access: Annotated[Everyone | InRange | Choice, Field(discriminator="kind")] = Everyone()
@@ -177,11 +190,15 @@ class Scenario(_Frozen):
     frames: str | int | None = None
     """For `hog`: a video file, an image folder or a camera number; None renders a scene."""
     ratings: RatingChannel = RatingChannel()
+    """How many ratings get lost or come late: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
+    """What strikes all services for a while: `start`, `stop`, `strength`."""
     values: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
     """The value of each service is drawn from these, each as likely; the provider knows it before it serves."""
     admission: Admission | None = None
+    """Who is cut off for good: `threshold`, `rounds`; None cuts nobody off."""
     rewards: Rewards = Rewards()
+    """Weights of the rewards of honest agents."""
     max_cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 120
     """Length of the game, in rounds."""
     period_s: PositiveFloat = 0.5
@@ -269,7 +286,10 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def _parse_yaml(text: str) -> Any:
-    import yaml
+    try:
+        import yaml
+    except ImportError:
+        raise ValueError("YAML needs PyYAML: pip install 'roletrust-env[cli]'; TOML needs nothing") from None
 
     try:
         return yaml.safe_load(text)

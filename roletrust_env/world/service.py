@@ -53,7 +53,10 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
     """The service of a scenario; OpenCV is imported only for one that looks at camera frames."""
     if scenario.service == "synthetic":
         return SyntheticService(roster, like)
-    from roletrust_env.world.vision import HogService
+    try:
+        from roletrust_env.world.vision import HogService
+    except ImportError as error:
+        raise ValueError(f"the service 'hog' needs OpenCV ({error}): pip install 'roletrust-env[vision]'") from None
 
     return HogService(
         roster.n_raters,
