@@ -15,7 +15,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import Random
 from roletrust_env.state import Actions, Counts, Noise, State
 from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
-from roletrust_env.views import Layout, ProviderView, RaterView
+from roletrust_env.views import Layout, ProviderView, RaterView, look
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -57,6 +57,7 @@ class Game:
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
         self._stranger = self._constant(roster.stranger)
+        self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._rounds = self._constant(range(scenario.max_cycles + 1), like.dtype)
         self._strength = self._constant(_strength(scenario), like.dtype)
@@ -198,19 +199,16 @@ class Game:
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
-        tor, top = self.published(state)
-        per_rater, round = 0.0 * tor, self._rounds[state.round]
-        provider = ProviderView(round + 0.0 * top, top, state.value, state.quality, state.ratings, state.rated)
-        rater = RaterView(
-            round + per_rater,
-            tor,
-            top[:, None, ...] + per_rater,
-            state.service.swapaxes(0, 1),
-            state.awaiting.swapaxes(0, 1),
-            state.ratings.swapaxes(0, 1),
-            state.rated.swapaxes(0, 1),
+        return look(
+            self._rounds[state.round],
+            *self.published(state),
+            state.value,
+            state.quality,
+            state.service,
+            state.awaiting,
+            state.ratings,
+            state.rated,
         )
-        return provider, rater
 
     def observations(self, state: State) -> tuple[Array, Array, Array | None]:
         """The observation vectors of the SR, (K, n, ...), of the SP and of the SR+SP agents (None without any)."""
@@ -237,16 +235,16 @@ class Game:
         (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
         and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
         """
-        xp, batch, dtype = namespace(self.like), state.round.shape, state.ratings.dtype
+        xp, batch = namespace(self.like), state.round.shape
         tor, top = self.published(state)
         present = self.present(state)
         if present is None:
-            present = xp.ones((self.roster.n_agents, *batch), dtype=dtype, device=self.like.device)
+            present = self._over(self._everybody, (self.roster.n_agents, *batch))
         parts = [self._rounds[state.round] / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
         parts += [state.service, state.awaiting, state.ratings, state.rated]
         if state.places is not None and isinstance(self.scenario.access, InRange):
             parts.append(state.places.position / self.scenario.access.arena)
-        return xp.concat([xp.astype(part, dtype).reshape(-1, *batch) for part in parts])
+        return xp.concat([part.reshape(-1, *batch) for part in parts])
 
     def _served(
         self,
@@ -274,14 +272,15 @@ class Game:
             served = access.choose(rules.access, top, served, noise.choice)
         return served
 
-    def _over(self, pairs: Array, shape: tuple[int, ...]) -> Array:
-        """What holds of each rater and provider, shape (S, P), in every game of a batch.
+    def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
+        """A constant, such as one of shape (S, P), for every game of a batch.
 
-        A view and not a copy: compiled for the CPU, writing booleans takes as long as the whole trust model.
+        A view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the whole trust model.
         """
-        if pairs.shape == shape:
-            return pairs
-        return namespace(pairs).broadcast_to(pairs.reshape(pairs.shape + (1,) * (len(shape) - 2)), shape)
+        if constant.shape == shape:
+            return constant
+        batch = (1,) * (len(shape) - constant.ndim)
+        return namespace(constant).broadcast_to(constant.reshape(constant.shape + batch), shape)
 
     def _rewards(self, tor: Array, top: Array, counts: Counts | None, costs: Array) -> Array:
         weights, roster = self.scenario.rewards, self.roster

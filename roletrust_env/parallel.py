@@ -148,6 +148,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             self._action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
             self._slots[agent] = ((done,), slice(self._n_actions, self._n_actions + done))
             self._n_actions += done
+        self._seen = self._places()  # where, in the vector of everything, the entries of its observation stand
         self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
         self._random: Random | None = None
         self._state: State | None = None
@@ -309,12 +310,23 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
-        by_role = [of_role for of_role in self.game.observations(state) if of_role is not None]
-        rows = [row for of_role in by_role for row in of_role.T.astype(np.float32, order="C")]
-        if len(agents) == len(rows):
-            return dict(zip(agents, rows, strict=True))
-        seen = dict(zip(self.possible_agents, rows, strict=True))
-        return {agent: seen[agent] for agent in agents}
+        everything = self.game.summary(state)
+        if n_both := self.game.roster.n_both:
+            everything = np.concatenate([everything, self.game.agent_trust(state)[-n_both:]])
+        everything = everything.astype(np.float32)
+        return {agent: everything[self._seen[agent]] for agent in agents}
+
+    def _places(self) -> dict[str, npt.NDArray[np.intp]]:
+        """Each agent's observation as places in `Game.summary`, with the ToA of the SR+SP agents after it."""
+        roster, toa = self.game.roster, self.game.summary_size
+        of_raters, of_providers = self.layout.places(roster.n_agents)
+        provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
+        rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
+        both = [agent for agent in roster.names if agent in provider and agent in rater]
+        seen = {**provider, **rater}
+        return seen | {
+            agent: np.concatenate([[toa + i], provider[agent], rater[agent]]) for i, agent in enumerate(both)
+        }
 
     def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         roster, game = self.game.roster, self.game

@@ -24,7 +24,7 @@ class Random:
         if not self._numpy and not hasattr(generator, "device"):
             raise ValueError(f"generator is {generator!r}; it must be a numpy.random.Generator or a torch.Generator")
         self.generator = generator
-        self.dtype = np.float64 if self._numpy and dtype is None else dtype
+        self.dtype: Any = np.float64 if self._numpy and dtype is None else dtype
 
     def uniform(self, shape: Sequence[int]) -> Array:
         """Numbers from U[0, 1)."""

@@ -7,6 +7,9 @@ shape (...) if it is one number, (P, ...) if there is one per provider, (S, ...)
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from roletrust_env.arrays import Array, namespace
 
 
@@ -63,6 +66,36 @@ class AgentView(NamedTuple):
 View = TypeVar("View", ProviderView, RaterView)
 
 
+def look(
+    round: Array,
+    tor: Array,
+    top: Array,
+    value: Array,
+    quality: Array,
+    service: Array,
+    awaiting: Array,
+    ratings: Array,
+    rated: Array,
+) -> tuple[ProviderView, RaterView]:
+    """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...).
+
+    Args:
+        round: number of the round, (...).
+        tor: trust of the raters, (S, ...).
+        top: trust of the providers, (P, ...).
+        value: of the service that each provider provides next, (P, ...).
+        quality: of the service that each provided last, (P, ...).
+        service: perceived quality of the services that await their rating, (S, P, ...).
+        awaiting: which do, (S, P, ...).
+        ratings: the ratings that arrived in the last round, (S, P, ...).
+        rated: where they did, (S, P, ...).
+    """
+    per_rater = 0.0 * tor
+    of_each_rater = (grid.swapaxes(0, 1) for grid in (service, awaiting, ratings, rated))
+    provider = ProviderView(round + 0.0 * top, top, value, quality, ratings, rated)
+    return provider, RaterView(round + per_rater, tor, top[:, None, ...] + per_rater, *of_each_rater)
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where each field of a view stands in the observation vector.
@@ -95,6 +128,18 @@ class Layout:
         one, (round, *rest) = view.trust.ndim, view
         parts = [field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)]
         return namespace(view.trust).concat(parts)
+
+    def places(self, n_agents: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Where the entries of the raters' observations, (K, S), and of the providers', (K, P), are in `Game.summary`.
+
+        A single game is observed faster entry by entry than field by field.
+        """
+        s, p = self.n_raters, self.n_providers
+        sizes = (1, s, p, p, p, n_agents, *[s * p] * 4)
+        clock, tor, top, value, quality, _, *grids = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+        provider, rater = look(clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids))
+        # The place of the clock is 0, as a share of the game's length too.
+        return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)
 
     def flatten_both(self, view: AgentView) -> Array:
         """The observation vector of an SR+SP agent's view."""

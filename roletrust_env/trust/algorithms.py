@@ -181,7 +181,12 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
         lam: weight of the newest round.
         count: of how many it is the mean; 0 where nothing happened.
     """
-    return previous + lam * namespace(count).sign(count) * (value - previous)
+    return previous + lam * occurred(count) * (value - previous)
+
+
+def occurred(count: Array) -> Array:
+    """1 where a count is above 0, and 0 where it is 0, in the dtype of the count."""
+    return count / (count + _TINY)
 
 
 def _sinc(x: Array) -> Array:

@@ -6,7 +6,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import Notes, provider_quality, rater_quality, smooth
+from roletrust_env.trust.algorithms import Notes, occurred, provider_quality, rater_quality, smooth
 
 
 class RoleTrustState(NamedTuple):
@@ -55,7 +55,7 @@ class RoleTrust:
         quality = provider_quality(notes, tor, state.last, state.elapsed)
         top = smooth(quality, state.top, self.lam, notes.received)
         last = xp.where(mask, ratings, state.last)
-        elapsed = xp.where(mask, notes.weights, state.elapsed + xp.sign(state.elapsed))
+        elapsed = xp.where(mask, notes.weights, state.elapsed + occurred(state.elapsed))
         return RoleTrustState(tor, top, last, elapsed)
 
     def rater_trust(self, state: RoleTrustState) -> Array:
