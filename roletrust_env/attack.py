@@ -7,10 +7,11 @@ being told apart and what an attacker may know, and is as pure and as batched as
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, get_args
 
-from pydantic import NonNegativeFloat
+from pydantic import ConfigDict, NonNegativeFloat, ValidationError
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.errors import explain
 from roletrust_env.game import Game
 from roletrust_env.policy import Cast, Policy
 from roletrust_env.randomness import Random
@@ -22,7 +23,7 @@ Objective = Literal["damage", "exploit", "promote"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class Stealth:
     """The price of being told apart by one's trust.
 
@@ -33,6 +34,25 @@ class Stealth:
 
     weight: NonNegativeFloat = 0.0
     tolerance: Share = 0.1
+
+
+def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
+    """A price of stealth from its fields.
+
+    Raises:
+        ValueError: it is none, or a field is unknown or not allowed.
+    """
+    if price is None or isinstance(price, Stealth):
+        return price or Stealth()
+    if not isinstance(price, Mapping):
+        raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
+    for name in price:
+        if name not in ("weight", "tolerance"):
+            raise ValueError(f"stealth: there is no field {name!r}; there are weight, tolerance")
+    try:
+        return Stealth(**price)
+    except ValidationError as error:
+        raise ValueError(f"stealth: {explain(error)}") from None
 
 
 class TaskState(NamedTuple):
@@ -246,6 +266,8 @@ def _check_choice(what: str, value: object, known: Sequence[str]) -> None:
 
 
 def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise ValueError(f"{what} is {names!r}; it must be a sequence of agents' names")
     for name in names:
         if name not in known:
             raise ValueError(f"{what}: there is no {name!r}; there are {', '.join(known)}")

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from roletrust_env.arrays import Array
-from roletrust_env.attack import AttackTask, Knowledge, Objective, Stealth
+from roletrust_env.attack import AttackTask, Knowledge, Objective, Stealth, make_stealth
 from roletrust_env.batch import TaskBatch
 from roletrust_env.game import Game
 from roletrust_env.policy import Policy
@@ -54,12 +54,11 @@ def make_task(
     scenario = make_scenario(scenario)
     scenario = scenario.change(**changes) if changes else scenario
     game = Game(scenario, trust_model, np.zeros((), np.float32) if like is None else like)
-    price = stealth if stealth is None or isinstance(stealth, Stealth) else Stealth(**stealth)
     return AttackTask(
         game,
         compromised,
         objective=objective,
-        stealth=price,
+        stealth=make_stealth(stealth),
         knowledge=knowledge,
         others=others,
         accomplices=accomplices,
@@ -152,18 +151,22 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             known = ", ".join(self.metadata["render_modes"])
             raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
+        if not isinstance(arguments.get("like"), np.ndarray | None):
+            raise ValueError("like is of another library; this face is NumPy's, see make_vec for batches of tensors")
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
         self._batch = TaskBatch(self.task)
+        self._playing = False
         self._curves: list[tuple[Any, Any]] = []
         self._renderer: Any = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
         super().reset(seed=seed)
-        self._random = Random(self.np_random, np.float32)
+        self._random = Random(self.np_random, self.task.game.like.dtype)
         self._batch.restart(self._random)
+        self._playing = True
         self._curves = []
         self._note()
         return self._observe(), {"objective": 0.0, "cost": 0.0}
@@ -175,7 +178,11 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             ValueError: the action is of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
             RuntimeError: `reset` was not called.
         """
-        outcome = self._batch.step(check_action(action, self.action_space.shape or ()), self._random)
+        action = check_action(action, self.action_space.shape or ())
+        if not self._playing:
+            raise RuntimeError("call reset() before step(): the episode has not begun or is over")
+        outcome = self._batch.step(action, self._random)
+        self._playing = not (bool(outcome.caught) or bool(outcome.over))
         self._note()
         info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
         caught = bool(outcome.caught)

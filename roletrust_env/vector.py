@@ -47,8 +47,10 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         modes = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
         if autoreset_mode not in modes:
             raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be one of {', '.join(map(str, modes))}")
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs!r}; it must be 1 or more")
+        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs!r}; it must be a whole number, 1 or more")
+        if task_id not in TASKS:
+            raise ValueError(f"unknown task {task_id!r}; known: {', '.join(TASKS)}")
         self.task = make_task(**{**TASKS[task_id].defaults, **arguments})
         self.num_envs = num_envs
         self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": autoreset_mode, "render_modes": []}
@@ -72,13 +74,13 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         Raises:
             ValueError: a list of seeds is given: the games share one generator.
         """
-        if isinstance(seed, list):
-            raise ValueError("seed is a list; the games share one generator, so give one number")
+        if not isinstance(seed, int | np.integer | None):
+            raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
         if seed is not None:
             self._random = make_random(self.task, seed)
         self._batch.restart(self._random)
         self._ended = None
-        return self._observe(), {}
+        return self._observe(), dict.fromkeys(("objective", "cost"), self._zeros())
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Play one round of all games; see `gymnasium.vector.VectorEnv.step`.
@@ -92,6 +94,15 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         begins = self._ended
         if begins is not None:
             self._batch.restart(self._random, begins)
+            if bool(begins.all()):  # nobody plays; no luck is drawn, as in the reset of a single environment
+                self._ended, never, nothing = None, begins & ~begins, self._zeros()
+                return (
+                    self._observe(),
+                    nothing,
+                    never,
+                    xp.asarray(never, copy=True),
+                    {"objective": nothing, "cost": nothing},
+                )
         outcome = self._batch.step(actions.T, self._random, begins)
         terminations, truncations = outcome.caught, outcome.over & ~outcome.caught
         rewards, infos = outcome.reward, {"objective": outcome.objective, "cost": outcome.cost}
@@ -104,6 +115,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if bool(ended.any()):
             if self._same_step:
                 final = {"final_obs": self._observe(), "final_info": infos}
+                infos = {name: xp.where(ended, 0.0, values) for name, values in infos.items()}
                 infos = {**infos, **final, "_final_obs": ended, "_final_info": ended}
                 self._batch.restart(self._random, ended)
             else:
@@ -112,12 +124,26 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _observe(self) -> Array:
         observation = self._batch.observe().T
-        return np.ascontiguousarray(observation) if isinstance(observation, np.ndarray) else observation.contiguous()
+        return (
+            np.ascontiguousarray(observation, np.float32)
+            if isinstance(observation, np.ndarray)
+            else observation.contiguous()
+        )
+
+    def _zeros(self) -> Array:
+        like = self.task.game.like
+        return namespace(like).zeros(self.num_envs, dtype=like.dtype, device=like.device)
 
     def _checked(self, actions: Array) -> Array:
         if isinstance(self.task.game.like, np.ndarray):
             return check_action(actions, self.action_space.shape or ())
         xp = namespace(self.task.game.like)
+        if not isinstance(actions, type(self.task.game.like)):
+            return xp.asarray(
+                check_action(actions, self.action_space.shape or ()),
+                dtype=self.task.game.like.dtype,
+                device=self.task.game.like.device,
+            )
         actions = xp.asarray(actions, dtype=self.task.game.like.dtype, device=self.task.game.like.device)
         if tuple(actions.shape) != self.action_space.shape:
             raise ValueError(f"the actions have shape {tuple(actions.shape)}; needed is {self.action_space.shape}")
