@@ -26,7 +26,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 # The pictures of the README.
 pictures: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
-	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --out $(OUT)/play
+	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
 

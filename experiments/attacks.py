@@ -1,18 +1,28 @@
 """What is written behind `--attack`, `--trust-model` and `--set`, as policies, models and values."""
 
+import os
 import re
+import sys
 import tomllib
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
+from importlib.metadata import EntryPoint
 from typing import Any
 
-from baselines import make_attacker
-from roletrust_env import Policy, Scenario, make_trust_model
+import baselines
+from roletrust_env import Policy, Scenario
+from roletrust_env.registry import Registry
 from roletrust_env.trust import TrustModel
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
 
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
 _COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
+
+# The parameters of a trust model that a field of the scenario gives it.
+_SHARED = {"lam": "lam", "initial": "initial_trust"}
 
 
 def parse_value(text: str) -> Any:
@@ -51,46 +61,143 @@ def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, 
     return parsed
 
 
+def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
+    """The scenario with the settings of `--set`.
+
+    Raises:
+        ValueError: a field does not exist or a value is not allowed.
+    """
+    fields = [*Scenario.model_fields, "noise"]
+    for field in settings:
+        if field not in fields:
+            near = get_close_matches(field, fields, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else "."
+            raise ValueError(f"--set: there is no field {field!r}{hint} There are {', '.join(fields)}")
+    return scenario.change(**settings) if settings else scenario
+
+
 def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]:
     """`AGENT=NAME:key=value,key=value` texts as policies by agent.
 
     Args:
-        texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`.
+        texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
+            `targets` may be names of agents.
         scenario: whose agents they are.
 
     Raises:
         ValueError: a text is not of that form, names no agent or an agent again, or the attacker cannot be made.
     """
     policies: dict[str, Policy] = {}
+    roster = Roster.of(scenario)
     for text in texts:
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        policy = _made(make_attacker, attacker, {})
-        for agent in _agents(pattern.strip(), Roster.of(scenario).names):
+        registry, name, parameters = _parsed(baselines.registry, attacker)
+        if "targets" in parameters:
+            parameters["targets"] = _targets(parameters["targets"], roster.provider_names)
+        policy = _made(registry, name, parameters, attacker)
+        if not isinstance(policy, Policy):
+            raise ValueError(f"--attack: {attacker!r} makes a {type(policy).__name__}; it must make a Policy")
+        for agent in _agents(pattern.strip(), roster.names):
             if agent in policies:
                 raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
             policies[agent] = policy
     return policies
 
 
-def parse_trust_model(text: str, scenario: Scenario) -> TrustModel[Any]:
+def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
     """`NAME` or `NAME:key=value,...` as a trust model, with the scenario's `lam` and `initial_trust` if not given.
 
+    Args:
+        text: NAME may be `package.module:Class`.
+        scenario: that it is for, as changed by the settings.
+        settings: what `--set` says.
+
     Raises:
-        ValueError: the name is unknown, or the model does not take these parameters.
+        ValueError: the name is unknown, the model does not take these parameters, or the settings contradict them.
     """
-    model: TrustModel[Any] = _made(make_trust_model, text, {"lam": scenario.lam, "initial": scenario.initial_trust})
+    registry, name, parameters = _parsed(trust_models, text)
+    for key, field in _SHARED.items():
+        if key in parameters and field in (settings or {}) and parameters[key] != getattr(scenario, field):
+            raise ValueError(
+                f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
+            )
+    given = {key: getattr(scenario, field) for key, field in _SHARED.items()}
+    model: TrustModel[Any] = _made(registry, name, {**given, **parameters}, text)
     return model
 
 
-def _made(make: Any, text: str, defaults: Mapping[str, Any]) -> Any:
+def policy_name(policy: Policy) -> str:
+    """What to call a policy.
+
+    Example:
+        >>> policy_name(baselines.BadMouthing()), policy_name(Policy())
+        ('bad-mouthing', 'honest')
+    """
+    if type(policy) is Policy:
+        return "honest"
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", type(policy).__name__).lower()
+
+
+def attacks_in_words(attackers: Mapping[str, Policy]) -> str:
+    """The attacks and how many agents play each, such as `bad-mouthing x3, on-off`."""
+    counts = Counter(policy_name(policy) for policy in attackers.values())
+    return ", ".join(f"{name} x{n}" if n > 1 else name for name, n in counts.items()) or "everyone honest"
+
+
+def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
-    parameters = parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+    owner, _, after = rest.partition(":")
+    if name not in registry.names():
+        if owner.strip().isidentifier():
+            registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
+        else:
+            _explain_unknown(registry, name)
+    return registry, name, parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+
+
+def _explain_unknown(registry: Registry[Any], name: str) -> None:
     try:
-        return make(name, **{**defaults, **parameters})
+        registry.factory(name)
+    except ValueError as error:
+        raise ValueError(
+            f"{error}. Your own is package.module:Class, or a name that a package declares as an entry point "
+            f"in the group {registry.group!r}"
+        ) from None
+
+
+def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
+    """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        factory = EntryPoint(name, f"{module}:{name}", registry.group).load()
+    except Exception as error:  # whatever a foreign module raises on import
+        raise ValueError(f"{registry.kind} '{module}:{name}' cannot be loaded: {error}") from error
+    own: Registry[Any] = Registry(registry.kind, registry.group)
+    own.register(name, factory)
+    return own
+
+
+def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
+    try:
+        return registry.make(name, **parameters)
     except TypeError as error:  # a value of the wrong type, which the maker compared or computed with
         raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
+
+
+def _targets(targets: Any, names: Sequence[str]) -> Any:
+    """Targets with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the provider axis."""
+    if isinstance(targets, str):
+        targets = tuple(parse_value(part.strip()) for part in targets.strip("[] ").split(","))
+    if not isinstance(targets, tuple):
+        return targets
+    for target in targets:
+        if isinstance(target, str) and target not in names:
+            raise ValueError(f"targets has {target!r}; the providers are {names[0]} ... {names[-1]}")
+    return tuple(names.index(target) if isinstance(target, str) else target for target in targets)
 
 
 def _agents(pattern: str, names: Sequence[str]) -> list[str]:

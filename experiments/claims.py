@@ -1,5 +1,6 @@
 """What Su and Saint-Jore (2023) say of their Figures 3 and 4, and whether a run shows it."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ SETTLE_S = 5.0
 """Seconds after a start, a perturbation or an attack's begin in which trust is still moving: 10 rounds, 2 ** -10."""
 
 _VISIBLE = 0.1  # depth from which a dip can be seen in the figure
+
+_CALM, _DIP = "calm: min of all", "least dip"
 
 Mask = npt.NDArray[np.bool_]
 
@@ -33,7 +36,7 @@ class Claim(NamedTuple):
         needed: the criterion here.
         measured: in words.
         values: the numbers in it.
-        ok: whether the criterion is met.
+        ok: whether the criterion is met; None where it does not apply.
     """
 
     figure: int
@@ -42,7 +45,7 @@ class Claim(NamedTuple):
     needed: str
     measured: str
     values: list[float]
-    ok: bool
+    ok: bool | None
 
 
 def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
@@ -72,6 +75,18 @@ def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> li
     ]
 
 
+def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
+    """The claims as far as they apply to given frames; they are calibrated to the rendered scene.
+
+    The levels are those of a person in clear view: where calm trust says that there is none, none applies. And the
+    fast target is a blur over the frames, in which a person may be recognised still: then there is no dip to see.
+    """
+    clear = all(claim.ok for claim in found if claim.what == _CALM)
+    if not clear:
+        return [claim._replace(ok=None) for claim in found]
+    return [claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim for claim in found]
+
+
 def calm_before(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
     """The moments before the attack in which nothing has happened for `SETTLE_S` seconds."""
     return (time_s >= SETTLE_S) & (time_s <= attack.start_s) & ~_perturbed(time_s, scenario)
@@ -92,7 +107,7 @@ def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> 
     """The claims that both figures share: all is well at first, and every camera suffers from the fast target."""
     calm = calm_before(curves.time_s, scenario, attack)
     low = float(min(curves.tor[calm].min(), curves.top[calm].min()))
-    claims = [Claim(figure, "calm: min of all", "-", "> 0.9", _words([low]), [low], low > 0.9)]
+    claims = [Claim(figure, _CALM, "-", "> 0.9", _words([low]), [low], low > 0.9)]
     for blow in scenario.perturbations:
         start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s
         before = (curves.time_s > start - 2) & (curves.time_s <= start)
@@ -103,7 +118,7 @@ def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> 
         claims.append(
             Claim(
                 figure,
-                f"least dip, {start:g} s",
+                f"{_DIP}, {start:g} s",
                 "they dip",
                 f"≥ {_VISIBLE} deep",
                 f"{level:.2f} to {dip:.2f}",

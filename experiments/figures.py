@@ -42,7 +42,8 @@ def figures(
         str | None,
         typer.Option(
             metavar="PATH_OR_NUMBER",
-            help="A video file, an image folder or a camera number to look at, in place of the rendered scene.",
+            help="A video file, an image folder or a camera number to look at, in place of the rendered scene: 120 s "
+            "of video, or 240 images, one a round. All three cameras look at the same picture.",
             show_default=False,
         ),
     ] = None,
@@ -57,14 +58,18 @@ def figures(
     Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/],
     and [green]montage.png[/] with what the cameras saw.
     The state after round r, counted from 0, stands at time (r + 1) x 0.5 s.
+    With --frames, rows whose bounds only hold for the rendered scene say n/a.
 
     [bold]Examples[/]
 
-    [dim]# with OpenCV's people detector, half a minute[/]
+    [dim]# with OpenCV's people detector, about a minute[/]
     [cyan]roletrust figures[/]
 
     [dim]# with your own video, two minutes long[/]
     [cyan]roletrust figures --frames walk.mp4 --out results/walk[/]
+
+    [dim]# with less footage: 40 rounds are 20 s of video, or 40 images[/]
+    [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
     [dim]# no camera, a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
@@ -82,6 +87,8 @@ def figures(
         for paper, curves in zip(papers, rounds, strict=True)
         for claim in paper.check(curves, game.scenario, paper.attack)
     ]
+    if frames is not None:
+        found = claims.for_given_frames(found)
     written = _write(out, game, seed, papers, rounds, stills, found)
     console.print(_table(found, service))
     calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF))
@@ -89,6 +96,11 @@ def figures(
     console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
     console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
     console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
+    if any(claim.ok is None for claim in found):
+        console.print(
+            "[dim]n/a: the bound is that of the rendered scene; in these frames the person is not in clear view "
+            "throughout (calm), or is still recognised when the picture is blurred (dips)[/]"
+        )
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
@@ -186,7 +198,7 @@ def _table(found: list[claims.Claim], service: str) -> Table:
     for heading in ("fig", "what", "the paper", "needed", "measured", ""):
         table.add_column(heading, justify="right" if heading == "measured" else "left", no_wrap=True)
     for claim, following in zip(found, [*found[1:], None], strict=True):
-        verdict = "[green]ok[/]" if claim.ok else "[bold red]not ok[/]"
+        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
         ends = following is not None and following.figure != claim.figure
         table.add_row(
             str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends

@@ -44,6 +44,8 @@ def list_command(
         console.print(_with_parameters("Trust models", models))
     if kind in (None, Kind.ATTACKERS):
         console.print(_with_parameters("Attackers", baselines.registry))
+    if kind is not Kind.SCENARIOS:
+        console.print("[dim]Your own: package.module:Class in place of a name, or an entry point (see the README).[/]")
 
 
 def _scenarios() -> Table:

@@ -1,23 +1,37 @@
-"""`roletrust play`: any scenario, under any trust model, with any attackers."""
+"""`roletrust play`: any scenario, under any trust models, with any attackers."""
 
+import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
-from experiments.attacks import parse_attacks, parse_settings, parse_trust_model
-from experiments.confidence import Floats, mean_where, over_games
+from experiments.attacks import attacks_in_words, changed, parse_attacks, parse_settings, parse_trust_model
+from experiments.confidence import over_games
 from experiments.console import console
 from experiments.files import cast_list, described, provenance, write_csv, write_figure, write_json
+from experiments.measures import MEASURES, Estimate, Group, damage, measure, measured_since
 from experiments.recording import Curves, progress_bar, record
 from roletrust_env import Cast, Game, Policy, make_scenario
 
-_MEASURES = ("mean trust", "lowest trust", "final trust", "mean reward")
+_HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
+
+
+class _Played(NamedTuple):
+    """One trust model's games."""
+
+    model: str
+    game: Game
+    curves: Curves
+    groups: list[Group]
+    damage: dict[str, Estimate]
 
 
 def play(
@@ -25,13 +39,15 @@ def play(
         str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
     ] = "paper-3x3",
     trust_model: Annotated[
-        str, typer.Option(metavar="NAME[:key=value,...]", help="Trust model, with parameters of its own.")
-    ] = "role-trust",
+        list[str],
+        typer.Option(metavar="NAME[:key=value,...]", help="Trust model; repeat to compare some under one attack."),
+    ] = ["role-trust"],  # noqa: B006 (typer copies it)
     attack: Annotated[
         list[str] | None,
         typer.Option(
             metavar="AGENT=NAME[:key=value,...]",
-            help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds.",
+            help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
+            "NAME, also of a trust model, may be your own package.module:Class.",
             show_default=False,
         ),
     ] = None,
@@ -41,15 +57,24 @@ def play(
     ] = None,
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/play"),
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
     video: Annotated[
         bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
     ] = False,
 ) -> None:
-    r"""Play [bold]any scenario[/] with any attackers and trust model, and save what came of it.
+    r"""Play [bold]any scenario[/] with any attackers and trust models, and save what came of it.
 
-    Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4[/] if asked.
+    Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4 play.png[/] if asked.
     With several games every mean comes with its 95% confidence interval.
+    With an attack, the same games are played again with everyone honest:
+    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack.
     Values are as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
 
     [bold]Examples[/]
@@ -60,101 +85,110 @@ def play(
     [dim]# a third of a crowd lies; 20 games; how sure is the damage?[/]
     [cyan]roletrust play crowd-10x10 --attack 'sr_\[0-2]=bad-mouthing' --games 20[/]
 
-    [dim]# another trust model, a worse lie, and a video[/]
-    [cyan]roletrust play --trust-model mean --attack sr_1=bad-mouthing:level=0 --video[/]
+    [dim]# two trust models under one attack, which is on one provider only[/]
+    [cyan]roletrust play --trust-model role-trust --trust-model mean --attack sr_1=bad-mouthing:targets=sp_0[/]
+
+    [dim]# a worse lie, and a video[/]
+    [cyan]roletrust play --attack sr_1=bad-mouthing:level=0 --video[/]
 
     [dim]# your own scenario, with some fields changed[/]
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
     """
-    rules = make_scenario(scenario)
-    changes = parse_settings(settings or [])
-    if changes:
-        rules = rules.change(**changes)
-    game = Game(rules, parse_trust_model(trust_model, rules))
+    given = parse_settings(settings or [])
+    rules = changed(make_scenario(scenario), given)
+    if len(set(trust_model)) < len(trust_model):
+        raise ValueError("--trust-model names one and the same model twice")
     attackers = parse_attacks(attack or [], rules)
-    cast = Cast(game, attackers)
+    casts = {
+        text: Cast(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in trust_model
+    }  # all are found valid before any is played
+    title = f"{rules.name}, {', '.join(trust_model)}, {attacks_in_words(attackers)}"
+    out = Path("results/play") / _slug(title) if out is None else out
+    one, *_ = casts.values()
+    config = {
+        "command": "roletrust play",
+        "games": games,
+        **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
+        "attackers": cast_list(attackers),
+        "trust_models": {text: described(cast.game.model) for text, cast in casts.items()},
+    }
+    if not force:
+        _check_folder(out, config)
+    since = measured_since(attackers, rules.max_cycles)
+    played = []
     with progress_bar() as progress:
-        curves = record(cast, seed, progress, "Playing", games=games)
-        if video:
+        for text, cast in casts.items():
+            game = cast.game
+            curves = record(cast, seed, progress, f"Playing, {text}", games=games)
+            lost = {}
+            if attackers and not isinstance(rules.frames, int):  # a live camera shows nothing twice
+                twin = record(Cast(game, {}), seed, progress, f"Playing, {text}, all honest", games=games)
+                lost = damage(game.roster, curves, twin, attackers)
+            groups = measure(game.roster, curves, attackers, since)
+            played.append(_Played(text, game, curves, groups, lost))
+        written = _write(out, config, played, attackers)
+        for one_played in played if video else ():
             from experiments.video import write_video
 
-            write_video(out / "play.mp4", game, attackers, seed, progress)
-    found = _measure(game, curves, attackers)
-    title = f"{rules.name}, {trust_model}, " + (f"{len(attackers)} attacking" if attackers else "everyone honest")
-    written = _write(out, game, curves, attackers, seed, title, found)
-    console.print(_table(title, found, games))
-    console.print(
-        f"Written to {out}: {', '.join([*written, 'play.mp4', 'play.png'] if video else written)}", soft_wrap=True
-    )
+            name = _file("play", one_played.model, played)
+            write_video(out / f"{name}.mp4", one_played.game, attackers, seed, progress)
+            written += [f"{name}.mp4", f"{name}.png"]
+    console.print(_table(title, played, games))
+    for note in _notes(played, games, since, attackers):
+        console.print(f"[dim]{note}[/]")
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
-Found = dict[str, dict[str, tuple[float, float]]]
-"""Group of agents -> measure -> its mean over games and half the width of the 95% interval."""
-
-
-def _measure(game: Game, curves: Curves, attackers: Mapping[str, Policy]) -> Found:
-    """The measures of each group of agents that have a role and a policy in common."""
-    groups: dict[tuple[str, Any], list[int]] = {}
-    for i, name in enumerate(game.roster.names):
-        groups.setdefault((name.partition("_")[0], attackers.get(name)), []).append(i)
-    found: Found = {}
-    for (role, policy), places in groups.items():
-        who = game.roster.names[places[0]] if len(places) == 1 else f"{len(places)} {role}"
-        plays = "honest" if policy is None else str(described(policy)["class"]).rpartition(".")[2]
-        label = f"{who}, {plays}"
-        if label in found:  # the same attack with other parameters
-            label = f"{label} ({game.roster.names[places[0]]} ...)"
-        found[label] = _measure_group(curves.trust[:, places], curves.rewards[:, places])
-    return found
-
-
-def _measure_group(trust: Floats, rewards: Floats) -> dict[str, tuple[float, float]]:
-    """One number a game for each measure, and of these the mean; both arrays are (T, agents, games)."""
-    each_round = mean_where(trust, axis=1)
-    lowest = np.where(np.isnan(each_round), np.inf, each_round).min(axis=0)
-    per_game = (
-        mean_where(trust, axis=(0, 1)),
-        np.where(np.isinf(lowest), np.nan, lowest),
-        each_round[-1],
-        mean_where(rewards, axis=(0, 1)),
-    )
-    means = [over_games(values) for values in per_game]
-    return {name: (float(m.mean), float(m.half)) for name, m in zip(_MEASURES, means, strict=True)}
+def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
+    """Refuse a folder with results of something else; the same games may be played again."""
+    file = out / "results.json"
+    if not file.is_file():
+        return
+    try:
+        old = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError:
+        old = {}
+    new = json.loads(json.dumps(config))
+    keys = ("command", "games", "seed", "scenario", "attackers", "trust_models")
+    others = [key for key in keys if not isinstance(old, dict) or old.get(key) != new[key]]
+    if others:
+        raise ValueError(
+            f"{out} holds results of another configuration (not the same: {', '.join(others)}); "
+            "choose another folder with --out, or overwrite them with --force"
+        )
 
 
 def _write(
-    out: Path,
-    game: Game,
-    curves: Curves,
-    attackers: Mapping[str, Policy],
-    seed: int,
-    title: str,
-    found: Found,
+    out: Path, config: Mapping[str, Any], played: Sequence[_Played], attackers: Mapping[str, Policy]
 ) -> list[str]:
-    """Write all files but the video, and return their names."""
+    """Write all files but videos, and return their names."""
     from experiments.curve_plots import curve_figure
 
-    write_csv(out / "curves.csv", ("time_s", "agent", "trust", "mean", "low", "high", "games"), _rows(game, curves))
-    write_figure(out / "curves.png", curve_figure(title, game, curves, attackers))
-    games = curves.trust.shape[-1]
+    write_csv(out / "curves.csv", _HEADER, [row for one in played for row in _rows(one)])
+    written = ["curves.csv"]
+    for one in played:
+        name = f"{_file('curves', one.model, played)}.png"
+        title = f"{one.game.scenario.name}, {one.model}, {attacks_in_words(attackers)}"
+        write_figure(out / name, curve_figure(title, one.game, one.curves, attackers))
+        written.append(name)
     measured = {
-        group: {name: {"mean": _plain(mean), "half_95": _plain(half)} for name, (mean, half) in measures.items()}
-        for group, measures in found.items()
+        one.model: {
+            "groups": {
+                group.label: {"agents": group.size, "present at the end": _plain(group.present)}
+                | {name: _plain(estimate) for name, estimate in group.measures.items()}
+                for group in one.groups
+            },
+            "damage": {who: _plain(estimate) for who, estimate in one.damage.items()},
+        }
+        for one in played
     }
-    results = {
-        "command": "roletrust play",
-        "games": games,
-        **provenance(game, seed),
-        "attackers": cast_list(attackers),
-        "measured": measured,
-    }
-    write_json(out / "results.json", results)
-    return ["curves.csv", "curves.png", "results.json"]
+    write_json(out / "results.json", {**config, "measured": measured})
+    return [*written, "results.json"]
 
 
-def _rows(game: Game, curves: Curves) -> list[tuple[Any, ...]]:
+def _rows(played: _Played) -> list[tuple[Any, ...]]:
     """One row for each agent, trust and round: the mean over the games in which it was present, and its interval."""
-    roster, rows = game.roster, []
+    roster, curves, rows = played.game.roster, played.curves, []
     tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
     if roster.n_both:
         first = roster.n_agents - roster.n_both
@@ -164,29 +198,65 @@ def _rows(game: Game, curves: Curves) -> list[tuple[Any, ...]]:
         for i, name in enumerate(names):
             columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
             table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
-            rows += [(time_s, name, trust, *rest) for time_s, *rest in table]
+            rows += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
     return rows
 
 
-def _table(title: str, found: Found, games: int) -> Table:
-    caption = f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game"
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.caption, table.caption_justify = caption, "left"
+def _table(title: str, played: Sequence[_Played], games: int) -> Table:
+    table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    table.padding = (0, 1, 0, 0)  # it fits into 80 columns
     table.add_column("agents")
-    for name in _MEASURES:
-        table.add_column(name, justify="right", no_wrap=True)
-    for group, measures in found.items():
-        cells = [_shown(mean, half) for mean, half in measures.values()]
-        table.add_row(group, *cells, style=None if group.endswith("honest") else "dark_orange3")
+    table.add_column("at end", justify="right", no_wrap=True)
+    for name in MEASURES:
+        table.add_column(name.replace(" ", "\n"), justify="right", no_wrap=True)
+    for one in played:
+        if len(played) > 1:
+            table.add_row(f"[bold]{escape(one.model)}[/]")
+        for group in one.groups:
+            cells = [_shown(estimate) for estimate in group.measures.values()]
+            here = f"{group.present.mean:.{0 if games == 1 else 1}f}".removesuffix(".0")
+            style = None if group.honest else "dark_orange3"
+            table.add_row(escape(group.label), f"{here}/{group.size}", *cells, style=style)
+        for who, estimate in one.damage.items():
+            table.add_row(f"damage, {who}", "", _shown(estimate), style="bold")
+        table.add_section()
     return table
 
 
-def _shown(mean: float, half: float) -> str:
+def _notes(played: Sequence[_Played], games: int, since: int, attackers: Mapping[str, Policy]) -> list[str]:
+    """What the numbers of the table are."""
+    start = (since + 1) * played[0].game.scenario.period_s
+    past = "the attack is on, the first rounds are past" if attackers else "the first rounds are past"
+    notes = [
+        f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
+        "at end: agents present in the last round / all of them; means are over those present",
+        f"lowest trust: of the group's mean, from {start:g} s on: {past}",
+    ]
+    if any(one.damage for one in played):
+        notes.append(
+            "damage: mean trust of the honest in the same games without the attack, less that under it; "
+            "who is gone in one of the two counts with its last trust"
+        )
+    return notes
+
+
+def _shown(estimate: Estimate) -> str:
+    mean, half = estimate
     if np.isnan(mean):
         return "nobody there"
     return f"{mean:.3f}" if np.isnan(half) else f"{mean:.3f}±{math.ceil(half * 1000) / 1000:.3f}"
 
 
-def _plain(value: float) -> float | None:
+def _plain(estimate: Estimate) -> dict[str, float | None]:
     """NaN is no JSON."""
-    return None if np.isnan(value) else value
+    mean, half = (None if np.isnan(value) else value for value in estimate)
+    return {"mean": mean, "half_95": half}
+
+
+def _file(stem: str, model: str, played: Sequence[_Played]) -> str:
+    """The name of a file that there is one of for each model."""
+    return stem if len(played) == 1 else f"{stem}-{_slug(model)}"
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^\w.]+", "-", text).strip("-")

@@ -9,7 +9,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from experiments.console import console
 from roletrust_env import Cast, Random, State
-from roletrust_env.rollout import play
 
 Floats = npt.NDArray[np.float64]
 
@@ -50,6 +49,9 @@ def record(
 ) -> Curves:
     """Play games to the scenario's end, all of them as one batch.
 
+    The luck of the games and that of the policies are drawn apart: with the same seed, games have the same luck
+    whoever plays, so that a run under attack can be paired with one without.
+
     Args:
         cast: the game, and who plays how.
         seed: of all luck.
@@ -61,8 +63,11 @@ def record(
     game = cast.game
     rows: list[tuple[Floats, ...]] = []
     roster, length = game.roster, game.scenario.max_cycles
-    rounds = play(cast, Random(np.random.default_rng(seed)), (games,))
-    for state, rewards in progress.track(rounds, total=length, description=label):
+    luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
+    state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
+    for _ in progress.track(range(length), description=label):
+        actions, memories = cast.act(state, memories, whims)
+        state, rewards = game.step(state, actions, game.draw(luck, (games,)))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
         tor, top = game.published(state)

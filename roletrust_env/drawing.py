@@ -33,6 +33,12 @@ _INK, _GREY, _PALE = "#1b2430", "#7b8794", "#eef1f5"
 _ATTACK = "#d55e00"  # vermilion: not on the scale
 _HONEST = ("#0072b2", "#009e73", "#56b4e9", "#332288")  # told apart by the colour-blind, too
 _CROWD = "#9fb3c8"
+_KEYS = ("each honest agent", "their mean", "attackers")
+# Few curves that coincide still all show: the attackers' are the broadest and lie under the honest ones, and of each
+# kind every further one is narrower, broken, and lies on top.
+_ATTACKS = (_ATTACK, "#cc79a7", "#e69f00", "#8c510a")
+_DASHES: tuple[tuple[float, Sequence[float]], ...] = ((0, ()), (0, (4, 2.5)), (0, (1.2, 1.8)), (0, (6, 2, 1.2, 2)))
+_WIDTHS = np.asarray((2.8, 2.0, 1.6, 1.3))
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
@@ -329,39 +335,46 @@ class _Curves:
             span = blow.start * scenario.period_s, blow.stop * scenario.period_s
             axes.axvspan(*span, color=_GREY, alpha=0.25 * blow.strength, lw=0, zorder=0)
         n = len(side.names)
-        self._few = n <= _COLOURED
-        self._order = np.argsort(side.attacker, kind="stable")  # attackers on top
+        few = n <= _COLOURED
+        self._order = np.argsort(~side.attacker if few else side.attacker, kind="stable")  # of many, attackers on top
         self._honest = ~side.attacker
-        plain = _HONEST if self._few else (f"{_CROWD}c0",) * n  # a little transparent
-        colours = [_ATTACK if attacks else plain[k] for k, attacks in enumerate(side.attacker)]
-        widths = np.where(side.attacker, 2.2 if n <= 20 else 1.2, 1.8 if self._few else 0.6)
+        if few:
+            ranks = np.where(side.attacker, np.cumsum(side.attacker), np.cumsum(self._honest)) - 1
+            colours = [(_ATTACKS if bad else _HONEST)[k] for bad, k in zip(side.attacker, ranks, strict=True)]
+            widths = _WIDTHS[ranks] + 1.6 * side.attacker
+            dashes = [_DASHES[k] for k in ranks]
+        else:
+            colours = [_ATTACK if bad else f"{_CROWD}c0" for bad in side.attacker]  # the crowd a little transparent
+            widths = np.where(side.attacker, 2.2 if n <= 20 else 1.2, 0.6)
+            dashes = [_DASHES[0]] * n
         self._lines = LineCollection(
             [],
             colors=[colours[k] for k in self._order],
             linewidths=widths[self._order].tolist(),
-            capstyle="round",
+            linestyles=[dashes[k] for k in self._order],
+            capstyle="butt" if few else "round",
             joinstyle="round",
         )
         axes.add_collection(self._lines, autolim=False)
         (self._mean,) = axes.plot([], [], color=_HONEST[0], lw=2.2)
-        self._mean.set_visible(not self._few and bool(self._honest.any()))
-        keys = [("each honest agent", _CROWD), ("their mean", _HONEST[0]), ("attackers", _ATTACK)]
-        if self._few:
+        self._mean.set_visible(not few and bool(self._honest.any()))
+        keys = [(name, c, 2.5, _DASHES[0]) for name, c in zip(_KEYS, (_CROWD, _HONEST[0], _ATTACK), strict=True)]
+        if few:
             labels = [
                 f"{name}, attacker" if attacks else name
                 for name, attacks in zip(side.names, side.attacker, strict=True)
             ]
-            keys = list(zip(labels, colours, strict=True))
+            keys = list(zip(labels, colours, widths, dashes, strict=True))
         elif self._honest.all():
             keys.pop()
         axes.legend(
-            handles=[Line2D([], [], color=colour, lw=2.5, label=label) for label, colour in keys],
+            handles=[Line2D([], [], color=c, lw=lw, ls=ls, label=label) for label, c, lw, ls in keys],
             loc="lower left",
             bbox_to_anchor=(-0.02, 0.985),
             ncols=len(keys),
             frameon=False,
             fontsize=9,
-            handlelength=1.2,
+            handlelength=2.2 if few else 1.2,
             columnspacing=1.2,
         )
         self.moving: list[Artist] = [self._lines, self._mean]

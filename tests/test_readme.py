@@ -43,9 +43,7 @@ def test_the_model_resists_a_liar_better_than_the_mean(said):
     game = Game(make_scenario("crowd-10x10"), "weighted-mean")
     mean = Game(make_scenario("crowd-10x10"), "mean")
     liar = {"sr_0": said["BadMouthing"](level=0.0)}
-    defended, undefended = (
-        record(Cast(g, liar), g.random(seed=0)).top[-1].mean() for g in (game, mean)
-    )
+    defended, undefended = (record(Cast(g, liar), g.random(seed=0)).top[-1].mean() for g in (game, mean))
     assert defended > undefended + 0.05
 
 

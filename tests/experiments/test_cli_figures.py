@@ -86,6 +86,21 @@ def test_attack_claims_fail_when_nobody_attacks():
     assert [claim.ok for claim in bad_mouthing] == [True, False, False, False, False, False]
 
 
+@pytest.mark.parametrize("clear", [True, False])
+def test_claims_that_do_not_apply_to_given_frames(clear):
+    scenario, seen = make_scenario("paper-3x3"), np.full((240, 3, 1), 1.0 if clear else 0.2)
+    curves = Curves(np.arange(1, 241) / 2, seen, seen, seen, seen)
+    found = claims.for_given_frames(claims.check_on_off(curves, scenario, claims.Window(50, 90)))
+    # The person stays recognised in the blur. Without one in clear view no level says anything.
+    assert [claim.ok for claim in found] == ([True, None, None, False, True] if clear else [None] * 5)
+
+
+def test_help_says_how_much_footage_is_needed():
+    said = " ".join(CliRunner().invoke(app, ["figures", "--help"]).output.replace("│", " ").split())
+    for words in ("120 s of video, or 240 images", "three cameras look at the same picture", "--set max_cycles=40"):
+        assert words in said
+
+
 def test_windows_of_the_claims():
     time_s, scenario = np.arange(1, 241) / 2, make_scenario("paper-3x3")
     calm = claims.calm_before(time_s, scenario, claims.Window(50, 90))
