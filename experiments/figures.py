@@ -11,7 +11,7 @@ from rich.table import Table
 from baselines import BadMouthing, OnOff
 from experiments import claims
 from experiments.console import console
-from experiments.files import cast_list, provenance, write_csv, write_figure, write_json
+from experiments.files import cast_list, prepare_folder, provenance, write_csv, write_figure, write_json
 from experiments.recording import Curves, progress_bar, record
 from roletrust_env import Cast, Game, Policy, State, make_scenario
 
@@ -47,7 +47,12 @@ def figures(
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Of all luck; the same seed gives the same files. The rendered scene is always the same."
+        ),
+    ] = 0,
 ) -> None:
     """Reproduce [bold]Figures 3 and 4[/] of the paper, and hold what was measured against what it says.
 
@@ -76,6 +81,7 @@ def figures(
     """
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames) if frames is not None else scenario)
+    prepare_folder(out)
     papers, stills, rounds = _papers(game.scenario.period_s), _Stills(game), []
     with progress_bar() as progress:
         for paper in papers:

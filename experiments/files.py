@@ -39,6 +39,20 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def prepare_folder(folder: Path) -> None:
+    """See now rather than after the work whether results can be written to a folder.
+
+    Raises:
+        OSError: it cannot.
+    """
+    made = not folder.exists()
+    with replacing(folder / "probe") as temporary:
+        temporary.touch()
+    (folder / "probe").unlink()
+    if made:  # it comes back with the first result
+        folder.rmdir()
+
+
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Write a table; floats get six decimals, None and NaN an empty cell."""
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:

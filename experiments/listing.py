@@ -53,7 +53,11 @@ def _scenarios() -> Table:
     table.add_column("agents")
     table.add_column("rounds", justify="right")
     for name in scenarios.names():
-        scenario = scenarios.make(name)
+        try:
+            scenario = scenarios.make(name)
+        except ValueError as error:
+            table.add_row(name, escape(str(error)), "", "")
+            continue
         count: dict[str, int] = {}
         for group in scenario.agents:
             count[group.role] = count.get(group.role, 0) + group.count

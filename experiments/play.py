@@ -16,7 +16,7 @@ from rich.table import Table
 from experiments.attacks import attacks_in_words, changed, parse_attacks, parse_settings, parse_trust_model
 from experiments.confidence import over_games
 from experiments.console import console
-from experiments.files import cast_list, described, provenance, write_csv, write_figure, write_json
+from experiments.files import cast_list, described, prepare_folder, provenance, write_csv, write_figure, write_json
 from experiments.measures import MEASURES, Estimate, Group, damage, measure, measured_since
 from experiments.recording import Curves, progress_bar, record
 from roletrust_env import Cast, Game, Policy, make_scenario
@@ -114,6 +114,7 @@ def play(
     }
     if not force:
         _check_folder(out, config)
+    prepare_folder(out)
     since = measured_since(attackers, rules.max_cycles)
     played = []
     with progress_bar() as progress:

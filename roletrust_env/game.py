@@ -14,7 +14,7 @@ import numpy as np
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.randomness import Random
 from roletrust_env.state import Actions, Counts, Noise, State
-from roletrust_env.trust import TrustModel, agent_trust, make_trust_model
+from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model
 from roletrust_env.views import Layout, ProviderView, RaterView, look
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.presence import PRESENT, Population, Presence
@@ -46,14 +46,15 @@ class Game:
         if not isinstance(scenario, Scenario):
             raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
         self.scenario = scenario
+        self.like = like = np.zeros(()) if like is None else like
         if isinstance(trust_model, str):
             trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
-        if not isinstance(trust_model, TrustModel):
+        if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
+        check_trust_model(trust_model, roster.n_raters, roster.n_providers, like)
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
-        self.like = like = np.zeros(()) if like is None else like
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
         self._stranger = self._constant(roster.stranger)
@@ -140,8 +141,16 @@ class Game:
 
         Returns:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
+
+        Raises:
+            ValueError: the shapes of the actions are not those of the state.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
+            raise ValueError(
+                f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
+                f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
+            )
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
@@ -150,7 +159,12 @@ class Game:
 
         counts = state.counts
         if counts is not None:
-            counts = counts._replace(rated=counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)))
+            # A service counts for both when its round is over, so that the trust by which somebody is cut off is the
+            # one that is published.
+            counts = Counts(
+                counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)),
+                counts.provided + roster.both(state.awaiting.sum(axis=0, dtype=top.dtype)),
+            )
 
         population = state.population
         if population is not None:
@@ -161,8 +175,6 @@ class Game:
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        if counts is not None:
-            counts = counts._replace(provided=counts.provided + roster.both(served.sum(axis=0, dtype=top.dtype)))
         quality = actions.quality
         if not self._everyone:
             quality = xp.where(served.any(axis=0), quality, self._zero)

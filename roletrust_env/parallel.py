@@ -178,7 +178,9 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         Raises:
             ValueError: an attacker to be marked is no agent of the scenario.
         """
-        attackers = tuple((options or {}).get("attackers", ()))
+        attackers = (options or {}).get("attackers", ())
+        if isinstance(attackers, str):
+            raise ValueError(f"attackers is {attackers!r}; it must be a sequence of agents' names")
         for name in attackers:
             if name not in self._slots:
                 raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self._slots)}")
@@ -187,7 +189,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         if seed is not None:  # also for those who join later, whose spaces nobody else can seed in time
             for i, space in enumerate(self._action_spaces.values()):
                 space.seed(seed + i)
-        self.attackers = attackers
+        self.attackers = tuple(attackers)
         self._state = self.game.start(self.game.draw(self._random, start=True))
         self._curves = []
         present = self.game.present(self._state)
@@ -403,6 +405,10 @@ class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
     """Refuses a bad action at once, not when the last agent has acted."""
 
     def step(self, action: Vector | None) -> None:
-        if action is not None and (complaint := self.env.complaint(self.agent_selection, action)):
+        agent = self.agent_selection
+        if self.terminations[agent] or self.truncations[agent]:
+            if action is not None:
+                raise ValueError(f"the part of {agent!r} has ended; its action must be None")
+        elif complaint := self.env.complaint(agent, action):
             raise ValueError(complaint)
         super().step(action)

@@ -163,6 +163,10 @@ def _check_seat(game: Game, name: str, policy: Policy) -> None:
 
 
 def _check_channels(name: str, policy: Policy) -> None:
+    if not isinstance(policy, Policy):
+        raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
+    if _role(name) not in _CHANNELS:
+        raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
     channels = _CHANNELS[_role(name)]
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(

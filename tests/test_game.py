@@ -112,8 +112,9 @@ class Slow:
                     self.late.append((self.round + channel.delay, (i, j), ratings[s, p]))
                 else:
                     self.arrived[i, j] = ratings[s, p]
-        for i in self.both:
-            self.n_rated[i] += sum(rater == i for rater, _ in self.arrived)
+        for k in self.both:
+            self.n_rated[k] += sum(rater == k for rater, _ in self.arrived)
+            self.n_provided[k] += sum(provider == k for _, provider in self.awaiting)
 
     def update_trust(self) -> None:
         def matrix(of: Callable[[tuple[str, str]], float]) -> list[list[float]]:
@@ -170,8 +171,6 @@ class Slow:
                 if (i, j) in self.awaiting:
                     seen = self.quality[j] * (1 - strength) + self.group[i].noise * noise.perception[s, p]
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
-                    if j in self.both:
-                        self.n_provided[j] += 1
 
     def rewards(self) -> dict[str, float]:
         weights, rewards = self.rules.rewards, {}

@@ -2,7 +2,13 @@
 
 from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
 from roletrust_env.trust.mean import Mean
-from roletrust_env.trust.model import TrustModel, make_trust_model, register_trust_model, trust_models
+from roletrust_env.trust.model import (
+    TrustModel,
+    check_trust_model,
+    make_trust_model,
+    register_trust_model,
+    trust_models,
+)
 from roletrust_env.trust.role_trust import RoleTrust
 
 register_trust_model("role-trust", RoleTrust)
@@ -13,6 +19,7 @@ __all__ = [
     "RoleTrust",
     "TrustModel",
     "agent_trust",
+    "check_trust_model",
     "make_trust_model",
     "masked_mean",
     "provider_trust",

@@ -2,7 +2,7 @@
 
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from roletrust_env.arrays import Array
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.registry import Registry
 
 State = TypeVar("State")
@@ -46,6 +46,31 @@ class TrustModel(Protocol[State]):
     def provider_trust(self, state: State) -> Array:
         """The trust of each provider, shape (P, ...), in [0, 1]."""
         ...
+
+
+def check_trust_model(model: TrustModel[Any], n_raters: int, n_providers: int, like: Array) -> None:
+    """Try a model on one round in which everybody rates everybody 0.5.
+
+    Args:
+        model: to be tried.
+        n_raters: S.
+        n_providers: P.
+        like: an array of the library, dtype and device that it has to work with.
+
+    Raises:
+        ValueError: a read-out has the wrong shape, or is not in [0, 1].
+    """
+    xp = namespace(like)
+    ratings = xp.zeros((n_raters, n_providers, 1), dtype=like.dtype, device=like.device) + 0.5
+    state = model.update(model.start(ratings), ratings, ratings > 0)
+    for what, trust, count in (
+        ("rater_trust", model.rater_trust(state), n_raters),
+        ("provider_trust", model.provider_trust(state), n_providers),
+    ):
+        if tuple(trust.shape) != (count, 1):
+            raise ValueError(f"{what} of {model!r} has shape {tuple(trust.shape)}; it must be {(count, 1)}")
+        if not bool(((trust >= 0) & (trust <= 1)).all()):
+            raise ValueError(f"{what} of {model!r} is {trust[:, 0]}; a trust must lie in [0, 1]")
 
 
 registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models")

@@ -49,7 +49,7 @@ class AgentGroup(_Frozen):
 
     role: Role
     """`SR` rates services, `SP` provides them, `SR+SP` does both."""
-    count: PositiveInt = 1
+    count: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Number of agents; each is an identity of its own, also one that joins late."""
     turns: tuple[Role, ...] = ()
     """For `SR+SP` agents: the roles that they play in turn, over and over; empty: both roles in every round."""
@@ -188,7 +188,7 @@ class Scenario(_Frozen):
     service: Literal["synthetic", "hog"] = "synthetic"
     """`synthetic`: perceived quality is a number. `hog`: a people detector looks at camera frames."""
     frames: str | int | None = None
-    """For `hog`: a video file, an image folder or a camera number; None renders a scene."""
+    """For `hog`: a video file, an image folder or a camera number; None renders a scene, the same for every seed."""
     ratings: RatingChannel = RatingChannel()
     """How many ratings get lost or come late: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
@@ -219,13 +219,16 @@ class Scenario(_Frozen):
         providers = sum(group.count for group in self.agents if group.role != "SR")
         if isinstance(self.access, Choice) and self.access.providers > providers:
             raise ValueError(f"access.providers is {self.access.providers}; there are {providers} to choose from")
+        if self.frames == "" or (isinstance(self.frames, int) and not 0 <= self.frames < 2**31):
+            raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
         return self
 
     def _somebody_rates(self, round: int) -> bool:
         """Whether, in this round, one agent rates and another one provides."""
-        playing = [(group.role_in(round), group.count) for group in self.agents]
+        there = [g for g in self.agents if g.joins <= round and (g.leaves is None or round < g.leaves)]
+        playing = [(group.role_in(round), group.count) for group in there]
         raters = sum(count for role, count in playing if role != "SP")
         providers = sum(count for role, count in playing if role != "SR")
         both = sum(count for role, count in playing if role == "SR+SP")
@@ -278,6 +281,8 @@ def load_scenario(path: str | Path) -> Scenario:
         data = readers[path.suffix](path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"scenario file {path} cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise ValueError(f"scenario file {path} is broken: it is nested too deeply") from None
     except ValueError as error:  # the parsers' own errors and wrong UTF-8 are ValueErrors
         raise ValueError(f"scenario file {path} is broken: {error}") from None
     if not isinstance(data, dict):

@@ -53,6 +53,8 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
     """The service of a scenario; OpenCV is imported only for one that looks at camera frames."""
     if scenario.service == "synthetic":
         return SyntheticService(roster, like)
+    if not isinstance(like, np.ndarray):
+        raise ValueError("the service 'hog' is NumPy's; it cannot be played with arrays of another library")
     try:
         from roletrust_env.world.vision import HogService
     except ImportError as error:

@@ -179,6 +179,8 @@ class LiveCamera(_Recorded):
 
     def __init__(self, number: int) -> None:
         super().__init__(f"camera {number}")
+        if not 0 <= number < 2**31:  # OpenCV does not survive others
+            raise FramesError(f"{self._name} cannot be; the numbers of cameras begin at 0")
         with _quiet():
             self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
