@@ -12,7 +12,8 @@ import reference
 import torch
 from hypothesis import given, settings
 
-from roletrust_env import Actions, Game, Noise, Random, Scenario, State
+from roletrust_env import Actions, Game, Noise, Random, Scenario, State, make_scenario
+from roletrust_env.trust import Mean
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}
@@ -605,3 +606,53 @@ def test_luck_at_its_limits_is_harmless(dtype: type) -> None:
         *_, (state, _) = play(game, start, actions, noises)
         assert np.all(state.value == dtype(1.0 if extreme else 0.2))
         assert np.all(np.isfinite(game.summary(state)))
+
+
+def test_whom_admission_cuts_off_is_seen_in_the_published_trust() -> None:
+    """By ToA, too, whose weights are counts of services."""
+    rules = make_scenario("peers").change(
+        agents=[{"role": "SR+SP", "count": 4}], admission={"threshold": 0.5, "rounds": 1}, initial_trust=0.6
+    )
+    game, random = Game(rules), np.random.default_rng(0)
+    luck = game.random(0)
+    state = game.start(game.draw(luck, (50,), start=True))
+    for _ in range(20):
+        before = game.present(state)
+        actions = Actions(random.random((4, 50)), random.random((4, 4, 50)))
+        state, _ = game.step(state, actions, game.draw(luck, (50,)))
+        assert np.array_equal(game.present(state), before & (game.agent_trust(state) >= 0.5))
+
+
+def test_actions_of_another_batch_are_refused() -> None:
+    game = Game(make_scenario("paper-3x3"))
+    state = game.start(game.draw(game.random(0), (3,), start=True))
+    with pytest.raises(ValueError, match=r"\(3,\) and \(3, 3\); needed are"):
+        game.step(state, Actions(np.ones(3), np.ones((3, 3))), game.draw(game.random(0), (3,)))
+
+
+class _Odd(Mean):
+    """A model with read-outs to be spoilt."""
+
+    spoil = staticmethod(lambda trust: trust)
+
+    def provider_trust(self, state):
+        return self.spoil(state.top)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda trust: trust + 1, r"must lie in \[0, 1\]"),
+        (lambda trust: trust * np.nan, r"must lie in \[0, 1\]"),
+        (lambda trust: trust[:1], r"has shape \(1, 1\); it must be \(3, 1\)"),
+    ],
+)
+def test_a_trust_model_that_reads_nonsense_is_refused(monkeypatch, spoil, message) -> None:
+    monkeypatch.setattr(_Odd, "spoil", staticmethod(spoil))
+    with pytest.raises(ValueError, match=message):
+        Game(make_scenario("paper-3x3"), _Odd())
+
+
+def test_a_class_is_no_trust_model() -> None:
+    with pytest.raises(ValueError, match="must be a trust model"):
+        Game(make_scenario("paper-3x3"), Mean)

@@ -214,3 +214,14 @@ def test_the_registry_knows_both_faces() -> None:
     aec.reset(seed=0)
     assert aec.agent_selection == "srsp_0"
     assert pettingzoo.make("parallel", "RoleTrust-v0").possible_agents[0] == "sr_0"
+
+
+def test_aec_takes_no_action_for_none_and_none_for_no_action() -> None:
+    aec = roletrust_env.env(max_cycles=1)
+    aec.reset(seed=0)
+    with pytest.raises(ValueError, match="'sr_0' is no array"):
+        aec.step(None)
+    for agent in list(aec.agents):
+        aec.step(aec.action_space(agent).sample())
+    with pytest.raises(ValueError, match="has ended; its action must be None"):
+        aec.step(aec.action_space(aec.agent_selection).sample())

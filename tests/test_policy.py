@@ -8,7 +8,7 @@ import torch
 
 from agents import Honest
 from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, Player, Policy, Random, Scenario, parallel_env
+from roletrust_env import Cast, Game, Player, Policy, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.rollout import play, record
 
 SCENARIO = Scenario(
@@ -155,3 +155,49 @@ def test_many_names_are_not_all_listed() -> None:
     with pytest.raises(ValueError, match=r"'robin'.*sr_0.*\.\.\..*sp_0") as error:
         Cast(game, {"robin": Honest()})
     assert len(str(error.value)) < 200
+
+
+class _Wild(Policy):
+    """Rates out of range."""
+
+    def ratings(self, view, memory, random):
+        return view.service + 1.5, memory
+
+
+def test_a_policy_out_of_range_is_refused() -> None:
+    game = Game(make_scenario("paper-3x3"))
+    with pytest.raises(ValueError, match=r"ratings that are NaN or outside \[0, 1\]"):
+        record(Cast(game, {"sr_0": _Wild()}), game.random(0))
+
+
+@pytest.mark.parametrize(
+    ("agent", "policy", "message"),
+    [
+        ("sp_0", BadMouthing(), "cannot play"),
+        ("zz_0", Policy(), "there is no agent 'zz_0'"),
+        ("sr_0", BadMouthing, "must be a Policy"),
+        ("sr_0", None, "must be a Policy"),
+    ],
+)
+def test_who_cannot_play_gets_no_seat(agent, policy, message) -> None:
+    game = Game(make_scenario("paper-3x3"))
+    with pytest.raises(ValueError, match=message):
+        Player(policy, agent, game.layout)
+    with pytest.raises(ValueError, match=message):
+        Cast(game, {agent: policy})
+
+
+@pytest.mark.parametrize("batch", [1000, [3], None])
+def test_a_batch_is_a_shape(batch) -> None:
+    game = Game(make_scenario("paper-3x3"))
+    with pytest.raises(ValueError, match="must be a shape"):
+        record(Cast(game, {}), game.random(0), batch)
+
+
+def test_history_says_who_is_present() -> None:
+    game = Game(make_scenario("open-system"))
+    history = record(Cast(game, {}), game.random(0), (4,))
+    assert history.present.shape == history.trust.shape
+    assert history.present[:, :6].all()
+    assert not history.present[:5, 6:11].any()
+    assert history.present[-1].any(axis=-1).sum() > 11

@@ -271,3 +271,24 @@ def plays(scenario: Scenario) -> None:
         game, random = Game(scenario.change(max_cycles=1)), Random(np.random.default_rng(0))
         state = game.start(game.draw(random, start=True))
         assert np.all(np.isfinite(game.summary(state)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"service": "hog", "frames": -1}, "frames is -1"),
+        ({"service": "hog", "frames": ""}, "frames is ''"),
+        ({"agents": [{"role": "SR", "count": 10**9}, {"role": "SP"}]}, "count"),
+        ({"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]}, "nobody could rate anybody"),
+    ],
+)
+def test_more_that_cannot_be_played_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        make_scenario("paper-3x3").change(**changes)
+
+
+def test_a_file_nested_too_deeply_is_refused(tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text("a = " + "[" * 5000 + "]" * 5000)
+    with pytest.raises(ValueError, match="broken"):
+        load_scenario(path)
