@@ -8,9 +8,12 @@ from typer.core import TyperGroup
 
 from experiments.console import console, errors
 from experiments.figures import figures
+from experiments.ladder import ladder
 from experiments.listing import list_command
 from experiments.play import play
 from experiments.speed import speed
+from experiments.train import train
+from experiments.zoo import zoo
 from roletrust_env import __version__
 
 
@@ -21,8 +24,8 @@ class _CleanErrors(TyperGroup):
         """Run the command that was asked for."""
         try:
             return super().invoke(ctx)
-        except (ValueError, OSError) as error:
-            errors.print(f"[bold red]Error:[/] {escape(str(error))}", soft_wrap=True)
+        except (ValueError, OSError, MemoryError) as error:
+            errors.print(f"[bold red]Error:[/] {escape(str(error) or 'out of memory')}", soft_wrap=True)
             raise typer.Exit(2) from None
 
 
@@ -64,8 +67,11 @@ def roletrust(
 
 app.command("figures")(figures)
 app.command("play")(play)
+app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("speed")(speed)
+app.command("train")(train)
+app.command("zoo")(zoo)
 
 
 def main() -> None:
