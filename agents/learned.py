@@ -11,7 +11,6 @@ from roletrust_env.attack import AttackTask
 from roletrust_env.batch import TaskBatch
 from roletrust_env.policy import Channel, Policy
 from roletrust_env.randomness import Random
-from roletrust_env.tasks import make_random
 from roletrust_env.views import AgentView, ProviderView, RaterView
 
 
@@ -125,7 +124,7 @@ def play_task(task: AttackTask, network: Network | None, *, games: int, seed: in
     """
     if network is not None and network.architecture.outputs != task.action_size:
         raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
-    batch, random = TaskBatch(task, (games,)), make_random(task, seed)
+    batch, random = TaskBatch(task, (games,)), task.game.random(seed)
     batch.restart(random)
     score, playing = np.zeros(games), np.ones(games, bool)
     memory = network.begin(score) if network is not None else None

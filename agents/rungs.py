@@ -18,7 +18,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.attack import AttackTask, Outcome, TaskState
 from roletrust_env.randomness import Random
 from roletrust_env.state import Noise
-from roletrust_env.tasks import make_random, make_task
+from roletrust_env.tasks import make_task
 
 Arguments = Mapping[str, Any]
 """Arguments of `roletrust_env.tasks.make_task`, all but `like`."""
@@ -185,7 +185,7 @@ def sources(task: AttackTask, seed: int | tuple[int, ...], kind: int) -> tuple[R
     """The luck of the game and the chance of the policies, for a seed and a kind, `SEARCHED` or `HELD_OUT`."""
     seeds = (seed,) if isinstance(seed, int) else seed
     luck, chance = np.random.SeedSequence((kind, *seeds)).generate_state(2)
-    return make_random(task, int(luck)), make_random(task, int(chance))
+    return task.game.random(int(luck)), task.game.random(int(chance))
 
 
 def is_certain(arguments: Arguments) -> bool:

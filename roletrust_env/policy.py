@@ -9,7 +9,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game import Game
 from roletrust_env.randomness import Random
 from roletrust_env.state import Actions, State
-from roletrust_env.views import Layout, ProviderView, RaterView
+from roletrust_env.views import AgentView, Layout, ProviderView, RaterView
 
 Channel = Literal["quality", "ratings"]
 
@@ -38,6 +38,12 @@ class Policy:
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Its ratings, shape (P, ...), in [0, 1], and its new memory. Ratings that nothing awaits are ignored."""
         return view.service, memory
+
+    def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
+        """The quality and the ratings of an agent with both roles, and its new memory; by default role by role."""
+        quality, memory = self.quality(view.provider, memory, random)
+        ratings, memory = self.ratings(view.rater, memory, random)
+        return quality, ratings, memory
 
 
 _CHANNELS: dict[str, frozenset[Channel]] = {
@@ -72,14 +78,16 @@ class Player:
 
     def __call__(self, observation: Array) -> Array:
         """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
-        provider, rater = self._layout.by_role(self._role, observation)
-        action = []
-        if provider is not None:
-            quality, self._memory = self.policy.quality(provider, self._memory, self._random)
-            action.append(np.reshape(quality, 1))
-        if rater is not None:
-            ratings, self._memory = self.policy.ratings(rater, self._memory, self._random)
-            action.append(ratings)
+        policy, memory, random = self.policy, self._memory, self._random
+        if self._role == "srsp":
+            quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
+            action = [np.reshape(quality, 1), ratings]
+        elif self._role == "sp":
+            quality, self._memory = policy.quality(self._layout.provider(observation), memory, random)
+            action = [np.reshape(quality, 1)]
+        else:
+            ratings, self._memory = policy.ratings(self._layout.rater(observation), memory, random)
+            action = [ratings]
         return np.concatenate(action, dtype=np.float32)
 
 
@@ -119,6 +127,7 @@ class Cast:
             if name in roster.rater_names:
                 seats.rater.append(roster.rater_names.index(name))
         self._seats = tuple(groups.values())
+        self._first_both = roster.n_agents - roster.n_providers  # from a place among providers to one among agents
 
     @property
     def attackers(self) -> tuple[str, ...]:
@@ -133,20 +142,31 @@ class Cast:
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
         """What everybody does in a state, and what they remember of it."""
-        provider_view, rater_view = self.game.views(state)
+        views = self.game.views(state)
         qualities, ratings, after = [], [], []
         for seats, memory in zip(self._seats, memories, strict=True):
-            if seats.provider:
-                served = ProviderView(*_take(provider_view, seats.provider))
-                quality, memory = seats.policy.quality(served, memory, random)
-                qualities.append(quality)
-            if seats.rater:
-                received = RaterView(*_take(rater_view, seats.rater))
-                given, memory = seats.policy.ratings(received, memory, random)
-                ratings.append(given.swapaxes(0, 1))
-            after.append(memory)
+            quality, given, remembered = self._ask(seats, state, *views, memory, random)
+            qualities += [] if quality is None else [quality]
+            ratings += [] if given is None else [given.swapaxes(0, 1)]
+            after.append(remembered)
         order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]
         return Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1])), tuple(after)
+
+    def _ask(
+        self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
+    ) -> tuple[Array | None, Array | None, Any]:
+        """The quality and the ratings of agents that share a policy, None where they have none, and their memory."""
+        provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
+        rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
+        if provider is not None and rater is not None:
+            trust = self.game.agent_trust(state)[[place + self._first_both for place in seats.provider], ...]
+            return seats.policy.both(AgentView(trust, provider, rater), memory, random)
+        if provider is not None:
+            quality, memory = seats.policy.quality(provider, memory, random)
+            return quality, None, memory
+        assert rater is not None  # every agent has a role
+        given, memory = seats.policy.ratings(rater, memory, random)
+        return None, given, memory
 
 
 def _role(agent: str) -> str:

@@ -65,22 +65,10 @@ def make_task(
     )
 
 
-def make_random(task: AttackTask, seed: int | None) -> Random:
-    """A source of luck for the task's array library."""
-    like = task.game.like
-    if isinstance(like, np.ndarray):
-        return Random(np.random.default_rng(seed), like.dtype)
-    import torch
-
-    generator = torch.Generator(like.device)
-    generator.manual_seed(seed) if seed is not None else generator.seed()
-    return Random(generator, like.dtype)
-
-
 def task_spaces(task: AttackTask) -> tuple[Box, Box]:
     """The observation space and the action space of one game of a task."""
     trial = TaskBatch(task)
-    trial.restart(make_random(task, 0))  # luck has no part in the shape
+    trial.restart(task.game.random(0))  # luck has no part in the shape
     bound = np.inf if task.knowledge == "white_box" else 1.0
     low = -np.inf if task.knowledge == "white_box" else 0.0
     seen = trial.observe().shape[0]

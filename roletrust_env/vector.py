@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.batch import TaskBatch
-from roletrust_env.tasks import TASKS, check_action, make_random, make_task, task_spaces
+from roletrust_env.tasks import TASKS, check_action, make_task, task_spaces
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
@@ -59,7 +59,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._same_step = autoreset_mode is AutoresetMode.SAME_STEP
         self._batch = TaskBatch(self.task, (num_envs,))
-        self._random = make_random(self.task, None)
+        self._random = self.task.game.random()
         self._ended: Array | None = None  # games to restart in the next step
 
     def reset(
@@ -77,7 +77,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if not isinstance(seed, int | np.integer | None):
             raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
         if seed is not None:
-            self._random = make_random(self.task, seed)
+            self._random = self.task.game.random(seed)
         self._batch.restart(self._random)
         self._ended = None
         return self._observe(), dict.fromkeys(("objective", "cost"), self._zeros())

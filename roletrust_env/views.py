@@ -162,11 +162,5 @@ class Layout:
         end = 1 + self.provider_size
         return AgentView(observation[0], self.provider(observation[1:end]), self.rater(observation[end:]))
 
-    def by_role(self, role: str, observation: Array) -> tuple[ProviderView | None, RaterView | None]:
-        """What an `sr`, an `sp` or an `srsp` sees as a provider and as a rater; None where it is not one."""
-        if role == "srsp":
-            return self.both(observation)[1:]
-        return (self.provider(observation), None) if role == "sp" else (None, self.rater(observation))
-
     def _round(self, observation: Array) -> Array:
         return namespace(observation).round(observation[0] * self.max_cycles)

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
 from baselines import OnOff
-from roletrust_env import Random, Scenario, vector
+from roletrust_env import Game, Random, Scenario
 from roletrust_env.attack import AttackTask
 from roletrust_env.tasks import TASKS
 from roletrust_env.vector import AttackVectorEnv
@@ -401,7 +401,7 @@ class Tensors(Random):
 def test_torch_plays_as_numpy_does(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **ENDS)
     observations, _ = batch.reset(seed=5)
-    monkeypatch.setattr(vector, "make_random", lambda task, seed: Tensors(np.random.default_rng(seed), np.float32))
+    monkeypatch.setattr(Game, "random", lambda game, seed=None: Tensors(np.random.default_rng(seed), np.float32))
     tensors = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, like=torch.zeros(()), **ENDS)
     assert_close(tensors.reset(seed=5)[0], observations)
     ends = 0
