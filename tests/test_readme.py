@@ -52,6 +52,11 @@ def test_the_attacker_plays(said):
     assert top[-1, 0] < 0.7 < top[-1, 1]
 
 
+def test_the_learned_attacker_sells_bad_service_on_good_trust(said):
+    sold = said["sold"]
+    assert (sold.top * (1 - sold.quality))[:, 2].mean() > 0.2
+
+
 def test_the_scenario_is_valid(tmp_path):
     path = tmp_path / "drones.toml"
     path.write_text(blocks("toml")[0])
