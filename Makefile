@@ -29,6 +29,9 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
+	$(BIN)/roletrust ladder ProviderAttack --set max_cycles=200 --set noise=0 --set 'perturbations=[]' \
+	  --learned agents/zoo/provider-3x3 --out $(OUT)/ladder
+	cp $(OUT)/ladder/ladder.png docs/ladder.png
 
 format: setup
 	$(BIN)/ruff check --fix .
