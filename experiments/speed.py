@@ -92,7 +92,7 @@ def speed(
     with progress_bar() as progress, _torch_threads(threads):
         steps, skipped = _race(_players(plan, seed), plan, "Steps", progress)
         ratings, _ = _race(_raters(plan, seed), plan, "Ratings", progress)
-    targets = _targets(steps, ratings)
+    targets = _targets(steps, ratings) + ([] if quick else [_learner(seed)])
     for table in (_steps_table(steps, threads), _ratings_table(ratings), _targets_table(targets)):
         console.print(table)
     for reason in skipped:
@@ -121,6 +121,7 @@ def _players(plan: Plan, seed: int) -> list[Entry]:
             entries.append(Entry("vmas", partial(timing.simple_spread, games, seed)))
             entries.append(Entry("numpy", partial(timing.batch, "NumPy", games, seed)))
             entries.append(Entry("torch", partial(timing.batch, "torch", games, seed)))
+            entries.append(Entry("numpy", partial(timing.attack_tasks, games, seed)))
         if games in plan.compiled:
             entries.append(Entry("torch", partial(timing.batch, "compiled torch", games, seed)))
     return entries
@@ -164,13 +165,28 @@ def _targets(steps: Sequence[Timing], ratings: Sequence[Timing]) -> list[Target]
         a, b = rated.get((name, 3000)), rated.get((name, 30))
         return Target(f"{name}, 3,000 x 3,000 / 30 x 30", 2.0, False, a.times_dearer(b) if a and b else None)
 
+    tasks = played.get(("attack task batch", 1024))
+    million = Spread.of(rate / 1e6 for rate in tasks.env_steps()) if tasks else None
+
     return [
+        Target("attack task batch of 1,024, million env-steps/s", 1.0, True, million),
         faster("one environment", "mpe2 simple_adversary", 1, 4.0),
         faster("NumPy batch", "VMAS simple_spread", 1024, 5.0),
         faster("compiled torch batch", "VMAS simple_spread", 8192, 10.0),
         steady("trust model"),
         steady("whole round"),
     ]
+
+
+def _learner(seed: int) -> Target:
+    """What the environment costs a learner."""
+    what = "frames/s of PPO on 256 attack tasks / on no game"
+    if importlib.util.find_spec("stable_baselines3") is None:
+        return Target(what, 0.8, True, None)
+    from experiments.ppo_speed import ppo_speed
+
+    share = ppo_speed(seed=seed).share
+    return Target(what, 0.8, True, Spread(share, share, share))
 
 
 def _steps_table(steps: Sequence[Timing], threads: int) -> Table:
@@ -195,7 +211,7 @@ def _ratings_table(ratings: Sequence[Timing]) -> Table:
 
 
 def _targets_table(targets: Sequence[Target]) -> Table:
-    caption = "ratios of agent-steps/s, and of time per rating; the median decides"
+    caption = "/: ratios of agent-steps/s, and of time per rating; the median decides"
     table = _table("What was promised", caption, "promised", "found", "least - greatest", "")
     for target in targets:
         promised = f"{'at least' if target.at_least else 'at most'} {target.bound:g}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from roletrust_env import Game, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.state import Actions
+from roletrust_env.vector import AttackVectorEnv
 from roletrust_env.world import AgentGroup
 
 # Actions are sampled before the clock starts, and taken in turn.
@@ -164,6 +165,20 @@ def batch(library: str, games: int, seed: int) -> Contestant:
     scenario = make_scenario("paper-3x3")
     step = _rounds(scenario, library, (games,), seed)
     return Contestant(f"{library} batch", games, len(Game(scenario).roster.names), step)
+
+
+def attack_tasks(games: int, seed: int) -> Contestant:
+    """A batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
+
+    Args:
+        games: size of the batch.
+        seed: of noise and actions.
+    """
+    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
+    env.reset(seed=seed)
+    env.action_space.seed(seed)
+    actions = env.action_space.sample()
+    return Contestant("attack task batch", games, len(env.task.game.roster.names), lambda: env.step(actions))
 
 
 def whole_round(side: int, seed: int) -> Contestant:

@@ -46,7 +46,7 @@ def test_the_command_prints_its_tables_and_writes_its_files(monkeypatch, tmp_pat
     assert about["machine"]["cores"] >= 1
     assert about["torch_threads"] == 1
     assert {"numpy", "torch"} <= about["packages"].keys()
-    assert [t["bound"] for t in about["targets"]] == [4, 5, 10, 2, 2]
+    assert [t["bound"] for t in about["targets"]] == [1, 4, 5, 10, 2, 2]
 
 
 def test_a_peer_that_is_not_installed_is_named_and_not_promised(monkeypatch):
@@ -58,7 +58,7 @@ def test_a_peer_that_is_not_installed_is_named_and_not_promised(monkeypatch):
     output = run(monkeypatch).output
     assert "mpe2 is not installed" in output
     assert "vmas is not installed" in output
-    assert output.count("not measured") == 7  # five promises and two reasons
+    assert output.count("not measured") == 8  # six promises and two reasons
 
 
 def test_what_cannot_be_made_is_named(monkeypatch):
