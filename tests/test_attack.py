@@ -1,122 +1,32 @@
 """The attacker's side of a game against slow formulas, in one game, in a batch and in torch; what it may see."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from attack_cases import (
+    CASES,
+    EVERY_ACCESS,
+    EVERY_CASE,
+    LEVELS,
+    STEALTH,
+    assert_close,
+    busy,
+    deeds,
+    each,
+    make,
+    play,
+    rng,
+)
 
 from agents.exact import optimal_provider, optimal_rater
 from baselines import BadMouthing, OnOff
 from roletrust_env import Actions, Game, Noise, Random, Scenario, make_scenario
-from roletrust_env.attack import AttackTask, Outcome, Stealth, TaskState
+from roletrust_env.attack import AttackTask, Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
-
-TOLERANCE = {"rtol": 0, "atol": 1e-12}
-LEVELS = ("black_box", "grey_box", "white_box")
-
-ACCESS = {
-    "everyone": {"kind": "everyone"},
-    "in-range": {"kind": "in-range", "radius": 5.0, "arena": 8.0, "speed": 1.5},
-    "softmax": {"kind": "choice", "providers": 2, "temperature": 0.3},
-}
-
-
-def busy(access: str = "everyone", **fields: Any) -> Scenario:
-    """Every feature at once. Agents: sr_0 to sr_3, sp_0 to sp_4, srsp_0 to srsp_2."""
-    defaults = {
-        "agents": [
-            {"role": "SR", "count": 3, "noise": 0.05},
-            {"role": "SP", "count": 3},
-            {"role": "SR+SP", "count": 2, "noise": 0.1},
-            {"role": "SR+SP", "turns": ["SR", "SP"], "turn_length": 3},
-            {"role": "SR", "joins": 3, "join_rate": 0.4},
-            {"role": "SP", "joins": 1, "leaves": 9},
-            {"role": "SP", "leave_rate": 0.15},
-        ],
-        "access": ACCESS[access],
-        "ratings": {"lost": 0.1, "late": 0.2, "delay": 2},
-        "perturbations": [{"start": 4, "stop": 6, "strength": 0.6}],
-        "values": [1.0, 2.0, 5.0],
-        "admission": {"threshold": 0.3, "rounds": 4},
-        "max_cycles": 14,
-        "lam": 0.6,
-        "initial_trust": 0.4,
-    }
-    return Scenario.model_validate(defaults | fields)
-
-
-STEALTH = Stealth(weight=2.0, tolerance=0.05)
-CASES: dict[str, dict[str, Any]] = {
-    "rater": {"compromised": ("sr_1",), "stealth": STEALTH},
-    "rater that joins late": {"compromised": ("sr_3",), "stealth": Stealth(1.0, 0.0)},
-    "provider": {"compromised": ("sp_1",), "objective": "exploit", "stealth": STEALTH},
-    "providers that leave": {"compromised": ("sp_4", "sp_3"), "objective": "exploit"},
-    "dual": {"compromised": ("srsp_1",), "objective": "exploit", "stealth": STEALTH},
-    "dual by turns": {"compromised": ("srsp_2",), "objective": "damage", "stealth": Stealth(0.5, 0.1)},
-    "colluders among other attackers": {
-        "compromised": ("sp_0", "srsp_1", "sr_0", "sr_3"),
-        "stealth": STEALTH,
-        "others": {"sp_2": OnOff(switching="random", period=5), "sr_2": BadMouthing(level=0.1), "sp_4": OnOff()},
-    },
-    "promoters": {
-        "compromised": ("sr_0", "srsp_0"),
-        "objective": "promote",
-        "accomplices": ("sp_3", "srsp_0", "sp_0"),
-        "stealth": Stealth(1.0, 0.0),
-        "others": {"sp_0": OnOff(), "sp_3": OnOff(bad=0.3)},
-    },
-    "no honest rater": {
-        "compromised": ("sr_0", "sr_1", "sr_2", "sr_3", "srsp_0", "srsp_1", "srsp_2"),
-        "stealth": STEALTH,
-    },
-}
-EVERY_CASE = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-EVERY_ACCESS = pytest.mark.parametrize("access", ACCESS)
-
-
-def make(scenario: Scenario, case: dict[str, Any], like: Any = None, **changes: Any) -> AttackTask:
-    arguments = case | changes
-    return AttackTask(Game(scenario, like=like), arguments.pop("compromised"), **arguments)
-
-
-def rng(seed: int = 0) -> Random:
-    return Random(np.random.default_rng(seed))
-
-
-def each(function: Callable, *trees: Any) -> Any:
-    """Apply a function to the arrays of alike trees; None stays None."""
-    if trees[0] is None:
-        return None
-    if isinstance(trees[0], tuple):
-        parts = [each(function, *parts) for parts in zip(*trees, strict=True)]
-        return type(trees[0])(*parts) if hasattr(trees[0], "_fields") else tuple(parts)
-    return function(*trees)
-
-
-def assert_close(actual: Any, expected: Any) -> None:
-    each(lambda a, b: np.testing.assert_allclose(np.asarray(a), np.asarray(b), **TOLERANCE), actual, expected)
-
-
-def deeds(task: AttackTask, seed: int, batch: tuple[int, ...] = ()) -> list[np.ndarray]:
-    """Actions of every round: in some games bad, in some good, in some anything."""
-    random = np.random.default_rng(seed)
-    shape, rounds = (task.action_size, *batch), task.game.scenario.max_cycles
-    mood = random.integers(0, 3, batch)
-    return [np.choose(mood, [0.2 * x, x, 1 - 0.1 * x]) for x in random.random((rounds, *shape))]
-
-
-def play(task: AttackTask, seed: int = 0, actions: Any = None) -> Iterator[tuple[TaskState, TaskState, Outcome]]:
-    """State before, state after and outcome of every round of one game."""
-    random = rng(seed)
-    state = task.start(task.game.draw(random, start=True), random)
-    for action in deeds(task, seed) if actions is None else actions:
-        after, outcome = task.step(state, action, task.game.draw(random), random)
-        yield state, after, outcome
-        state = after
-
 
 # --- objectives, cost, termination -------------------------------------------------------------------
 
@@ -185,13 +95,13 @@ def test_the_cases_meet_what_they_are_for() -> None:
 
 
 def test_the_paper_world_by_hand() -> None:
-    """Honest 1, one of three raters at 0 for ever: the steady state of model.md."""
+    """Honest 1, one of three raters at 0 for ever: the steady state."""
     scenario = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=60)
     task = make(scenario, {"compromised": ("sr_2",), "stealth": Stealth(2.0, 0.1)})
     *_, (_, _, outcome) = play(task, actions=[np.zeros(3)] * 60)
     honest, liar = 1 - (1 / 3) ** 0.5, 1 - (2 / 3) ** 0.5
     assert outcome.objective == pytest.approx(1 - 2 / 3 * honest, abs=1e-9)
-    assert outcome.objective == pytest.approx(1 - 0.282, abs=1e-3)  # as in model.md
+    assert outcome.objective == pytest.approx(1 - 0.282, abs=1e-3)
     assert outcome.cost == pytest.approx(honest - liar - 0.1, abs=1e-9)
     assert outcome.reward == pytest.approx(outcome.objective - 2 * outcome.cost)
 
@@ -433,112 +343,6 @@ def test_gradients_reach_the_actions() -> None:
     assert all(torch.isfinite(slope).all() for slope in slopes)
     assert torch.all(slopes[0][1:] != 0)  # nothing to rate in the first round
     assert torch.all(slopes[1][1:] > slopes[0][1:])  # nearer to the truth is cheaper
-
-
-# --- knowledge --------------------------------------------------------------------------------------
-
-
-def entries(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every number of a state: its name, such as `trust.last[0,2]`, and a function that makes a state with another."""
-    for field in tree._fields:
-        value, name = getattr(tree, field), f"{path}{field}"
-        if value is None:
-            continue
-        if hasattr(value, "_fields"):
-            for inner, change in entries(value, f"{name}."):
-                yield inner, lambda f=field, c=change: tree._replace(**{f: c()})
-            continue
-        for index in np.ndindex(np.shape(value)):
-
-            def change(f: str = field, v: Any = value, i: tuple = index) -> Any:
-                v = np.array(v)
-                v[i] = not v[i] if v.dtype == bool else v[i] + (1 if v.dtype.kind == "i" else 0.01)
-                return tree._replace(**{f: v[()]})
-
-            yield f"{name}[{','.join(map(str, index))}]" if index else name, change
-
-
-def visible(task: AttackTask, state: TaskState) -> set[str]:
-    """The numbers of the state that the observation depends on."""
-    before = task.observe(state)
-    return {
-        name
-        for name, change in entries(state.game)
-        if not np.array_equal(task.observe(TaskState(change(), state.memories)), before)
-    }
-
-
-def in_life(task: AttackTask) -> set[str]:
-    """What the compromised agents see in life, of role-trust."""
-    roster = task.game.roster
-    seen = {"round"}
-    for name in task.compromised:
-        if name in roster.rater_names:
-            i = roster.rater_names.index(name)
-            seen.add(f"trust.tor[{i}]")
-            for j in range(roster.n_providers):
-                seen |= {f"{field}[{i},{j}]" for field in ("service", "awaiting", "ratings", "rated")}
-                seen.add(f"trust.top[{j}]")
-        if name in roster.provider_names:
-            j = roster.provider_names.index(name)
-            seen |= {f"{field}[{j}]" for field in ("trust.top", "value", "quality")}
-            seen |= {f"{field}[{i},{j}]" for field in ("ratings", "rated") for i in range(roster.n_raters)}
-        if name.startswith("srsp"):
-            k = int(name.split("_")[1])
-            seen |= {f"counts.rated[{k}]", f"counts.provided[{k}]"}
-    return seen
-
-
-def midway(task: AttackTask, rounds: int = 7) -> TaskState:
-    return list(play(task, 2))[rounds][1]
-
-
-WATCHERS = [("sr_1",), ("sp_1",), ("srsp_1",), ("sr_0", "sp_2", "srsp_0")]
-
-
-@pytest.mark.parametrize("names", WATCHERS, ids=str)
-@pytest.mark.parametrize("access", ["everyone", "in-range"])
-def test_each_level_of_knowledge_shows_exactly_its_own(names: tuple, access: str) -> None:
-    """Perturb the state number by number: the trust of others, their memory, late ratings, who is in danger, ..."""
-    task = make(busy(access), {"compromised": names})
-    state, roster = midway(task), task.game.roster
-    assert visible(task, state) == in_life(task)
-    published = {f"trust.tor[{i}]" for i in range(roster.n_raters)} | {
-        f"trust.top[{j}]" for j in range(roster.n_providers)
-    }
-    assert visible(make(busy(access), {"compromised": names}, knowledge="grey_box"), state) == in_life(task) | published
-    everything = {name for name, _ in entries(state.game)}
-    assert visible(make(busy(access), {"compromised": names}, knowledge="white_box"), state) == everything
-    assert {"trust.last[3,0]", "transit.ratings[0,2,1]", "population.low[0]"} < everything - in_life(task) - published
-
-
-@pytest.mark.parametrize("names", WATCHERS, ids=str)
-def test_levels_of_knowledge_build_on_each_other(names: tuple) -> None:
-    black, grey, white = (make(busy("in-range"), {"compromised": names}, knowledge=level) for level in LEVELS)
-    state = midway(black)
-    life, roster = [], black.game.roster
-    of_sr, of_sp, of_both = black.game.observations(state.game)
-    for name in names:
-        role, index = name.split("_")
-        life += {"sr": of_sr, "sp": of_sp, "srsp": of_both}[role][:, int(index)].tolist()
-    assert black.observe(state).tolist() == life
-    published = np.concatenate(black.game.published(state.game)).tolist()
-    assert len(published) == roster.n_raters + roster.n_providers
-    assert grey.observe(state).tolist() == life + published
-    leaves: list[float] = []
-    each(lambda array: leaves.extend(np.ravel(array).tolist()), state.game)
-    assert white.observe(state).tolist() == life + published + leaves
-
-
-def test_the_trust_models_memory_is_known_to_the_white_box_only() -> None:
-    """With the mean, too, whose memory is another."""
-    for level, knows in zip(LEVELS, (False, False, True), strict=True):
-        task = AttackTask(Game(busy(), "mean"), ("sr_1",), knowledge=level)
-        state = midway(task)
-        hidden = {name for name, _ in entries(state.game) if name.startswith("trust.")}
-        assert hidden
-        everything = visible(task, state) >= {name for name, _ in entries(state.game)}
-        assert everything == knows
 
 
 # --- exact optima -----------------------------------------------------------------------------------

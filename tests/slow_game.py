@@ -1,0 +1,192 @@
+"""A round of the game in loops, one game, agents by name: the slow reference."""
+
+from collections.abc import Callable
+from math import hypot, log
+from typing import Any
+
+import numpy as np
+import reference
+
+from roletrust_env import Actions, Noise, Scenario
+from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
+
+
+class Slow:
+    """A game as its documentation tells it, with nothing of the library but the scenario's fields."""
+
+    def __init__(self, scenario: Scenario, noise: Noise) -> None:
+        self.rules, self.round = scenario, 0
+        self.group = {}
+        for role, prefix in (("SR", "sr"), ("SP", "sp"), ("SR+SP", "srsp")):
+            members = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
+            self.group |= {f"{prefix}_{i}": group for i, group in enumerate(members)}
+        self.names = list(self.group)
+        self.raters = [k for k in self.names if "SR" in self.group[k].role]
+        self.providers = [k for k in self.names if "SP" in self.group[k].role]
+        self.both = [k for k in self.raters if k in self.providers]
+        self.pairs = [(i, j) for i in self.raters for j in self.providers]
+        self.tor = dict.fromkeys(self.raters, scenario.initial_trust)
+        self.top = dict.fromkeys(self.providers, scenario.initial_trust)
+        self.last, self.rated_in = {}, {}
+        self.awaiting, self.service, self.quality = set(), {}, dict.fromkeys(self.providers, 0.0)
+        self.late, self.arrived = [], {}  # late: (round, pair, rating)
+        self.n_rated, self.n_provided = dict.fromkeys(self.both, 0), dict.fromkeys(self.both, 0)
+        self.phase, self.low = dict.fromkeys(self.names, WAITING), dict.fromkeys(self.names, 0)
+        self.come_and_go(0, noise)
+        self.value = self.draw_values(noise)
+        self.place = self.goal = None
+        if scenario.access.kind == "in-range":
+            self.place, self.goal = self.spots(noise.position), self.spots(noise.goal)
+
+    def spots(self, luck: np.ndarray) -> dict[str, tuple[float, float]]:
+        return {k: tuple(self.rules.access.arena * luck[n]) for n, k in enumerate(self.names)}
+
+    def draw_values(self, noise: Noise) -> dict[str, float]:
+        values = self.rules.values
+        return {
+            j: values[0] if len(set(values)) == 1 else values[int(noise.value[n] * len(values))]
+            for n, j in enumerate(self.providers)
+        }
+
+    def come_and_go(self, round: int, noise: Noise) -> None:
+        for n, k in enumerate(self.names):
+            group = self.group[k]
+            luck = 0.5 if noise.presence is None else noise.presence[n]
+            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate:
+                self.phase[k] = PRESENT
+            elif self.phase[k] == PRESENT and luck < group.leave_rate:
+                self.phase[k] = LEFT
+            if self.phase[k] in (WAITING, PRESENT) and group.leaves is not None and round >= group.leaves:
+                self.phase[k] = LEFT
+
+    def trust(self, k: str) -> float:
+        if k not in self.both:
+            return self.tor[k] if k in self.tor else self.top[k]
+        services = self.n_rated[k] + self.n_provided[k]
+        if not services:
+            return self.rules.initial_trust
+        return (self.n_rated[k] * self.tor[k] + self.n_provided[k] * self.top[k]) / services
+
+    def on_duty(self, k: str, role: str) -> bool:
+        group = self.group[k]
+        turns = group.turns or (group.role,)
+        return role in turns[self.round // group.turn_length % len(turns)].split("+")
+
+    def step(self, actions: Actions, noise: Noise) -> dict[str, float]:
+        self.deliver(actions.ratings, noise)
+        self.update_trust()
+        before = dict(self.phase)
+        if self.rules.admission is not None:
+            for k in self.names:
+                danger = self.phase[k] == PRESENT and self.trust(k) < self.rules.admission.threshold
+                self.low[k] = self.low[k] + 1 if danger else 0
+                if self.low[k] >= self.rules.admission.rounds:
+                    self.phase[k] = CUT_OFF
+        self.come_and_go(self.round + 1, noise)
+        if self.place is not None:
+            self.move(noise)
+        acting = {k for k in self.names if before[k] == self.phase[k] == PRESENT}
+        self.serve(actions.quality, acting, noise)
+        rewards = self.rewards()
+        self.value = self.value if noise.value is None else self.draw_values(noise)
+        self.round += 1
+        return rewards
+
+    def deliver(self, ratings: np.ndarray, noise: Noise) -> None:
+        channel = self.rules.ratings
+        self.arrived = {pair: rating for due, pair, rating in self.late if due == self.round}
+        for s, i in enumerate(self.raters):
+            for p, j in enumerate(self.providers):
+                if (i, j) not in self.awaiting or (channel.lost > 0 and noise.lost[s, p] < channel.lost):
+                    continue
+                if channel.late > 0 and noise.late[s, p] < channel.late:
+                    self.late.append((self.round + channel.delay, (i, j), ratings[s, p]))
+                else:
+                    self.arrived[i, j] = ratings[s, p]
+        for k in self.both:
+            self.n_rated[k] += sum(rater == k for rater, _ in self.arrived)
+            self.n_provided[k] += sum(provider == k for _, provider in self.awaiting)
+
+    def update_trust(self) -> None:
+        def matrix(of: Callable[[tuple[str, str]], float]) -> list[list[float]]:
+            return [[of((i, j)) for j in self.providers] for i in self.raters]
+
+        notes, mask = matrix(lambda c: self.arrived.get(c, 0.0)), matrix(lambda c: c in self.arrived)
+        last = matrix(lambda c: self.last.get(c, 0.0))
+        elapsed = matrix(lambda c: self.round - self.rated_in[c] if c in self.rated_in else 0)
+        lam = self.rules.lam
+        tor = reference.rater_trust(notes, mask, list(self.tor.values()), lam)
+        top = reference.provider_trust(notes, mask, tor, list(self.top.values()), last, elapsed, lam)
+        self.tor, self.top = dict(zip(self.raters, tor, strict=True)), dict(zip(self.providers, top, strict=True))
+        self.last |= self.arrived
+        self.rated_in |= dict.fromkeys(self.arrived, self.round)
+
+    def move(self, noise: Noise) -> None:
+        goals = self.spots(noise.goal)
+        for k in self.names:
+            (x, y), (goal_x, goal_y) = self.place[k], self.goal[k]
+            distance = hypot(goal_x - x, goal_y - y)
+            if distance <= self.rules.access.speed:
+                self.place[k], self.goal[k] = self.goal[k], goals[k]
+            else:
+                share = self.rules.access.speed / distance
+                self.place[k] = (x + share * (goal_x - x), y + share * (goal_y - y))
+
+    def serve(self, quality: np.ndarray, acting: set[str], noise: Noise) -> None:
+        access = self.rules.access
+        self.awaiting = set()
+        for s, i in enumerate(self.raters):
+            within = []
+            for p, j in enumerate(self.providers):
+                near = self.place is None or (
+                    hypot(self.place[i][0] - self.place[j][0], self.place[i][1] - self.place[j][1]) <= access.radius
+                )
+                duty = self.on_duty(i, "SR") and self.on_duty(j, "SP")
+                if i != j and {i, j} <= acting and duty and near:
+                    within.append((p, j))
+            if access.kind == "choice":
+                luck, t = noise.choice[s], access.temperature
+                if t:
+                    within.sort(key=lambda pj: self.top[pj[1]] / t - log(-log(luck[pj[0]])), reverse=True)
+                else:
+                    # Luck decides between trusts as near as 1e-5.
+                    within.sort(key=lambda pj: self.top[pj[1]] + 1e-5 * luck[pj[0]], reverse=True)
+                within = within[: access.providers]
+            self.awaiting |= {(i, j) for _, j in within}
+        strength = max((b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop), default=0.0)
+        serving = {j for _, j in self.awaiting}
+        self.quality = {j: quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
+        self.service = {}
+        for s, i in enumerate(self.raters):
+            for p, j in enumerate(self.providers):
+                if (i, j) in self.awaiting:
+                    seen = self.quality[j] * (1 - strength) + self.group[i].noise * noise.perception[s, p]
+                    self.service[i, j] = min(max(seen, 0.0), 1.0)
+
+    def rewards(self) -> dict[str, float]:
+        weights, rewards = self.rules.rewards, {}
+        for k in self.names:
+            weight = weights.rater_trust if k in self.raters else weights.provider_trust
+            weight = weights.agent_trust if k in self.both else weight
+            cost = weights.quality_cost * self.value[k] * self.quality[k] if k in self.providers else 0.0
+            rewards[k] = weight * self.trust(k) - cost
+        return rewards
+
+    def expected(self) -> dict[str, Any]:
+        """The fields of `State`, in arrays."""
+
+        def cells(of: dict, default: float = 0.0) -> np.ndarray:
+            return np.array([[of.get((i, j), default) for j in self.providers] for i in self.raters])
+
+        fields = {
+            "round": self.round,
+            "ratings": cells(self.arrived),
+            "rated": cells(dict.fromkeys(self.arrived, True), False),
+            "quality": np.array(list(self.quality.values())),
+            "service": cells(self.service),
+            "awaiting": cells(dict.fromkeys(self.awaiting, True), False),
+            "value": np.array(list(self.value.values())) / max(self.rules.values),
+        }
+        if self.both:
+            fields["counts"] = np.array([list(self.n_rated.values()), list(self.n_provided.values())])
+        return fields
