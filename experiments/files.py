@@ -17,9 +17,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # The packages that decide what numbers come out.
-_PACKAGES = """
-    numpy opencv-python-headless array-api-compat gymnasium pettingzoo pydantic torch stable-baselines3 scipy cma
-""".split()
+_PACKAGES = (
+    "numpy",
+    "opencv-python-headless",
+    "array-api-compat",
+    "gymnasium",
+    "pettingzoo",
+    "pydantic",
+    "torch",
+    "stable-baselines3",
+    "scipy",
+    "cma",
+)
 
 
 @contextmanager

@@ -52,11 +52,10 @@ def zoo(
             raise ValueError(f"there is no attacker {name!r} in {folder}; there are {', '.join(known) or 'none'}")
     table = Table(title="Trained attackers", title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("name", style="cyan", no_wrap=True)
-    table.add_column("task")
     for column in ("honest", "score, as saved", "measured"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("holds")
-    well = True
+    well, told = True, []
     with progress_bar() as progress:
         for name in progress.track(names or known, description="Playing"):
             try:
@@ -71,8 +70,11 @@ def zoo(
             holds = abs(mean - said.mean) <= half + said.half_95 + 1e-4
             well &= holds
             saved, found = (f"{a:.4f} ± {b:.4f}" for a, b in ((said.mean, said.half_95), (mean, half)))
-            table.add_row(name, _task(attacker), f"{said.honest:.4f}", saved, found, "yes" if holds else "[red]no")
+            table.add_row(name, f"{said.honest:.4f}", saved, found, "yes" if holds else "[red]no")
+            told.append(f"[cyan]{name}[/]: {_task(attacker)}")
     console.print(table)
+    for line in told:
+        console.print(line, soft_wrap=True)
     if not well:
         raise typer.Exit(1)
 
