@@ -146,11 +146,4 @@ def _honest(task: AttackTask, batch: TaskBatch, random: Random) -> Array:
     if batch.state is None:
         raise RuntimeError("the games have not begun")
     actions, _ = task.cast.act(batch.state.game, batch.state.memories, random)
-    roster, parts = task.game.roster, []
-    for name in task.compromised:
-        if name in roster.provider_names:
-            place = roster.provider_names.index(name)
-            parts.append(actions.quality[place : place + 1])
-        if name in roster.rater_names:
-            parts.append(actions.ratings[roster.rater_names.index(name)])
-    return np.concatenate(parts)
+    return task.own_action(actions)

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array
 from roletrust_env.attack import AttackTask, TaskState
 from roletrust_env.policy import Cast, Policy
 from roletrust_env.randomness import Random
-from roletrust_env.state import Actions
 
 
 class Attacker(Protocol):
@@ -38,7 +37,7 @@ class Scripted:
         """See `Attacker.act`."""
         cast, memories = memory
         actions, memories = cast.act(state.game, memories, random)
-        return joint_action(task, actions), (cast, memories)
+        return task.own_action(actions), (cast, memories)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +55,3 @@ class OpenLoop:
         action = self.actions[memory]
         whole = 0 * state.game.quality[:1]  # (1, K, G)
         return action.reshape(action.shape[0], -1, 1) + whole, memory + 1
-
-
-def joint_action(task: AttackTask, actions: Actions) -> Array:
-    """What the compromised agents do among all agents' actions, as the action of the task, (A, ...)."""
-    roster, parts = task.game.roster, []
-    for name in task.compromised:
-        if name in roster.provider_names:
-            parts.append(actions.quality[roster.provider_names.index(name)][None, ...])
-        if name in roster.rater_names:
-            parts.append(actions.ratings[roster.rater_names.index(name)])
-    return namespace(parts[0]).concat(parts)

@@ -21,6 +21,14 @@ from experiments.attacks import parse_settings, parse_trust_model
 from experiments.confidence import over_games
 from experiments.console import console
 from experiments.files import provenance, write_csv, write_figure, write_json
+from experiments.task_options import (
+    ScenarioOption,
+    SettingsOption,
+    StealthTolerance,
+    StealthWeight,
+    TrustModelOption,
+    find_task,
+)
 from experiments.trajectory import Trajectory, watch
 from roletrust_env import make_scenario
 from roletrust_env.tasks import TASKS
@@ -39,19 +47,14 @@ class Row(NamedTuple):
 
 def ladder(
     task: Annotated[str, typer.Argument(help="ProviderAttack, RaterAttack, DualAttack or CollusionAttack.")],
-    scenario: Annotated[str | None, typer.Option(help="Another scenario than the task's: a name or a file.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the scenario; repeat for more."),
-    ] = None,
-    trust_model: Annotated[
-        str, typer.Option(metavar="NAME[:key=value,...]", help="Trust model, with parameters of its own.")
-    ] = "role-trust",
+    scenario: ScenarioOption = None,
+    settings: SettingsOption = None,
+    trust_model: TrustModelOption = "role-trust",
     compromised: Annotated[
         list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.", show_default=False)
     ] = None,
-    stealth_weight: Annotated[float, typer.Option(min=0, help="Price of a trust gap that shows.")] = 0.0,
-    stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
+    stealth_weight: StealthWeight = 0.0,
+    stealth_tolerance: StealthTolerance = 0.1,
     budget: Annotated[
         int, typer.Option(min=1, help="Rounds x games that each searcher and the planner may play.")
     ] = 2_000_000,
@@ -135,15 +138,6 @@ def ladder(
     if any(row.finding.name == "exact" and row.share < best.share for row in rows):
         console.print("[dim]above 1: the exact optimum is that of one lie for all providers[/]", soft_wrap=True)
     console.print(f"Written to {out}: ladder.png, ladder.csv, ladder.json, trajectories.csv", soft_wrap=True)
-
-
-def find_task(text: str) -> str:
-    """The id of a task, of which the middle will do."""
-    short = {task_id.removeprefix("RoleTrust/").removesuffix("-v0"): task_id for task_id in TASKS}
-    for name, task_id in short.items():
-        if text.lower() in (name.lower(), task_id.lower()):
-            return task_id
-    raise ValueError(f"unknown task {text!r}; known: {', '.join(short)}")
 
 
 def climb(

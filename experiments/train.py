@@ -13,6 +13,14 @@ from experiments.attacks import parse_settings
 from experiments.console import console
 from experiments.files import provenance, write_csv, write_figure
 from experiments.runs import RunFolder, write_bytes
+from experiments.task_options import (
+    ScenarioOption,
+    SettingsOption,
+    StealthTolerance,
+    StealthWeight,
+    TrustModelOption,
+    find_task,
+)
 from roletrust_env import Game, make_scenario
 from roletrust_env.tasks import TASKS
 
@@ -60,14 +68,9 @@ def train(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck, that of the learner included.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder of the run; it is made if need be.")] = _OUT,
-    scenario: Annotated[str | None, typer.Option(help="Another scenario than the task's: a name or a file.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the scenario; repeat for more."),
-    ] = None,
-    trust_model: Annotated[
-        str, typer.Option(metavar="NAME[:key=value,...]", help="Trust model, with parameters of its own.")
-    ] = "role-trust",
+    scenario: ScenarioOption = None,
+    settings: SettingsOption = None,
+    trust_model: TrustModelOption = "role-trust",
     compromised: Annotated[
         list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.")
     ] = None,
@@ -75,8 +78,8 @@ def train(
     accomplice: Annotated[
         list[str] | None, typer.Option(metavar="AGENT", help="Whom 'promote' is for; repeat for more.")
     ] = None,
-    stealth_weight: Annotated[float, typer.Option(min=0, help="Price of a trust gap that shows.")] = 0.0,
-    stealth_tolerance: Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")] = 0.1,
+    stealth_weight: StealthWeight = 0.0,
+    stealth_tolerance: StealthTolerance = 0.1,
     knowledge: Annotated[Knowledge, typer.Option(help="What the attacker sees.")] = Knowledge.BLACK_BOX,
     learner: Annotated[
         list[str] | None,
@@ -119,7 +122,7 @@ def train(
     folder, run = RunFolder(out), None
     config = folder.config()
     if task is not None:
-        task_id = _task_id(task)
+        task_id = find_task(task)
         changes = parse_settings(learner or [], "--learner")
         tuned = make_settings(task_id, algo.value, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
@@ -169,16 +172,6 @@ def train(
         soft_wrap=True,
     )
     console.print(f"Written to {out}: attacker.json, attacker.safetensors, curve.csv, curve.png", soft_wrap=True)
-
-
-def _task_id(text: str) -> str:
-    """The id of a task by its short name."""
-    short = {task_id.removeprefix("RoleTrust/").removesuffix("-v0").lower(): task_id for task_id in TASKS}
-    key = text.removeprefix("RoleTrust/").removesuffix("-v0").replace("-", "").lower()
-    if key not in short:
-        names = ", ".join(task_id.removeprefix("RoleTrust/").removesuffix("-v0") for task_id in TASKS)
-        raise ValueError(f"unknown task {text!r}; known: {names}")
-    return short[key]
 
 
 def _model_card(text: str, lam: float, initial: float) -> ModelCard:

@@ -200,6 +200,16 @@ class AttackTask:
             seen += [xp.astype(leaf, dtype).reshape(-1, *batch) for leaf in leaves(state.game)]
         return namespace(seen[0]).concat(seen)
 
+    def own_action(self, actions: Actions) -> Array:
+        """What the compromised agents do among all agents' actions, as an action of the task, (A, ...)."""
+        roster, parts = self.game.roster, []
+        for name in self.compromised:
+            if name in roster.provider_names:
+                parts.append(actions.quality[roster.provider_names.index(name)][None, ...])
+            if name in roster.rater_names:
+                parts.append(actions.ratings[roster.rater_names.index(name)])
+        return namespace(parts[0]).concat(parts)
+
     def _overrule(self, scripted: Actions, action: Array) -> Actions:
         """The joint action: that of the attacker's agents in place of what the script has for them."""
         xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers

@@ -13,7 +13,7 @@ from agents.known import Learned
 from agents.rungs import UnsuitableError, exact_task, find
 from baselines.search import PaperAttacks
 from experiments.cli import app
-from experiments.ladder import find_task
+from experiments.task_options import find_task
 from experiments.trajectory import watch
 from roletrust_env import make_scenario
 
