@@ -5,10 +5,10 @@ from typing import Any
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
-from roletrust_env.policy import Policy
+from roletrust_env.game.policy import Policy
+from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Share
-from roletrust_env.views import ProviderView
 
 
 @dataclass(frozen=True)

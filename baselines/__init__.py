@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from baselines.bad_mouthing import BadMouthing
-from baselines.on_off import OnOff
-from roletrust_env.policy import Policy
+from baselines.provider.on_off import OnOff
+from baselines.rater.bad_mouthing import BadMouthing
+from roletrust_env.game.policy import Policy
 from roletrust_env.registry import Registry
 
 registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers")

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from baselines.bad_mouthing import BadMouthing
-from baselines.on_off import OnOff
+from baselines.provider.on_off import OnOff
+from baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.attack import AttackTask
-from roletrust_env.policy import Channel, Policy
+from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.views import ProviderView, RaterView
 
 LONGEST = 12
 """The longest period of an on-off attack in the cube, in rounds."""

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from agents.players import Scripted
-from agents.rungs import SEARCHED, Arguments, Attempt, Counter, Tell, UnsuitableError, is_certain, measure
+from agents.ladder.players import Scripted
+from agents.ladder.rungs import SEARCHED, Arguments, Attempt, Counter, Tell, UnsuitableError, is_certain, measure
 from baselines.scripts import Scripts, describe, side_by_side
-from roletrust_env.policy import Policy
-from roletrust_env.tasks import make_task
+from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.policy import Policy
 
 Points = npt.NDArray[np.float64]
 Attack = Mapping[str, Policy]

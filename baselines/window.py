@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
-from roletrust_env.policy import Policy
+from roletrust_env.game.policy import Policy
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ import typer
 from rich.markup import escape
 from typer.core import TyperGroup
 
-from experiments.console import console, errors
-from experiments.figures import figures
-from experiments.ladder import ladder
-from experiments.listing import list_command
-from experiments.play import play
-from experiments.speed import speed
-from experiments.train import train
-from experiments.zoo import zoo
+from experiments.commands.console import console, errors
+from experiments.commands.figures import figures
+from experiments.commands.ladder import ladder
+from experiments.commands.listing import list_command
+from experiments.commands.play import play
+from experiments.commands.speed import speed
+from experiments.commands.train import train
+from experiments.commands.zoo import zoo
 from roletrust_env import __version__
 
 

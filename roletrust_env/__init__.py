@@ -1,17 +1,23 @@
 """RoleTrust: an environment in which role-based trust models are attacked and measured."""
 
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 import pettingzoo
 
-from roletrust_env.game import Game
-from roletrust_env.parallel import RoleTrustParallelEnv, env, parallel_env
-from roletrust_env.policy import Cast, Player, Policy
+from roletrust_env.envs.parallel import RoleTrustParallelEnv, env, parallel_env
+from roletrust_env.envs.tasks import make_task
+from roletrust_env.envs.vector import register_tasks
+from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Cast, Player, Policy
+from roletrust_env.game.rollout import record
+from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
-from roletrust_env.state import Actions, Noise, State
 from roletrust_env.trust import make_trust_model, register_trust_model, trust_models
-from roletrust_env.vector import register_tasks
 from roletrust_env.world import Scenario, load_scenario, make_scenario, register_scenario, scenarios
+
+if TYPE_CHECKING:
+    from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
 
 __version__ = version("roletrust-env")
 
@@ -21,6 +27,7 @@ register_tasks()
 
 __all__ = [
     "Actions",
+    "AttackVecEnv",
     "Cast",
     "Game",
     "Noise",
@@ -28,15 +35,27 @@ __all__ = [
     "Policy",
     "Random",
     "RoleTrustParallelEnv",
+    "RoleVecEnv",
     "Scenario",
     "State",
     "env",
     "load_scenario",
     "make_scenario",
+    "make_task",
     "make_trust_model",
     "parallel_env",
+    "record",
     "register_scenario",
     "register_trust_model",
     "scenarios",
     "trust_models",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """The faces for Stable-Baselines3, which is imported only when they are asked for."""
+    if name in ("AttackVecEnv", "RoleVecEnv"):
+        from roletrust_env.envs import sb3
+
+        return getattr(sb3, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

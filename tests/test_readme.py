@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from roletrust_env import Cast, Game, load_scenario, make_scenario
-from roletrust_env.rollout import record
+from roletrust_env.game.rollout import record
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

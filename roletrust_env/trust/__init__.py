@@ -1,7 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
 from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
-from roletrust_env.trust.mean import Mean
 from roletrust_env.trust.model import (
     TrustModel,
     check_trust_model,
@@ -9,7 +8,8 @@ from roletrust_env.trust.model import (
     register_trust_model,
     trust_models,
 )
-from roletrust_env.trust.role_trust import RoleTrust
+from roletrust_env.trust.models.mean import Mean
+from roletrust_env.trust.models.role_trust import RoleTrust
 
 register_trust_model("role-trust", RoleTrust)
 register_trust_model("mean", Mean)

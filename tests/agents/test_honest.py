@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from agents import Honest
-from roletrust_env.policy import Policy
-from roletrust_env.views import ProviderView, RaterView
+from roletrust_env.game.policy import Policy
+from roletrust_env.game.views import ProviderView, RaterView
 
 
 @pytest.mark.parametrize("policy", [Policy(), Honest(), Honest(best=0.3)], ids=["policy", "honest", "less"])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from agents.players import Scripted
-from agents.rungs import SEARCHED, UnsuitableError, exact_task, find, measure
+from agents.ladder.players import Scripted
+from agents.ladder.rungs import SEARCHED, UnsuitableError, exact_task, find, measure
 from baselines import BadMouthing, OnOff
 from baselines.scripts import Both, Scripts, describe, side_by_side
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-from roletrust_env.tasks import make_task
+from roletrust_env.envs.tasks import make_task
 
 PROVIDER = {
     "scenario": "paper-3x3",

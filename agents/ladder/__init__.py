@@ -1,0 +1,1 @@
+"""All ways to attack a task under one interface and one budget."""

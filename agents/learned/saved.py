@@ -1,0 +1,165 @@
+"""Saved attackers that are safe to share: weights in safetensors, all else in JSON. Loading runs no code.
+
+An attacker is a pair of files, `NAME.safetensors` and `NAME.json`. What does not fit is refused with a `ValueError`:
+names, shapes, dtypes, sizes and values are checked, and the JSON holds a digest of the weights.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from safetensors import SafetensorError
+from safetensors import numpy as safetensors
+
+from agents.learned.cards import Card, ModelCard, TaskCard, check_size
+from agents.learned.network import MAX_WEIGHTS, Floats, Network
+from roletrust_env.envs.tasks import make_task
+from roletrust_env.errors import explain
+from roletrust_env.game.attack import AttackTask, Stealth
+from roletrust_env.game.views import Layout
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Scenario
+
+MAX_JSON, MAX_SAFETENSORS = 1_000_000, 4 * MAX_WEIGHTS + 100_000
+"""Bytes that the two files may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class SavedAttacker:
+    """A trained attacker: what is known of it, and its network."""
+
+    card: Card
+    network: Network
+
+    @property
+    def layout(self) -> Layout:
+        """Of the game that it was trained in."""
+        roster = Roster.of(self.card.scenario)
+        return Layout(roster.n_raters, roster.n_providers, self.card.scenario.max_cycles)
+
+    def task(self) -> AttackTask:
+        """The task that it was trained for, on NumPy in float32."""
+        return carded_task(self.card.task, self.card.trust_model, self.card.scenario)
+
+
+def carded_task(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
+    """The task that these say, on NumPy in float32."""
+    return make_task(
+        scenario,
+        task.compromised,
+        trust_model=trust_model.make(),
+        objective=task.objective,
+        stealth=Stealth(task.stealth.weight, task.stealth.tolerance),
+        knowledge=task.knowledge,
+        accomplices=task.accomplices,
+    )
+
+
+def digest(data: bytes) -> str:
+    """SHA-256."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def weights_bytes(network: Network) -> bytes:
+    """The weights as a safetensors file; the same weights give the same bytes."""
+    return safetensors.save({name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)})
+
+
+def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, bytes], object]) -> None:
+    """Write the pair of files.
+
+    Args:
+        attacker: whose card holds the digest of its weights.
+        path: of either file, or without a suffix.
+        write: writes bytes to a path, `Path.write_bytes` or one that is atomic.
+    """
+    data = weights_bytes(attacker.network)
+    if digest(data) != attacker.card.weights_sha256:
+        raise ValueError("the card is of other weights")
+    path = _stem(path)
+    write(path.with_name(path.name + ".safetensors"), data)
+    write(path.with_name(path.name + ".json"), (attacker.card.model_dump_json(indent=1) + "\n").encode())
+
+
+def load_attacker(path: str | Path) -> SavedAttacker:
+    """Read a saved attacker. No code in it is run, and nothing is imported for it.
+
+    Args:
+        path: of either file, or without a suffix, or a folder that holds `attacker.json`.
+
+    Raises:
+        ValueError: a file is missing, too large or broken, or something in it does not fit.
+    """
+    path = Path(path)
+    path = path / "attacker" if path.is_dir() else _stem(path)
+    text = _read(path.with_name(path.name + ".json"), MAX_JSON)
+    data = _read(path.with_name(path.name + ".safetensors"), MAX_SAFETENSORS)
+    try:
+        return parse_attacker(text, data)
+    except ValueError as error:
+        raise ValueError(f"saved attacker {path}: {error}") from None
+
+
+def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
+    """A saved attacker of the contents of its two files.
+
+    Raises:
+        ValueError: something does not fit.
+    """
+    if len(text) > MAX_JSON or len(data) > MAX_SAFETENSORS:
+        raise ValueError(f"the files have {len(text)} and {len(data)} bytes: too many")
+    try:
+        # pydantic alone would let NaN pass, and the last of two fields of one name win
+        check_size(json.loads(text.decode(), object_pairs_hook=_once, parse_constant=_no_number))
+        card = Card.model_validate_json(text)
+    except ValidationError as error:
+        raise ValueError(explain(error)[:2000]) from None
+    except RecursionError:
+        raise ValueError("the JSON is nested too deeply") from None
+    if digest(data) != card.weights_sha256:
+        raise ValueError("the weights are not those that the JSON is about: their digest differs")
+    seen = card.observation
+    mean, variance = (np.asarray(values, np.float32) for values in (seen.mean, seen.variance))
+    return SavedAttacker(card, Network(card.architecture, mean, variance, read_weights(data)))
+
+
+def read_weights(data: bytes) -> dict[str, Floats]:
+    """The arrays of a safetensors file.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        return safetensors.load(data)
+    except (SafetensorError, KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"the weights are no safetensors file: {error}") from None
+
+
+def _stem(path: Path) -> Path:
+    return path.with_suffix("") if path.suffix in (".json", ".safetensors") else path
+
+
+def _read(path: Path, limit: int) -> bytes:
+    if not path.is_file():
+        raise ValueError(f"there is no file {path}; a saved attacker is a .json and a .safetensors file of one name")
+    with path.open("rb") as file:
+        data = file.read(limit + 1)
+    if len(data) > limit:
+        raise ValueError(f"{path} has more than {limit} bytes")
+    return data
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a field stands twice in the JSON")
+    return found
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f"the JSON holds {text}, which is no number")

@@ -1,0 +1,1 @@
+"""Attacks that are computed: by gradients through the game, and exactly by dynamic programming."""

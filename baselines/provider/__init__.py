@@ -1,0 +1,1 @@
+"""Scripted attacks on the quality of services."""

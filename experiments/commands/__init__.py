@@ -1,0 +1,1 @@
+"""The commands of `roletrust`: what each asks, checks and prints."""

@@ -1,0 +1,271 @@
+"""`roletrust play`: any scenario, under any trust models, with any attackers."""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from experiments.commands.attacks import attacks_in_words, changed, parse_attacks, parse_settings, parse_trust_model
+from experiments.commands.console import console
+from experiments.results.confidence import over_games
+from experiments.results.files import (
+    cast_list,
+    described,
+    prepare_folder,
+    provenance,
+    write_csv,
+    write_figure,
+    write_json,
+)
+from experiments.results.measures import MEASURES, Estimate, Group, damage, measure, measured_since
+from experiments.results.recording import Curves, progress_bar, record
+from roletrust_env import Cast, Game, Policy, make_scenario
+
+_HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
+
+
+class _Played(NamedTuple):
+    """One trust model's games."""
+
+    model: str
+    game: Game
+    curves: Curves
+    groups: list[Group]
+    damage: dict[str, Estimate]
+
+
+def play(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
+    ] = "paper-3x3",
+    trust_model: Annotated[
+        list[str],
+        typer.Option(metavar="NAME[:key=value,...]", help="Trust model; repeat to compare some under one attack."),
+    ] = ["role-trust"],  # noqa: B006 (typer copies it)
+    attack: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AGENT=NAME[:key=value,...]",
+            help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
+            "NAME, also of a trust model, may be your own package.module:Class.",
+            show_default=False,
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the scenario; repeat for more."),
+    ] = None,
+    games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
+    video: Annotated[
+        bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
+    ] = False,
+) -> None:
+    r"""Play [bold]any scenario[/] with any attackers and trust models, and save what came of it.
+
+    Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4 play.png[/] if asked.
+    With several games every mean comes with its 95% confidence interval.
+    With an attack, the same games are played again with everyone honest:
+    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack.
+    Values are as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
+
+    [bold]Examples[/]
+
+    [dim]# a provider that is good and bad by turns from round 100 on[/]
+    [cyan]roletrust play --attack sp_2=on-off:start=100,period=4[/]
+
+    [dim]# a third of a crowd lies; 20 games; how sure is the damage?[/]
+    [cyan]roletrust play crowd-10x10 --attack 'sr_\[0-2]=bad-mouthing' --games 20[/]
+
+    [dim]# two trust models under one attack, which is on one provider only[/]
+    [cyan]roletrust play --trust-model role-trust --trust-model mean --attack sr_1=bad-mouthing:targets=sp_0[/]
+
+    [dim]# a worse lie, and a video[/]
+    [cyan]roletrust play --attack sr_1=bad-mouthing:level=0 --video[/]
+
+    [dim]# your own scenario, with some fields changed[/]
+    [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
+    """
+    given = parse_settings(settings or [])
+    rules = changed(make_scenario(scenario), given)
+    if len(set(trust_model)) < len(trust_model):
+        raise ValueError("--trust-model names one and the same model twice")
+    attackers = parse_attacks(attack or [], rules)
+    casts = {
+        text: Cast(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in trust_model
+    }  # all are found valid before any is played
+    title = f"{rules.name}, {', '.join(trust_model)}, {attacks_in_words(attackers)}"
+    out = Path("results/play") / _slug(title) if out is None else out
+    one, *_ = casts.values()
+    config = {
+        "command": "roletrust play",
+        "games": games,
+        **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
+        "attackers": cast_list(attackers),
+        "trust_models": {text: described(cast.game.model) for text, cast in casts.items()},
+    }
+    if not force:
+        _check_folder(out, config)
+    prepare_folder(out)
+    since = measured_since(attackers, rules.max_cycles)
+    played = []
+    with progress_bar() as progress:
+        for text, cast in casts.items():
+            game = cast.game
+            curves = record(cast, seed, progress, f"Playing, {text}", games=games)
+            lost = {}
+            if attackers and not isinstance(rules.frames, int):  # a live camera shows nothing twice
+                twin = record(Cast(game, {}), seed, progress, f"Playing, {text}, all honest", games=games)
+                lost = damage(game.roster, curves, twin, attackers)
+            groups = measure(game.roster, curves, attackers, since)
+            played.append(_Played(text, game, curves, groups, lost))
+        written = _write(out, config, played, attackers)
+        for one_played in played if video else ():
+            from experiments.plots.video import write_video
+
+            name = _file("play", one_played.model, played)
+            write_video(out / f"{name}.mp4", one_played.game, attackers, seed, progress)
+            written += [f"{name}.mp4", f"{name}.png"]
+    console.print(_table(title, played, games))
+    for note in _notes(played, games, since, attackers):
+        console.print(f"[dim]{note}[/]")
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
+    """Refuse a folder with results of something else; the same games may be played again."""
+    file = out / "results.json"
+    if not file.is_file():
+        return
+    try:
+        old = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError:
+        old = {}
+    new = json.loads(json.dumps(config))
+    keys = ("command", "games", "seed", "scenario", "attackers", "trust_models")
+    others = [key for key in keys if not isinstance(old, dict) or old.get(key) != new[key]]
+    if others:
+        raise ValueError(
+            f"{out} holds results of another configuration (not the same: {', '.join(others)}); "
+            "choose another folder with --out, or overwrite them with --force"
+        )
+
+
+def _write(
+    out: Path, config: Mapping[str, Any], played: Sequence[_Played], attackers: Mapping[str, Policy]
+) -> list[str]:
+    """Write all files but videos, and return their names."""
+    from experiments.plots.curves import curve_figure
+
+    write_csv(out / "curves.csv", _HEADER, [row for one in played for row in _rows(one)])
+    written = ["curves.csv"]
+    for one in played:
+        name = f"{_file('curves', one.model, played)}.png"
+        title = f"{one.game.scenario.name}, {one.model}, {attacks_in_words(attackers)}"
+        write_figure(out / name, curve_figure(title, one.game, one.curves, attackers))
+        written.append(name)
+    measured = {
+        one.model: {
+            "groups": {
+                group.label: {"agents": group.size, "present at the end": _plain(group.present)}
+                | {name: _plain(estimate) for name, estimate in group.measures.items()}
+                for group in one.groups
+            },
+            "damage": {who: _plain(estimate) for who, estimate in one.damage.items()},
+        }
+        for one in played
+    }
+    write_json(out / "results.json", {**config, "measured": measured})
+    return [*written, "results.json"]
+
+
+def _rows(played: _Played) -> list[tuple[Any, ...]]:
+    """One row for each agent, trust and round: the mean over the games in which it was present, and its interval."""
+    roster, curves, rows = played.game.roster, played.curves, []
+    tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
+    if roster.n_both:
+        first = roster.n_agents - roster.n_both
+        tables.append(("ToA", roster.names[first:], curves.trust[:, first:]))
+    for trust, names, values in tables:
+        mean, half, games = over_games(values)
+        for i, name in enumerate(names):
+            columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
+            table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
+            rows += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
+    return rows
+
+
+def _table(title: str, played: Sequence[_Played], games: int) -> Table:
+    table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    table.padding = (0, 1, 0, 0)  # it fits into 80 columns
+    table.add_column("agents")
+    table.add_column("at end", justify="right", no_wrap=True)
+    for name in MEASURES:
+        table.add_column(name.replace(" ", "\n"), justify="right", no_wrap=True)
+    for one in played:
+        if len(played) > 1:
+            table.add_row(f"[bold]{escape(one.model)}[/]")
+        for group in one.groups:
+            cells = [_shown(estimate) for estimate in group.measures.values()]
+            here = f"{group.present.mean:.{0 if games == 1 else 1}f}".removesuffix(".0")
+            style = None if group.honest else "dark_orange3"
+            table.add_row(escape(group.label), f"{here}/{group.size}", *cells, style=style)
+        for who, estimate in one.damage.items():
+            table.add_row(f"damage, {who}", "", _shown(estimate), style="bold")
+        table.add_section()
+    return table
+
+
+def _notes(played: Sequence[_Played], games: int, since: int, attackers: Mapping[str, Policy]) -> list[str]:
+    """What the numbers of the table are."""
+    start = (since + 1) * played[0].game.scenario.period_s
+    past = "the attack is on, the first rounds are past" if attackers else "the first rounds are past"
+    notes = [
+        f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
+        "at end: agents present in the last round / all of them; means are over those present",
+        f"lowest trust: of the group's mean, from {start:g} s on: {past}",
+    ]
+    if any(one.damage for one in played):
+        notes.append(
+            "damage: mean trust of the honest in the same games without the attack, less that under it; "
+            "who is gone in one of the two counts with its last trust"
+        )
+    return notes
+
+
+def _shown(estimate: Estimate) -> str:
+    mean, half = estimate
+    if np.isnan(mean):
+        return "nobody there"
+    return f"{mean:.3f}" if np.isnan(half) else f"{mean:.3f}±{math.ceil(half * 1000) / 1000:.3f}"
+
+
+def _plain(estimate: Estimate) -> dict[str, float | None]:
+    """NaN is no JSON."""
+    mean, half = (None if np.isnan(value) else value for value in estimate)
+    return {"mean": mean, "half_95": half}
+
+
+def _file(stem: str, model: str, played: Sequence[_Played]) -> str:
+    """The name of a file that there is one of for each model."""
+    return stem if len(played) == 1 else f"{stem}-{_slug(model)}"
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^\w.]+", "-", text).strip("-")

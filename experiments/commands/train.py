@@ -1,0 +1,233 @@
+"""`roletrust train`: an attacker that learns, in a folder from which it goes on if it was interrupted."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from agents.learned.cards import ModelCard, Price, TaskCard
+from experiments.commands.attacks import parse_settings
+from experiments.commands.console import console
+from experiments.commands.task_options import (
+    ScenarioOption,
+    SettingsOption,
+    StealthTolerance,
+    StealthWeight,
+    TrustModelOption,
+    find_task,
+)
+from experiments.results.files import provenance, write_csv, write_figure
+from experiments.training.runs import RunFolder, write_bytes
+from roletrust_env import Game, make_scenario
+from roletrust_env.envs.tasks import TASKS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from agents.learned.saved import SavedAttacker
+    from experiments.training.loop import Point, Report, Run
+
+_OUT = Path("results/train")
+
+
+class Algorithm(StrEnum):
+    """What learns."""
+
+    PPO = "ppo"
+    SAC = "sac"
+    RECURRENT_PPO = "recurrent-ppo"
+
+
+class Objective(StrEnum):
+    """What the attacker is after."""
+
+    DAMAGE = "damage"
+    EXPLOIT = "exploit"
+    PROMOTE = "promote"
+
+
+class Knowledge(StrEnum):
+    """What the attacker sees."""
+
+    BLACK_BOX = "black_box"
+    GREY_BOX = "grey_box"
+    WHITE_BOX = "white_box"
+
+
+def train(
+    task: Annotated[
+        str | None,
+        typer.Argument(help="ProviderAttack, RaterAttack, DualAttack or CollusionAttack.", show_default=False),
+    ] = None,
+    algo: Annotated[Algorithm, typer.Option(help="What learns.")] = Algorithm.PPO,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Rounds to train for, of all games together; tuned if left out.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all luck, that of the learner included.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder of the run; it is made if need be.")] = _OUT,
+    scenario: ScenarioOption = None,
+    settings: SettingsOption = None,
+    trust_model: TrustModelOption = "role-trust",
+    compromised: Annotated[
+        list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.")
+    ] = None,
+    objective: Annotated[Objective | None, typer.Option(help="Another aim than the task's.")] = None,
+    accomplice: Annotated[
+        list[str] | None, typer.Option(metavar="AGENT", help="Whom 'promote' is for; repeat for more.")
+    ] = None,
+    stealth_weight: StealthWeight = 0.0,
+    stealth_tolerance: StealthTolerance = 0.1,
+    knowledge: Annotated[Knowledge, typer.Option(help="What the attacker sees.")] = Knowledge.BLACK_BOX,
+    learner: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SETTING=VALUE", help="Change a setting of the learner, such as gamma; repeat for more."),
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of torch; networks this small gain little by two.")] = 1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run in --out, from its last checkpoint.")
+    ] = False,
+) -> None:
+    r"""Train [bold]an attacker[/] by reinforcement learning, and save it to be shared and played anywhere.
+
+    Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
+    TensorBoard. The score is the mean reward per round in held-out games. A run that was stopped, however it was,
+    goes on with [cyan]--resume --out DIR[/].
+
+    [bold]Examples[/]
+
+    [dim]# a provider that sells bad service on good trust[/]
+    [cyan]roletrust train ProviderAttack --set max_cycles=200[/]
+
+    [dim]# a rater that lies, but not so that it shows[/]
+    [cyan]roletrust train RaterAttack --stealth-weight 2 --set noise=0 --out results/rater[/]
+
+    [dim]# go on with it[/]
+    [cyan]roletrust train --resume --out results/rater[/]
+
+    [dim]# the attacker at play[/]
+    [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
+    """
+    try:
+        import torch
+
+        from experiments.training.learners import make_settings
+        from experiments.training.loop import Run, versions
+        from experiments.training.loop import train as learn
+    except ModuleNotFoundError as error:
+        raise ValueError(f"training needs {error.name}: pip install 'roletrust-env[train]'") from None
+    torch.set_num_threads(threads)
+    folder, run = RunFolder(out), None
+    config = folder.config()
+    if task is not None:
+        task_id = find_task(task)
+        changes = parse_settings(learner or [], "--learner")
+        tuned = make_settings(task_id, algo.value, {**changes, **({"steps": steps} if steps else {})})
+        defaults = TASKS[task_id].defaults
+        rules = make_scenario(scenario or defaults["scenario"])
+        if fields := parse_settings(settings or []):
+            rules = rules.change(**fields)
+        run = Run(
+            algo=algo.value,
+            steps=tuned.steps,
+            seed=seed,
+            settings=tuned.model_dump(mode="json"),
+            task=TaskCard(
+                id=task_id,
+                compromised=tuple(compromised or defaults["compromised"]),
+                objective=objective.value if objective else defaults["objective"],
+                stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
+                knowledge=knowledge.value,
+                accomplices=tuple(accomplice or ()),
+            ),
+            trust_model=_model_card(trust_model, rules.lam, rules.initial_trust),
+            scenario=rules,
+        )
+    if config is not None:
+        found = Run.read(config.get("run"))
+        if not resume:
+            raise ValueError(f"{out} holds a run; go on with it by --resume, or choose another --out")
+        if run is not None and run != found:
+            raise ValueError(f"{out} holds another run, see its config.json; leave the task out to go on with that one")
+        run = found
+    elif run is None:
+        raise ValueError(
+            f"there is no run in {out} to go on with; name a task to begin one" if resume else "name a task"
+        )
+    else:
+        game = Game(run.scenario, run.trust_model.make())
+        about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
+        folder.begin({**about, **provenance(game, seed)})
+    with _bar() as progress:
+        name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
+        job = progress.add_task(f"{name}, {run.algo}", total=run.steps, score="...")
+        attacker, curve = learn(run, folder, lambda report: _show(progress, job, report))
+    _write(out, run, attacker, curve)
+    score = attacker.card.score
+    console.print(
+        f"[bold]{name}[/], {run.algo}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} held-out games, "
+        f"honest play {score.honest:.4f}; {attacker.card.training.seconds:.0f} s",
+        soft_wrap=True,
+    )
+    console.print(f"Written to {out}: attacker.json, attacker.safetensors, curve.csv, curve.png", soft_wrap=True)
+
+
+def _model_card(text: str, lam: float, initial: float) -> ModelCard:
+    name, _, rest = text.strip().partition(":")
+    given = parse_settings([part for part in rest.split(",") if part.strip()], repr(text))
+    return ModelCard(name=name, parameters={"lam": lam, "initial": initial, **given})
+
+
+def _bar() -> Progress:
+    """A progress bar that shows the score."""
+    columns: Sequence[Any] = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        TextColumn("score [bold]{task.fields[score]}"),
+    )
+    return Progress(*columns, console=console, transient=True)
+
+
+def _show(progress: Progress, job: Any, report: "Report") -> None:
+    score = (
+        f"{report.curve[-1].score:.4f}, best {max(point.score for point in report.curve):.4f}"
+        if report.curve
+        else "..."
+    )
+    progress.update(job, completed=report.steps, score=score)
+
+
+def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> None:
+    from agents.learned.saved import save_attacker
+
+    write_csv(out / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)
+    write_figure(out / "curve.png", _figure(run, attacker, curve))
+    save_attacker(attacker, out / "attacker", write_bytes)
+
+
+def _figure(run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> "Figure":
+    """The learning curve, between honest play and what was reached."""
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    from experiments.plots.style import ATTACKER, HONEST, INK, QUIET
+
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes = figure.subplots()
+    steps, _, score, half = np.asarray(curve, float).T
+    axes.fill_between(steps, score - np.nan_to_num(half), score + np.nan_to_num(half), color=ATTACKER, alpha=0.2, lw=0)
+    axes.plot(steps, score, color=ATTACKER, marker="o", markersize=3, label=f"{run.algo}, held-out games")
+    axes.axhline(attacker.card.score.honest, color=HONEST[0], linestyle="--", label="honest play")
+    axes.set_title(f"{run.task.id}, {run.scenario.name}, {run.task.objective}", loc="left", color=INK)
+    axes.set_xlabel("rounds of all games", color=INK)
+    axes.set_ylabel("mean reward per round", color=INK)
+    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
+    axes.tick_params(colors=QUIET, labelcolor=INK)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.legend(frameon=False, loc="lower right")
+    return figure

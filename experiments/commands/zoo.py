@@ -1,0 +1,100 @@
+"""`roletrust zoo`: trained attackers, and whether they still score what they are said to."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+import agents
+from experiments.commands.console import console, errors
+from experiments.results.confidence import over_games
+from experiments.results.recording import progress_bar
+
+if TYPE_CHECKING:
+    from agents.learned.saved import SavedAttacker
+
+ZOO = Path(agents.__file__).parent / "zoo"
+"""The attackers that come with the project."""
+
+
+def zoo(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Which attackers; all if left out.", show_default=False)
+    ] = None,
+    folder: Annotated[Path, typer.Option(help="Where they are, as pairs of .json and .safetensors files.")] = ZOO,
+    games: Annotated[int, typer.Option(min=2, help="Games in which each is measured.")] = 256,
+    seed: Annotated[int, typer.Option(min=0, help="Of all luck.")] = 0,
+) -> None:
+    """List [bold]trained attackers[/] and measure their scores anew, in their own tasks.
+
+    The score is the mean reward per round, with its 95% confidence interval; beside it what honest play scores.
+    Leaves with 1 if a file is refused or a score is not what it is said to be.
+
+    [bold]Examples[/]
+
+    [dim]# those that come with the project[/]
+    [cyan]roletrust zoo[/]
+
+    [dim]# your own[/]
+    [cyan]roletrust zoo --folder results/train[/]
+
+    [dim]# one of them at play[/]
+    [cyan]roletrust play --attack sp_2=learned:path=agents/zoo/provider-3x3[/]
+    """
+    from agents.learned.saved import load_attacker
+
+    known = sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())
+    for name in names or ():
+        if name not in known:
+            raise ValueError(f"there is no attacker {name!r} in {folder}; there are {', '.join(known) or 'none'}")
+    table = Table(title="Trained attackers", title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("name", style="cyan", no_wrap=True)
+    for column in ("honest", "score, as saved", "measured"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("holds")
+    well, told = True, []
+    with progress_bar() as progress:
+        for name in progress.track(names or known, description="Playing"):
+            try:
+                attacker = load_attacker(folder / name)
+            except ValueError as error:
+                errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
+                well = False
+                continue
+            mean, half = measure(attacker, games, seed)
+            said = attacker.card.score
+            # Of two means that are the same, the intervals seldom lie apart; rounding differs between machines.
+            holds = abs(mean - said.mean) <= half + said.half_95 + 1e-4
+            well &= holds
+            saved, found = (f"{a:.4f} ± {b:.4f}" for a, b in ((said.mean, said.half_95), (mean, half)))
+            table.add_row(name, f"{said.honest:.4f}", saved, found, "yes" if holds else "[red]no")
+            told.append(f"[cyan]{name}[/]: {_task(attacker)}")
+    console.print(table)
+    for line in told:
+        console.print(line, soft_wrap=True)
+    if not well:
+        raise typer.Exit(1)
+
+
+def measure(attacker: "SavedAttacker", games: int, seed: int) -> tuple[float, float]:
+    """The score of an attacker in its own task, and half its 95% confidence interval."""
+    from agents.learned.policy import play_task
+
+    scores = over_games(play_task(attacker.task(), attacker.network, games=games, seed=seed))
+    return float(scores.mean), float(scores.half)
+
+
+def _task(attacker: "SavedAttacker") -> str:
+    """What an attacker is for, in words."""
+    card = attacker.card
+    task, rules = card.task, card.scenario
+    price = f", stealth {task.stealth.weight:g} beyond {task.stealth.tolerance:g}" if task.stealth.weight else ""
+    who = ", ".join(task.compromised)
+    kind = task.id.removeprefix("RoleTrust/").removesuffix("-v0")
+    return escape(
+        f"{kind}: {who} in {rules.name}, {rules.max_cycles} rounds, {task.objective}{price}, {task.knowledge}\n"
+        f"by {card.training.algorithm}, {card.training.steps:,} rounds, seed {card.training.seed}"
+    )

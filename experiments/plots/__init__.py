@@ -1,0 +1,1 @@
+"""Pictures: each is given rows and gives back a figure."""

@@ -1,0 +1,113 @@
+"""The paper's Figures 3 and 4, and what the cameras saw, as pictures."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
+from experiments.results.claims import Window
+from experiments.results.recording import Curves
+from roletrust_env.world.scenario import Scenario
+
+
+class Still(NamedTuple):
+    """What the cameras delivered in one round.
+
+    Attributes:
+        what: was going on.
+        time_s: when the round began, in seconds.
+        frames: of every camera, (P, height, width, 3), RGB.
+        perceived: mean over the raters of the probability that the person is there, (P,).
+    """
+
+    what: str
+    time_s: float
+    frames: npt.NDArray[np.uint8]
+    perceived: npt.NDArray[np.float64]
+
+
+def paper_figure(
+    title: str,
+    attacker: str,
+    attack_label: str,
+    curves: Curves,
+    scenario: Scenario,
+    attack: Window,
+    levels: Sequence[float] = (),
+) -> Figure:
+    """The trust of raters above that of providers, against seconds.
+
+    Args:
+        title: of the picture.
+        attacker: the curve to stand out, such as `ToP_3`.
+        attack_label: what to write above the attack.
+        curves: of one game.
+        scenario: for its perturbations.
+        attack: when it is on.
+        levels: of ToR that the paper reads off its figure under the attack.
+    """
+    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    period = scenario.period_s
+    fast = [(blow.start * period, blow.stop * period) for blow in scenario.perturbations]
+    for axes, name, trust in ((upper, "ToR", curves.tor), (lower, "ToP", curves.top)):
+        top = axes is upper
+        tidy(axes, "trust of raters, ToR" if top else "trust of providers, ToP")
+        shade(axes, [(attack.start_s, attack.stop_s)], ATTACKED, attack_label if top else None)
+        shade(axes, fast, PERTURBED, "fast target" if top else None)
+        for level in levels if top else ():
+            axes.hlines(level, *attack, color=INK, linewidth=1, linestyle=":", zorder=5)
+            axes.text(attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
+        for i in range(trust.shape[1]):
+            label = f"{name}_{i + 1}"
+            bad = label == attacker  # its curve lies broad under the others, so that none hides another
+            axes.plot(
+                curves.time_s,
+                trust[:, i, 0],
+                color=ATTACKER if bad else HONEST[i],
+                linestyle="-" if bad else DASHES[i],
+                linewidth=3.4 if bad else 1.7,
+                zorder=3 if bad else 4,
+                label=f"{label} (attacker)" if bad else label,
+            )
+        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
+    lower.set_xlabel("time (s)", color=INK)
+    lower.set_xticks(np.arange(0, curves.time_s[-1] + 1, 10))
+    figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    return figure
+
+
+def montage_figure(stills: Sequence[Still]) -> Figure:
+    """What every camera (column) saw at some moments (row), and how sure the detector was of a person."""
+    columns = len(stills[0].frames)
+    layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.01, hspace=0.01)
+    figure = Figure(figsize=(3.1 * columns + 0.4, 2.45 * len(stills) + 0.3), layout=layout)
+    grid = figure.subplots(len(stills), columns, squeeze=False)
+    for k, (row, still) in enumerate(zip(grid, stills, strict=True)):
+        for j, axes in enumerate(row):
+            axes.imshow(still.frames[j])
+            axes.set_xticks([])
+            axes.set_yticks([])
+            sure = float(still.perceived[j])
+            for spine in axes.spines.values():
+                spine.set(color=HONEST[1] if sure > 0.5 else ATTACKER, linewidth=2.2)
+            axes.text(
+                0.97,
+                0.05,
+                f"P(person) = {sure:.2f}",
+                transform=axes.transAxes,
+                ha="right",
+                va="bottom",
+                fontsize=9.5,
+                color="white",
+                bbox={"facecolor": "black", "alpha": 0.65, "linewidth": 0, "boxstyle": "round,pad=0.3"},
+            )
+            if k == 0:
+                axes.set_title(f"camera of SP_{j + 1}", fontsize=10.5, color=INK)
+        row[0].set_ylabel(f"{still.what}\n{still.time_s:g} s", fontsize=10.5, color=INK)
+    figure.supxlabel("green frame: a person is seen; orange: none", fontsize=9, color=QUIET)
+    return figure

@@ -1,0 +1,81 @@
+"""One game of an attack, round by round: what it does, what becomes of trust, and what it gains."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from agents.ladder.rungs import HELD_OUT, Arguments, Finding, exact_task, play, sources
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What T rounds of one held-out game left behind.
+
+    Attributes:
+        name: of the rung.
+        quality: that each compromised provider chose, by its name, (T,).
+        ratings: that each compromised rater gave the honest providers, by its name, (T, H); NaN where none was due.
+        mine: mean trust of the compromised agents, by `"ToR"` and `"ToP"`, (T,), as far as there are such agents.
+        honest: the same of the honest ones.
+        objective: of each round, (T,).
+        cost: of each round, unweighted, (T,).
+    """
+
+    name: str
+    quality: dict[str, Floats]
+    ratings: dict[str, Floats]
+    mine: dict[str, Floats]
+    honest: dict[str, Floats]
+    objective: Floats
+    cost: Floats
+
+    header: ClassVar[tuple[str, ...]] = ("attack", "round", "quantity", "value")
+
+    def lines(self) -> Iterator[tuple[str, int, str, float]]:
+        """The rows of a table, one for each round and quantity; of ratings the mean over the honest providers."""
+        columns = {
+            **{f"quality of {name}": values for name, values in self.quality.items()},
+            **{f"mean rating by {name}": values.mean(axis=1) for name, values in self.ratings.items()},
+            **{f"{trust} compromised": values for trust, values in self.mine.items()},
+            **{f"{trust} honest": values for trust, values in self.honest.items()},
+            "objective": self.objective,
+            "cost": self.cost,
+        }
+        for quantity, values in columns.items():
+            for round, value in enumerate(values.tolist()):
+                yield self.name, round, quantity, value
+
+
+def watch(arguments: Arguments, finding: Finding, seed: int) -> Trajectory:
+    """Play one held-out game of what a rung found."""
+    task = exact_task(arguments)
+    roster, bad = task.game.roster, {*task.compromised, *task.cast.attackers}
+    moments = list(play(task, finding.attacker, (1, 1), *sources(task, seed, HELD_OUT)))
+    action = np.stack([moment.action[:, 0, 0] for moment in moments])
+    trust = [task.game.published(moment.state.game) for moment in moments]
+    tor, top = (np.stack([pair[k][:, 0, 0] for pair in trust]) for k in range(2))
+    victims = [i for i, name in enumerate(roster.provider_names) if name not in bad]
+    quality, ratings, at = {}, {}, 0
+    for name in task.compromised:
+        if name in roster.provider_names:
+            quality[name] = action[:, at]
+            at += 1
+        if name in roster.rater_names:
+            given = action[:, at : at + roster.n_providers][:, victims].copy()
+            given[0] = np.nan  # nothing has been served yet
+            ratings[name] = given
+            at += roster.n_providers
+    mine: dict[str, Floats] = {}
+    honest: dict[str, Floats] = {}
+    for kind, names, values in (("ToR", roster.rater_names, tor), ("ToP", roster.provider_names, top)):
+        for group, members in ((mine, task.compromised), (honest, [name for name in names if name not in bad])):
+            places = [names.index(name) for name in members if name in names]
+            if places:
+                group[kind] = values[:, places].mean(axis=1)
+    parts = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
+    return Trajectory(finding.name, quality, ratings, mine, honest, *parts)

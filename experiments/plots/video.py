@@ -1,0 +1,51 @@
+"""A game as a video."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from rich.progress import Progress
+
+from experiments.results.files import replacing
+from roletrust_env import Game, Player, Policy, parallel_env
+
+_FRAMES_PER_S = 8
+
+
+def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: int, progress: Progress) -> None:
+    """Play one game through the PettingZoo environment and film it, one frame a round.
+
+    The last frame is saved beside the film, as a picture.
+
+    The seed deals this game the luck of the first game that `record` plays alone with it.
+
+    Args:
+        path: of the file, ending in .mp4.
+        game: to be played.
+        attackers: who attacks, and how; all others are honest.
+        seed: of all luck.
+        progress: where to show how far it is.
+    """
+    import imageio.v2 as imageio
+
+    environment = parallel_env(game.scenario, game.model, render_mode="rgb_array")
+    seen, _ = environment.reset(seed=seed, options={"attackers": list(attackers)})
+    seeds = np.random.SeedSequence(seed).generate_state(len(environment.possible_agents)).tolist()
+    players = {
+        agent: Player(attackers.get(agent, Policy()), agent, game.layout, one)
+        for agent, one in zip(environment.possible_agents, seeds, strict=True)
+    }
+    with replacing(path) as temporary:
+        film = imageio.get_writer(temporary, fps=_FRAMES_PER_S, macro_block_size=1, quality=8)
+        try:
+            for _ in progress.track(range(game.scenario.max_cycles), description="Filming"):
+                if not environment.agents:
+                    break
+                seen, *_ = environment.step({agent: players[agent](seen[agent]) for agent in environment.agents})
+                picture = np.asarray(environment.render())
+                film.append_data(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])  # H.264 wants it even
+        finally:
+            film.close()
+            environment.close()
+    with replacing(path.with_suffix(".png")) as temporary:
+        imageio.imwrite(temporary, picture)

@@ -1,0 +1,84 @@
+"""Playing to the end with a progress bar, keeping the curves and not the ratings, of which a crowd has too many."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from experiments.commands.console import console
+from roletrust_env import Cast, Random, State
+
+Floats = npt.NDArray[np.float64]
+
+
+class Curves(NamedTuple):
+    """What T rounds of E games left behind; NaN where an agent was not present.
+
+    Attributes:
+        time_s: seconds, (T,). The state after round r, counted from 0, stands at (r + 1) * period_s: the end of
+            that round.
+        tor: trust of the raters, (T, S, E).
+        top: trust of the providers, (T, P, E).
+        trust: trust of the agents, each by its role, (T, N, E).
+        rewards: (T, N, E).
+    """
+
+    time_s: Floats
+    tor: Floats
+    top: Floats
+    trust: Floats
+    rewards: Floats
+
+
+def progress_bar() -> Progress:
+    """A progress bar for rounds, that leaves no trace when done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def record(
+    cast: Cast,
+    seed: int,
+    progress: Progress,
+    label: str,
+    *,
+    games: int = 1,
+    watch: Callable[[State], None] = lambda state: None,
+) -> Curves:
+    """Play games to the scenario's end, all of them as one batch.
+
+    The luck of the games and that of the policies are drawn apart: with the same seed, games have the same luck
+    whoever plays, so that a run under attack can be paired with one without.
+
+    Args:
+        cast: the game, and who plays how.
+        seed: of all luck.
+        progress: where to show how far it is.
+        label: what to call it there.
+        games: number of games E.
+        watch: is shown the state after each round.
+    """
+    game = cast.game
+    rows: list[tuple[Floats, ...]] = []
+    roster, length = game.roster, game.scenario.max_cycles
+    luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
+    state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
+    for _ in progress.track(range(length), description=label):
+        actions, memories = cast.act(state, memories, whims)
+        state, rewards = game.step(state, actions, game.draw(luck, (games,)))
+        here = game.present(state)
+        present = np.ones(rewards.shape, dtype=bool) if here is None else here
+        tor, top = game.published(state)
+        rows.append(
+            (
+                np.where(roster.raters(present), tor, np.nan),
+                np.where(roster.providers(present), top, np.nan),
+                np.where(present, game.agent_trust(state), np.nan),
+                np.where(present, rewards, np.nan),
+            )
+        )
+        watch(state)
+    time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
+    return Curves(time_s, *(np.stack(column) for column in zip(*rows, strict=True)))

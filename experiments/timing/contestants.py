@@ -1,0 +1,260 @@
+"""What `roletrust speed` times, and how: every contestant is a step that can be taken over and over."""
+
+import contextlib
+import io
+import itertools
+import time
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env import Game, Random, Scenario, make_scenario, parallel_env
+from roletrust_env.envs.vector import AttackVectorEnv
+from roletrust_env.game.state import Actions
+from roletrust_env.world import AgentGroup
+
+# Actions are sampled before the clock starts, and taken in turn.
+_SAMPLES = 64
+_BATCH_SAMPLES = 4
+
+
+class Contestant(NamedTuple):
+    """Something to be timed.
+
+    Attributes:
+        name: what it is.
+        games: number of games that play in one step.
+        agents: number of agents in each game.
+        step: takes one step in every game.
+        ratings: number of ratings in each round of a game; 0 for games without.
+    """
+
+    name: str
+    games: int
+    agents: int
+    step: Callable[[], Any]
+    ratings: int = 0
+
+
+class Spread(NamedTuple):
+    """The median of the repeats, and the least and the greatest of them."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Iterable[float]) -> "Spread":
+        """The spread of some values."""
+        known = np.asarray(list(values))
+        return cls(float(np.median(known)), float(known.min()), float(known.max()))
+
+
+class Timing(NamedTuple):
+    """How long one step of a contestant took, in seconds, in each repeat."""
+
+    contestant: Contestant
+    seconds: tuple[float, ...]
+
+    def env_steps(self) -> Spread:
+        """Rounds of a game a second."""
+        return Spread.of(self.contestant.games / s for s in self.seconds)
+
+    def agent_steps(self) -> Spread:
+        """Actions of an agent a second."""
+        return Spread.of(self._acts / s for s in self.seconds)
+
+    def per_rating(self) -> Spread:
+        """Seconds for each rating of a round."""
+        return Spread.of(self._for_a_rating)
+
+    def times_faster(self, peer: "Timing") -> Spread:
+        """Ratio of the agent-steps a second to those of a peer, turn by turn."""
+        pairs = zip(self.seconds, peer.seconds, strict=True)
+        return Spread.of((self._acts / ours) / (peer._acts / theirs) for ours, theirs in pairs)
+
+    def times_dearer(self, peer: "Timing") -> Spread:
+        """Ratio of the time per rating to that of a peer, turn by turn."""
+        return Spread.of(ours / theirs for ours, theirs in zip(self._for_a_rating, peer._for_a_rating, strict=True))
+
+    @property
+    def _acts(self) -> int:
+        return self.contestant.games * self.contestant.agents
+
+    @property
+    def _for_a_rating(self) -> list[float]:
+        return [s / (self.contestant.games * self.contestant.ratings) for s in self.seconds]
+
+
+def measure(
+    contestants: Sequence[Contestant], repeats: int, slice_s: float, advance: Callable[[], None] = lambda: None
+) -> list[Timing]:
+    """Time contestants in turn, over and over, so that whatever else the machine does strikes all alike.
+
+    Args:
+        contestants: who takes part.
+        repeats: how many turns each of them gets.
+        slice_s: how long a turn lasts, about; a turn is one step at least.
+        advance: called after each turn.
+    """
+    steps = [_steps_in(contestant, slice_s) for contestant in contestants]
+    seconds: list[list[float]] = [[] for _ in contestants]
+    for _ in range(repeats):
+        for contestant, n, found in zip(contestants, steps, seconds, strict=True):
+            found.append(_time(contestant, n))
+            advance()
+    return [Timing(contestant, tuple(found)) for contestant, found in zip(contestants, seconds, strict=True)]
+
+
+def _time(contestant: Contestant, steps: int) -> float:
+    step = contestant.step
+    start = time.perf_counter()
+    for _ in range(steps):
+        step()
+    return (time.perf_counter() - start) / steps
+
+
+def _steps_in(contestant: Contestant, seconds: float) -> int:
+    """How many steps fill that time."""
+    _time(contestant, 3)  # torch compiles one graph for the first round and one for those that follow
+    steps = 1
+    while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
+        steps *= 2
+    return max(1, round(steps * seconds / elapsed))
+
+
+def one_environment(seed: int) -> Contestant:
+    """The paper's scenario as a PettingZoo parallel environment."""
+    env = parallel_env("paper-3x3")
+    return Contestant("one environment", 1, len(env.possible_agents), _player(env, seed))
+
+
+def simple_adversary(seed: int) -> Contestant:
+    """The environment of mpe2 as it comes, but with episodes as long as ours."""
+    from mpe2 import simple_adversary_v3
+
+    env = simple_adversary_v3.parallel_env(max_cycles=make_scenario("paper-3x3").max_cycles)
+    return Contestant("mpe2 simple_adversary", 1, len(env.possible_agents), _player(env, seed))
+
+
+def simple_spread(games: int, seed: int) -> Contestant:
+    """The batched environment of VMAS, three agents with continuous actions."""
+    # VMAS imports the old gym, which prints that it is no longer maintained.
+    with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import vmas
+
+        env = vmas.make_env("simple_spread", num_envs=games, device="cpu", continuous_actions=True, seed=seed)
+    samples = [[env.get_random_action(agent) for agent in env.agents] for _ in range(_BATCH_SAMPLES)]
+    actions = itertools.cycle(samples)
+    return Contestant("VMAS simple_spread", games, len(env.agents), lambda: env.step(next(actions)))
+
+
+def batch(library: str, games: int, seed: int) -> Contestant:
+    """A batch of games of the paper's scenario in float32, with all that a learner needs of a step.
+
+    Noise is drawn, the round is played, observations and rewards are made. Games that are over start anew.
+
+    Args:
+        library: `NumPy`, `torch` or `compiled torch`.
+        games: size of the batch.
+        seed: of noise and actions.
+    """
+    scenario = make_scenario("paper-3x3")
+    step = _rounds(scenario, library, (games,), seed)
+    return Contestant(f"{library} batch", games, len(Game(scenario).roster.names), step)
+
+
+def attack_tasks(games: int, seed: int) -> Contestant:
+    """A batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
+
+    Args:
+        games: size of the batch.
+        seed: of noise and actions.
+    """
+    env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
+    env.reset(seed=seed)
+    env.action_space.seed(seed)
+    actions = env.action_space.sample()
+    return Contestant("attack task batch", games, len(env.task.game.roster.names), lambda: env.step(actions))
+
+
+def whole_round(side: int, seed: int) -> Contestant:
+    """One game of `side` raters and as many providers on NumPy in float32; a step as in `batch`."""
+    return Contestant("whole round", 1, 2 * side, _rounds(_square(side), "NumPy", (), seed), side**2)
+
+
+def trust_update(side: int, seed: int) -> Contestant:
+    """The trust model alone: one update by the ratings of `side` raters of as many providers."""
+    rng, like = np.random.default_rng(seed), np.zeros((), np.float32)
+    model, shape = Game(_square(side), like=like).model, (side, side)
+    ratings, mask = rng.random(shape, np.float32), np.ones(shape, bool)
+    # After the second update every rating has one before it, as in the middle of a game.
+    state = model.update(model.update(model.start(ratings), ratings, mask), rng.random(shape, np.float32), mask)
+    return Contestant("trust model", 1, 2 * side, lambda: model.update(state, ratings, mask), side**2)
+
+
+def _square(side: int) -> Scenario:
+    groups = AgentGroup(role="SR", count=side, noise=0.005), AgentGroup(role="SP", count=side)
+    return Scenario(name=f"{side}x{side}", agents=groups)
+
+
+def _player(env: Any, seed: int) -> Callable[[], None]:
+    """A step of a PettingZoo environment under random actions."""
+    env.reset(seed=seed)
+    spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
+    for i, space in enumerate(spaces.values()):
+        space.seed(seed + i)
+    samples = [{agent: space.sample() for agent, space in spaces.items()} for _ in range(_SAMPLES)]
+    actions = itertools.cycle(samples)
+
+    def step() -> None:
+        if not env.agents:
+            env.reset()
+        env.step(next(actions))
+
+    return step
+
+
+def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int) -> Callable[[], None]:
+    """A step of a game or of a batch under random actions."""
+    like, random = _source(library, seed)
+    game = Game(scenario, like=like)
+    s, p = game.roster.n_raters, game.roster.n_providers
+    samples = [Actions(random.uniform((p, *shape)), random.uniform((s, p, *shape))) for _ in range(_BATCH_SAMPLES)]
+    actions = itertools.cycle(samples)
+
+    def advance(state: Any, joint: Actions, noise: Any) -> tuple[Any, ...]:
+        state, rewards = game.step(state, joint, noise)
+        return state, rewards, game.observations(state)
+
+    if library == "compiled torch":
+        import torch
+
+        # Noise stays outside: on the CPU, normals drawn in compiled code take many times as long.
+        advance = torch.compile(advance, dynamic=False, fullgraph=True)
+
+    def play() -> Iterable[None]:
+        while True:
+            state = game.start(game.draw(random, shape, start=True))
+            for _ in range(scenario.max_cycles):
+                state, *_ = advance(state, next(actions), game.draw(random, shape))
+                yield
+
+    rounds = iter(play())
+    with warnings.catch_warnings():  # on caches that torch.compile looks through
+        warnings.simplefilter("ignore")
+        for _ in range(3):
+            next(rounds)
+    return lambda: next(rounds)
+
+
+def _source(library: str, seed: int) -> tuple[Any, Random]:
+    """An array that shows library and dtype, and a source of luck to go with it."""
+    if library == "NumPy":
+        return np.zeros((), np.float32), Random(np.random.default_rng(seed), np.float32)
+    import torch
+
+    return torch.zeros(()), Random(torch.Generator().manual_seed(seed), torch.float32)

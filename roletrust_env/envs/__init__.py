@@ -1,0 +1,1 @@
+"""The faces of the game: PettingZoo, Gymnasium and Stable-Baselines3. They own no rule."""

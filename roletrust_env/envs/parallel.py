@@ -1,0 +1,414 @@
+"""The PettingZoo faces: one game, all agents at once (parallel) or in turn (AEC)."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+from gymnasium.utils import seeding
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+
+from roletrust_env.game.game import Game
+from roletrust_env.game.state import Actions, State
+from roletrust_env.randomness import Random
+from roletrust_env.trust import TrustModel
+from roletrust_env.world import Scenario, make_scenario
+from roletrust_env.world.presence import CUT_OFF, LEFT
+
+if TYPE_CHECKING:
+    from roletrust_env.rendering.renderer import Renderer
+
+RenderMode = Literal["human", "rgb_array", "ansi"]
+_NUMBERS = "fiub"
+"""Kinds of dtype that an action may have: floats, integers and booleans."""
+_FATES = {LEFT: "left", CUT_OFF: "cut off"}
+Vector = npt.NDArray[np.float32]
+
+
+class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
+    """A population of agents that provide services to one another, rate them, and are trusted accordingly.
+
+    ## Description
+
+    Service providers (SP) choose the quality of their services; service raters (SR) receive them and choose ratings; a
+    trust model turns the ratings into the trust of raters (ToR) and of providers (ToP), after Su and Saint-Jore (EWSN
+    2023). An agent with both roles (SR+SP) has a ToA. Both roles act at once, so the ratings of a step are for the
+    services of the step before; on the first step there is nothing to rate.
+
+    ## Action Space
+
+    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario:
+
+    | agent | shape | action |
+    |---|---|---|
+    | `sp_0 ...` | (1,) | quality of its service |
+    | `sr_0 ...` | (P,) | its rating of each provider; those of providers that served it not are ignored |
+    | `srsp_0 ...` | (1 + P,) | quality first, then ratings; its rating of itself is ignored |
+
+    ## Observation Space
+
+    A `Box(0, 1, ...)` of float32 for each agent, with S raters and P providers in the scenario. A provider (4 + 2 S):
+
+    | num | observation | min | max |
+    |---|---|---|---|
+    | 0 | clock: share of the game that is over | 0 | 1 |
+    | 1 | own ToP | 0 | 1 |
+    | 2 | value of the next service, as a share of the dearest | 0 | 1 |
+    | 3 | quality of its last service, not rated yet | 0 | 1 |
+    | 4 ... 3+S | ratings of it that arrived in the last step, 0 where none did | 0 | 1 |
+    | 4+S ... 3+2S | 1 where one arrived | 0 | 1 |
+
+    A rater (2 + 5 P):
+
+    | num | observation | min | max |
+    |---|---|---|---|
+    | 0 | clock | 0 | 1 |
+    | 1 | own ToR | 0 | 1 |
+    | 2 ... 1+P | published ToP of each provider | 0 | 1 |
+    | 2+P ... 1+2P | perceived quality of the services that await its rating, 0 elsewhere | 0 | 1 |
+    | 2+2P ... 1+3P | 1 where a service awaits its rating | 0 | 1 |
+    | 2+3P ... 1+4P | its ratings that arrived in the last step, 0 where none did | 0 | 1 |
+    | 2+4P ... 1+5P | 1 where one arrived | 0 | 1 |
+
+    An SR+SP agent: its ToA, then the provider's entries, then the rater's. `layout` takes an observation apart by name.
+
+    ## Rewards
+
+    SR: ToR. SP: ToP less the cost of the quality that it provided (cost x value x quality). SR+SP: ToA less that cost.
+    The weights are the scenario's `rewards`.
+
+    ## Starting State
+
+    Everyone has the scenario's `initial_trust`; nothing has been served or rated. Positions, values and presence are
+    drawn where the scenario has them.
+
+    ## Episode End
+
+    Truncation for all after the scenario's `max_cycles` steps. Termination of an agent when it leaves or when admission
+    control cuts it off, both for good. Agents that join later appear in `agents` when they do. If nobody is present
+    any more the episode is over, also when others would have joined later: PettingZoo has no step without agents.
+
+    ## Information
+
+    For analysis, never in observations: `trust`; a provider's delivered `quality`; a rater's `received`, the true
+    quality of each provider's last service, shape (P,); an SR+SP agent's `rater_trust` and `provider_trust`; and the
+    `fate`, `"left"` or `"cut off"`, of an agent whose part ends.
+
+    ## Arguments
+
+    See `parallel_env`.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "roletrust_v0",
+        "render_modes": ["human", "rgb_array", "ansi"],
+        "is_parallelizable": True,
+        "render_fps": 4,
+    }
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "paper-3x3",
+        trust_model: str | TrustModel[Any] = "role-trust",
+        render_mode: RenderMode | None = None,
+        **changes: Any,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            known = ", ".join(self.metadata["render_modes"])
+            raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
+        scenario = make_scenario(scenario)
+        self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
+        if all(group.joins > 0 or group.join_rate < 1 for group in self.game.scenario.agents):
+            raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
+        self.layout = layout = self.game.layout
+        self.render_mode = render_mode
+        self.possible_agents = list(self.game.roster.names)
+        self.agents: list[str] = []
+        self.attackers: tuple[str, ...] = ()
+        sizes = {
+            "sr": (layout.rater_size, layout.n_providers),
+            "sp": (layout.provider_size, 1),
+            "srsp": (1 + layout.provider_size + layout.rater_size, 1 + layout.n_providers),
+        }
+        self._observation_spaces: dict[str, Box] = {}
+        self._action_spaces: dict[str, Box] = {}
+        self._slots: dict[str, tuple[tuple[int], slice]] = {}  # an action's shape, and its place among all
+        self._n_actions = 0
+        for agent in self.possible_agents:
+            seen, done = sizes[agent.partition("_")[0]]
+            self._observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
+            self._action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
+            self._slots[agent] = ((done,), slice(self._n_actions, self._n_actions + done))
+            self._n_actions += done
+        self._seen = self._places()  # where, in the vector of everything, the entries of its observation stand
+        self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
+        self._random: Random | None = None
+        self._state: State | None = None
+        self._curves: list[tuple[Any, Any]] = []
+        self._renderer: Renderer | None = None  # made when first needed
+
+    def observation_space(self, agent: str) -> Box:
+        """The observation space of an agent, the same object at each call."""
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Box:
+        """The action space of an agent, the same object at each call."""
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
+        """Begin a new episode.
+
+        Args:
+            seed: makes the whole episode reproducible; None goes on with the generator of the last episode.
+            options: `{"attackers": names}` marks those agents in renderings. Other keys are ignored.
+
+        Returns:
+            The observations and infos of the agents that are present.
+
+        Raises:
+            ValueError: an attacker to be marked is no agent of the scenario.
+        """
+        attackers = (options or {}).get("attackers", ())
+        if isinstance(attackers, str):
+            raise ValueError(f"attackers is {attackers!r}; it must be a sequence of agents' names")
+        for name in attackers:
+            if name not in self._slots:
+                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self._slots)}")
+        if seed is not None or self._random is None:
+            self._random = Random(seeding.np_random(seed)[0])
+        if seed is not None:  # also for those who join later, whose spaces nobody else can seed in time
+            for i, space in enumerate(self._action_spaces.values()):
+                space.seed(seed + i)
+        self.attackers = tuple(attackers)
+        self._state = self.game.start(self.game.draw(self._random, start=True))
+        self._curves = []
+        present = self.game.present(self._state)
+        self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
+        self._note()
+        return self._observe(self._state, self.agents), self._inform(self._state, self.agents)
+
+    def step(
+        self, actions: Mapping[str, Vector]
+    ) -> tuple[dict[str, Vector], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Play one round.
+
+        Args:
+            actions: an action, of its space, for each agent in `agents`, and for nobody else.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers.
+
+        Raises:
+            ValueError: an action is missing, of an absent agent, of the wrong shape, NaN or outside [0, 1]. Nothing
+                has changed then.
+            RuntimeError: `reset` was not called, or the episode is over.
+        """
+        if self._state is None or self._random is None or not self.agents:
+            raise RuntimeError("call reset() before step(): there is no episode, or it is over")
+        joint = self._read(actions)
+        state, rewards = self.game.step(self._state, joint, self.game.draw(self._random))
+        self._state = state
+        over = bool(state.round >= self.game.scenario.max_cycles)
+        agents = self.agents
+        present = self.game.present(state)
+        if present is None:
+            reward = dict(zip(agents, rewards.tolist(), strict=True))
+            terminations = dict.fromkeys(agents, False)
+            staying = agents
+        else:
+            there = dict(zip(self.possible_agents, present.tolist(), strict=True))
+            acted = set(agents)
+            agents = [a for a in self.possible_agents if a in acted or (there[a] and not over)]
+            earned = dict(zip(self.possible_agents, rewards.tolist(), strict=True))
+            reward = {a: earned[a] if a in acted else 0.0 for a in agents}
+            terminations = {a: not there[a] for a in agents}
+            staying = [a for a in agents if there[a]]
+        truncations = {a: over and not gone for a, gone in terminations.items()}
+        self.agents = [] if over else list(staying)
+        self._note()
+        observations, infos = self._observe(state, agents), self._inform(state, agents)
+        return observations, reward, terminations, truncations, infos
+
+    def state(self) -> Vector:
+        """Everything at once, for centralised critics, in `state_space`; see `Game.summary` for the order."""
+        if self._state is None:
+            raise RuntimeError("call reset() before state(): there is no episode")
+        summary: Vector = self.game.summary(self._state).astype(np.float32)
+        return summary
+
+    def render(self) -> npt.NDArray[np.uint8] | str | None:
+        """Show the game as it stands, as `render_mode` says: a picture, text, or a window (None)."""
+        if self.render_mode is None:
+            raise RuntimeError("render_mode is None; make the environment with render_mode='rgb_array', say")
+        if self._state is None:
+            raise RuntimeError("call reset() before render(): there is no episode")
+        if self._renderer is None:
+            from roletrust_env.rendering.renderer import Renderer
+
+            self._renderer = Renderer(self.game, self.render_mode)
+        return self._renderer.render(self._state, self._curves, self.attackers)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _note(self) -> None:
+        """Keep the trust curves for renderings, and show a window what is new."""
+        if self.render_mode is not None and self._state is not None:
+            self._curves.append(self.game.published(self._state))
+            if self.render_mode == "human":
+                self.render()
+
+    def _read(self, actions: Mapping[str, Vector]) -> Actions:
+        """The joint action; that of absent agents is 0."""
+        joint = np.zeros(self._n_actions)
+        try:
+            for agent in self.agents:
+                shape, place = self._slots[agent]
+                action = actions[agent]
+                if action.shape != shape or action.dtype.kind not in _NUMBERS:
+                    raise ValueError
+                joint[place] = action
+        except (KeyError, AttributeError, ValueError, TypeError):
+            raise ValueError(self._complaint(actions)) from None
+        if len(actions) != len(self.agents) or not (joint.min() >= 0 and joint.max() <= 1):
+            raise ValueError(self._complaint(actions))
+        return self._split(joint)
+
+    def _complaint(self, actions: Any) -> str:
+        """What is wrong with the actions, and what is allowed."""
+        if not isinstance(actions, Mapping):
+            return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
+        for agent in self.agents:
+            if agent not in actions:
+                return f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}"
+            if complaint := self.complaint(agent, actions[agent]):
+                return complaint
+        strangers = ", ".join(repr(agent) for agent in actions if agent not in self.agents)
+        return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
+
+    def complaint(self, agent: str, action: Any) -> str | None:
+        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        shape = self._slots[agent][0]
+        if not isinstance(action, np.ndarray):
+            return f"the action of {agent!r} is no array but {action!r}; it must be a NumPy array of shape {shape}"
+        if action.dtype.kind not in _NUMBERS:
+            return f"the action of {agent!r} is {action!r}; it must be a NumPy array of numbers, of shape {shape}"
+        if action.shape != shape:
+            return f"the action of {agent!r} is of shape {action.shape}; it must be a NumPy array of shape {shape}"
+        wrong = action[~((action >= 0) & (action <= 1))]
+        return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
+
+    def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
+        everything = self.game.summary(state)
+        if n_both := self.game.roster.n_both:
+            everything = np.concatenate([everything, self.game.agent_trust(state)[-n_both:]])
+        everything = everything.astype(np.float32)
+        return {agent: everything[self._seen[agent]] for agent in agents}
+
+    def _places(self) -> dict[str, npt.NDArray[np.intp]]:
+        """Each agent's observation as places in `Game.summary`, with the ToA of the SR+SP agents after it."""
+        roster, toa = self.game.roster, self.game.summary_size
+        of_raters, of_providers = self.layout.places(roster.n_agents)
+        provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
+        rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
+        both = [agent for agent in roster.names if agent in provider and agent in rater]
+        seen = {**provider, **rater}
+        return seen | {
+            agent: np.concatenate([[toa + i], provider[agent], rater[agent]]) for i, agent in enumerate(both)
+        }
+
+    def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
+        roster, game = self.game.roster, self.game
+        tor, top = game.published(state)
+        received = list(state.quality * state.awaiting)
+        infos: dict[str, dict[str, Any]] = {
+            rater: {"trust": trust, "received": true}
+            for rater, trust, true in zip(roster.rater_names, tor.tolist(), received, strict=True)
+        }
+        for provider, trust, quality in zip(roster.provider_names, top.tolist(), state.quality.tolist(), strict=True):
+            if provider in infos:
+                infos[provider]["rater_trust"] = infos[provider]["trust"]
+                infos[provider].update(provider_trust=trust, quality=quality)
+            else:
+                infos[provider] = {"trust": trust, "quality": quality}
+        if roster.n_both:
+            for agent, trust in zip(self.possible_agents, game.agent_trust(state).tolist(), strict=True):
+                infos[agent]["trust"] = trust
+        if state.population is None:
+            return infos
+        for agent, phase in zip(self.possible_agents, state.population.phase.tolist(), strict=True):
+            if phase in _FATES:
+                infos[agent]["fate"] = _FATES[phase]
+        return {agent: infos[agent] for agent in agents}
+
+    def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
+        """The vector of all actions as what providers and what raters do."""
+        roster, p = self.game.roster, self.layout.n_providers
+        n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
+        ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]
+        if not roster.n_both:
+            return Actions(quality, ratings)
+        both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
+        return Actions(np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]]))
+
+
+def parallel_env(
+    scenario: str | Path | Scenario = "paper-3x3",
+    trust_model: str | TrustModel[Any] = "role-trust",
+    render_mode: RenderMode | None = None,
+    **changes: Any,
+) -> RoleTrustParallelEnv:
+    """The game as a PettingZoo parallel environment, all agents at once.
+
+    Args:
+        scenario: the name of a preset (`roletrust list`), the path of a TOML or YAML file, or a `Scenario`.
+        trust_model: the name of a trust model, or a model.
+        render_mode: `"human"`, `"rgb_array"`, `"ansi"` or None.
+        **changes: other values of the scenario's fields, such as `max_cycles=50`, `lam=0.7` or `noise=0.0`.
+
+    Raises:
+        ValueError: a name is unknown, a file is broken, or a value is not allowed.
+
+    Example:
+        >>> env = parallel_env("paper-3x3", max_cycles=50)
+        >>> observations, infos = env.reset(seed=1)
+        >>> env.agents
+        ['sr_0', 'sr_1', 'sr_2', 'sp_0', 'sp_1', 'sp_2']
+    """
+    return RoleTrustParallelEnv(scenario, trust_model, render_mode, **changes)
+
+
+def env(
+    scenario: str | Path | Scenario = "paper-3x3",
+    trust_model: str | TrustModel[Any] = "role-trust",
+    render_mode: RenderMode | None = None,
+    **changes: Any,
+) -> AECEnv[str, Vector, Vector | None]:
+    """The game as a PettingZoo AEC environment, agents in turn. Arguments as for `parallel_env`."""
+    return OrderEnforcingWrapper(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
+
+
+class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
+    """Refuses a bad action at once, not when the last agent has acted."""
+
+    def step(self, action: Vector | None) -> None:
+        agent = self.agent_selection
+        if self.terminations[agent] or self.truncations[agent]:
+            if action is not None:
+                raise ValueError(f"the part of {agent!r} has ended; its action must be None")
+        elif complaint := self.env.complaint(agent, action):
+            raise ValueError(complaint)
+        super().step(action)

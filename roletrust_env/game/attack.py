@@ -1,0 +1,285 @@
+"""One attacker's side of a game: compromised agents act as one mind, everybody else is scripted.
+
+The Gymnasium tasks, their batches, the searchers and the planner all play this. It owns the objectives, the price of
+being told apart and what an attacker may know, and is as pure and as batched as the game itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple, get_args
+
+from pydantic import ConfigDict, NonNegativeFloat, ValidationError
+from pydantic.dataclasses import dataclass
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.errors import explain
+from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Cast, Policy
+from roletrust_env.game.state import Actions, Noise, State
+from roletrust_env.randomness import Random
+from roletrust_env.ranges import Share
+from roletrust_env.world.presence import PRESENT
+
+Objective = Literal["damage", "exploit", "promote"]
+Knowledge = Literal["black_box", "grey_box", "white_box"]
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+class Stealth:
+    """The price of being told apart by one's trust.
+
+    Attributes:
+        weight: of the cost in the reward, 0 or more.
+        tolerance: the trust gap that costs nothing, in [0, 1].
+    """
+
+    weight: NonNegativeFloat = 0.0
+    tolerance: Share = 0.1
+
+
+def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
+    """A price of stealth from its fields.
+
+    Raises:
+        ValueError: it is none, or a field is unknown or not allowed.
+    """
+    if price is None or isinstance(price, Stealth):
+        return price or Stealth()
+    if not isinstance(price, Mapping):
+        raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
+    for name in price:
+        if name not in ("weight", "tolerance"):
+            raise ValueError(f"stealth: there is no field {name!r}; there are weight, tolerance")
+    try:
+        return Stealth(**price)
+    except ValidationError as error:
+        raise ValueError(f"stealth: {explain(error)}") from None
+
+
+class TaskState(NamedTuple):
+    """The state of the game, and what the scripted agents remember."""
+
+    game: State
+    memories: tuple[Any, ...]
+
+
+class Outcome(NamedTuple):
+    """What one round brought the attacker, each of shape (...).
+
+    Attributes:
+        reward: the objective less the weighted cost.
+        objective: of the round, in [0, 1].
+        cost: the trust gap between honest and compromised agents beyond the tolerance, in [0, 1], unweighted.
+        caught: whether all its agents are gone for good, cut off or left.
+        over: whether the game has reached its length.
+    """
+
+    reward: Array
+    objective: Array
+    cost: Array
+    caught: Array
+    over: Array
+
+
+class AttackTask:
+    """The game as the control problem of one attacker.
+
+    Args:
+        game: its scenario, its trust model and its array library.
+        compromised: names of the agents that the attacker controls, each once.
+        objective: what each round brings, after the trust of the round has been updated:
+            `"damage"`, the mean over the honest providers of 1 - ToP;
+            `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
+            quality delivered: bad service sold on good trust;
+            `"promote"`, the same for the accomplices.
+        stealth: the price of being told apart: the gap in mean trust between the honest and the compromised agents of
+            a role, the larger one if the attacker has both roles. None is free.
+        knowledge: what it sees, see `observe`.
+        others: agent's name -> policy of agents that are not compromised; those not named play honestly.
+        accomplices: names of the providers that `"promote"` is for, compromised or not.
+
+    Raises:
+        ValueError: a name is no agent or stands twice, an objective lacks the agents that it is about, or the name of
+            the objective or of the knowledge is unknown.
+    """
+
+    def __init__(
+        self,
+        game: Game,
+        compromised: Sequence[str],
+        *,
+        objective: Objective = "damage",
+        stealth: Stealth | None = None,
+        knowledge: Knowledge = "black_box",
+        others: Mapping[str, Policy] | None = None,
+        accomplices: Sequence[str] = (),
+    ) -> None:
+        roster = game.roster
+        _check_choice("objective", objective, get_args(Objective))
+        _check_choice("knowledge", knowledge, get_args(Knowledge))
+        _check_names("compromised", compromised, roster.names)
+        _check_names("accomplices", accomplices, roster.provider_names)
+        if not compromised:
+            raise ValueError("compromised is empty; the attacker must control an agent")
+        for name in others or {}:
+            if name in compromised:
+                raise ValueError(f"agent {name!r} is compromised; others cannot say how it plays")
+        self.game = game
+        self.compromised = tuple(compromised)
+        self.objective = objective
+        self.stealth = stealth or Stealth()
+        self.knowledge = knowledge
+        self.cast = Cast(game, others or {})
+        honest = [name for name in roster.names if name not in compromised and name not in self.cast.attackers]
+        self._raters = _places(self.compromised, roster.rater_names)
+        self._providers = _places(self.compromised, roster.provider_names)
+        self._honest_raters = _places(honest, roster.rater_names)
+        self._honest_providers = _places(honest, roster.provider_names)
+        self._agents = _places(self.compromised, roster.names)
+        self._sellers = _places(accomplices, roster.provider_names) if objective == "promote" else self._providers
+        if not (self._honest_providers if objective == "damage" else self._sellers):
+            whom = {"damage": "an honest provider", "exploit": "a compromised provider", "promote": "an accomplice"}
+            raise ValueError(f"the objective {objective!r} needs {whom[objective]}, and there is none")
+
+    @property
+    def action_size(self) -> int:
+        """A: for each compromised agent in turn its quality, if it provides, then its P ratings, if it rates."""
+        return len(self._providers) + self.game.roster.n_providers * len(self._raters)
+
+    def start(self, noise: Noise, random: Random) -> TaskState:
+        """The state before the first round, for the batch of the noise."""
+        return TaskState(self.game.start(noise), self.cast.begin(random, tuple(noise.perception.shape[2:])))
+
+    def step(self, state: TaskState, action: Array, noise: Noise, random: Random) -> tuple[TaskState, Outcome]:
+        """Play one round.
+
+        Args:
+            state: before the round; it is left as it is.
+            action: shape (A, ...), in [0, 1].
+            noise: the luck of the round.
+            random: for scripted agents that play at random.
+        """
+        game = self.game
+        scripted, memories = self.cast.act(state.game, state.memories, random)
+        after, _ = game.step(state.game, self._overrule(scripted, action), noise)
+        tor, top = game.published(after)
+        present = game.present(after)
+        raters = providers = None
+        if present is not None:
+            raters, providers = game.roster.raters(present), game.roster.providers(present)
+        if self.objective == "damage":
+            objective = _mean(1 - top, self._honest_providers, providers)
+        else:
+            sold = after.awaiting.any(axis=0)
+            objective = _mean(top * (1 - after.quality) * sold, self._sellers, None)
+        cost = self._cost(tor, top, raters, providers)
+        caught = after.round < 0  # never
+        if after.population is not None:
+            caught = (after.population.phase[self._agents, ...] > PRESENT).all(axis=0)
+        over = after.round >= game.scenario.max_cycles
+        reward = objective - self.stealth.weight * cost
+        return TaskState(after, memories), Outcome(reward, objective, cost, caught, over)
+
+    def observe(self, state: TaskState) -> Array:
+        """What the attacker sees, shape (K, ...).
+
+        `black_box`: what its agents would see in life, the observation of each in turn. `grey_box`: in addition the
+        published trust of every rater, S, and of every provider, P. `white_box`: in addition the whole state of the
+        game, the trust model's own memory included: every array of `State`, flattened, in its order.
+        """
+        game = self.game
+        by_role = dict(zip(("sr", "sp", "srsp"), game.observations(state.game), strict=True))
+        seen = []
+        for name in self.compromised:
+            role, index = name.split("_")
+            seen.append(by_role[role][:, int(index), ...])
+        if self.knowledge != "black_box":
+            seen += game.published(state.game)
+        if self.knowledge == "white_box":
+            dtype, batch = state.game.ratings.dtype, state.game.round.shape
+            xp = namespace(state.game.ratings)
+            seen += [xp.astype(leaf, dtype).reshape(-1, *batch) for leaf in leaves(state.game)]
+        return namespace(seen[0]).concat(seen)
+
+    def own_action(self, actions: Actions) -> Array:
+        """What the compromised agents do among all agents' actions, as an action of the task, (A, ...)."""
+        roster, parts = self.game.roster, []
+        for name in self.compromised:
+            if name in roster.provider_names:
+                parts.append(actions.quality[roster.provider_names.index(name)][None, ...])
+            if name in roster.rater_names:
+                parts.append(actions.ratings[roster.rater_names.index(name)])
+        return namespace(parts[0]).concat(parts)
+
+    def _overrule(self, scripted: Actions, action: Array) -> Actions:
+        """The joint action: that of the attacker's agents in place of what the script has for them."""
+        xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers
+        quality, ratings, at = [], [], 0
+        for name in self.compromised:
+            if name in roster.provider_names:
+                quality.append(action[at])
+                at += 1
+            if name in roster.rater_names:
+                ratings.append(action[at : at + p])
+                at += p
+        return Actions(
+            _replace(xp, scripted.quality, self._providers, quality),
+            _replace(xp, scripted.ratings, self._raters, ratings),
+        )
+
+    def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:
+        """The larger trust gap of the attacker's roles, as far as it is beyond the tolerance."""
+        cost = 0 * top[0]
+        for trust, honest, mine, present in (
+            (tor, self._honest_raters, self._raters, raters),
+            (top, self._honest_providers, self._providers, providers),
+        ):
+            if honest and mine:
+                gap = _mean(trust, honest, present) - _mean(trust, mine, None) - self.stealth.tolerance
+                cost = namespace(cost).where(gap > cost, gap, cost)
+        return cost
+
+
+def leaves(tree: Any) -> list[Array]:
+    """The arrays of nested tuples, in order; None counts for nothing."""
+    if tree is None:
+        return []
+    return [leaf for part in tree for leaf in leaves(part)] if isinstance(tree, tuple) else [tree]
+
+
+def _mean(values: Array, places: list[int], present: Array | None) -> Array:
+    """The mean of some rows, of those that are present; 0 if none is."""
+    rows = values[places, ...]
+    if present is None:
+        return rows.mean(axis=0)
+    there = present[places, ...]
+    return (rows * there).sum(axis=0) / (there.sum(axis=0, dtype=rows.dtype) + 1e-30)
+
+
+def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array:
+    """The rows, with new ones in some places."""
+    if not new:
+        return rows
+    order = list(range(rows.shape[0]))
+    for k, place in enumerate(places):
+        order[place] = rows.shape[0] + k
+    return xp.concat([rows, xp.stack(new)])[order, ...]
+
+
+def _places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
+    """Where those of the names that are on an axis stand on it, in the order of the names."""
+    return [axis.index(name) for name in names if name in axis]
+
+
+def _check_choice(what: str, value: object, known: Sequence[str]) -> None:
+    if value not in known:
+        raise ValueError(f"unknown {what} {value!r}; known: {', '.join(known)}")
+
+
+def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise ValueError(f"{what} is {names!r}; it must be a sequence of agents' names")
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{what}: there is no {name!r}; there are {', '.join(known)}")
+        if list(names).count(name) > 1:
+            raise ValueError(f"{what}: {name!r} stands there twice")

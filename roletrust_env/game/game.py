@@ -1,0 +1,334 @@
+"""The game: its state and the transition from one round to the next, pure and batched.
+
+One round is: ratings arrive -> trust -> who is present -> services -> rewards. Providers and raters act at once, so the
+ratings of a round are for the services of the round before, and on the first step there is nothing to rate.
+
+Everything here is a function of its arguments and of constants. Random numbers are drawn outside and passed in, so that
+a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.state import Actions, Counts, Noise, State
+from roletrust_env.game.views import Layout, ProviderView, RaterView, look
+from roletrust_env.randomness import Random
+from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model
+from roletrust_env.world import access, channel, mobility
+from roletrust_env.world.presence import PRESENT, Population, Presence
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
+from roletrust_env.world.service import make_service
+
+
+class Game:
+    """The rules of one scenario under one trust model.
+
+    Args:
+        scenario: what is played.
+        trust_model: the name of a trust model, which is made with the scenario's `lam` and `initial_trust`; or a model,
+            which keeps its own.
+        like: an array of the library, dtype and device to play with; by default NumPy's float64.
+
+    Attributes:
+        scenario: as given.
+        model: the trust model.
+        roster: who is who.
+        layout: where each field of a view stands in an observation.
+        like: an array of the library, dtype and device that it plays with.
+    """
+
+    def __init__(
+        self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust", like: Array | None = None
+    ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
+        self.scenario = scenario
+        self.like = like = np.zeros(()) if like is None else like
+        if isinstance(trust_model, str):
+            trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
+        if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
+            raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
+        self.model = trust_model
+        self.roster = roster = Roster.of(scenario)
+        check_trust_model(trust_model, roster.n_raters, roster.n_providers, like)
+        self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
+        self.service = make_service(scenario, roster, like)
+        self.presence = Presence(scenario, roster, like)
+        self._stranger = self._constant(roster.stranger)
+        self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
+        self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
+        self._rounds = self._constant(range(scenario.max_cycles + 1), like.dtype)
+        self._strength = self._constant(_strength(scenario), like.dtype)
+        rating, providing = roster.on_duty(scenario.max_cycles)
+        always = bool(rating.all() and providing.all())
+        self._duty = None if always else (self._constant(rating), self._constant(providing))
+        open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
+        self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
+        self._values = None
+        if len(set(scenario.values)) > 1:
+            self._values = self._constant(np.asarray(scenario.values) / max(scenario.values), like.dtype)
+        self._costs = scenario.rewards.quality_cost * max(scenario.values)
+
+    def random(self, seed: int | None = None) -> Random:
+        """A source of luck for this game: of its array library, dtype and device.
+
+        Args:
+            seed: makes it reproducible; None takes fresh entropy.
+        """
+        if isinstance(self.like, np.ndarray):
+            return Random(np.random.default_rng(seed), self.like.dtype)
+        import torch
+
+        generator = torch.Generator(self.like.device)
+        generator.manual_seed(torch.seed() if seed is None else seed)
+        return Random(generator, self.like.dtype)
+
+    def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
+        """Draw the luck of one round, or of the start.
+
+        Args:
+            random: the source.
+            batch: shape of the batch.
+            start: whether this is for `start`, which alone scatters the agents.
+        """
+        s, p, n, rules = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents, self.scenario
+        pairs = (s, p, *batch)
+        return Noise(
+            random.normal(pairs),
+            random.uniform(pairs) if rules.ratings.lost > 0 else None,
+            random.uniform(pairs) if rules.ratings.late > 0 else None,
+            random.uniform(pairs) if isinstance(rules.access, Choice) else None,
+            random.uniform((n, *batch)) if self.presence.changes else None,
+            random.uniform((p, *batch)) if self._values is not None else None,
+            random.uniform((n, 2, *batch)) if isinstance(rules.access, InRange) else None,
+            random.uniform((n, 2, *batch)) if start and isinstance(rules.access, InRange) else None,
+        )
+
+    def start(self, noise: Noise) -> State:
+        """The state before the first round."""
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        nothing = xp.zeros_like(noise.perception)
+        # No two parts share an array: a compiler would have to compile anew when later ones do not.
+        return State(
+            round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
+            trust=self.model.start(nothing),
+            ratings=nothing,
+            rated=self._over(self._stranger & False, nothing.shape),
+            quality=xp.zeros_like(nothing[0]),
+            service=xp.zeros_like(nothing),
+            awaiting=self._over(self._stranger & False, nothing.shape),
+            value=self._next_value(nothing[0] + 1, noise),
+            counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
+            if roster.n_both
+            else None,
+            population=self.presence.start(noise.presence) if self.presence.changes else None,
+            places=mobility.place(rules.access, noise.position, noise.goal)
+            if isinstance(rules.access, InRange)
+            else None,
+            transit=channel.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+        )
+
+    def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
+        """Play one round.
+
+        Args:
+            state: before the round; it is left as it is.
+            actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
+            noise: the luck of the round.
+
+        Returns:
+            The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
+
+        Raises:
+            ValueError: the shapes of the actions are not those of the state.
+        """
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
+            raise ValueError(
+                f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
+                f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
+            )
+        ratings, rated, transit = channel.deliver(
+            rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
+        )
+        trust = self.model.update(state.trust, ratings, rated)
+        tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+
+        counts = state.counts
+        if counts is not None:
+            # A service counts for both when its round is over, so that the trust by which somebody is cut off is the
+            # one that is published.
+            counts = Counts(
+                counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)),
+                counts.provided + roster.both(state.awaiting.sum(axis=0, dtype=top.dtype)),
+            )
+
+        population = state.population
+        if population is not None:
+            agents = self._agent_trust(tor, top, counts)
+            population = self.presence.step(population, state.round + 1, agents, noise.presence)
+        places = state.places
+        if places is not None and isinstance(rules.access, InRange):
+            places = mobility.move(rules.access, places, noise.goal)
+
+        served = self._served(state, population, places, top, noise)
+        quality = actions.quality
+        if not self._everyone:
+            quality = xp.where(served.any(axis=0), quality, self._zero)
+        service = self.service.perceive(quality, self._strength[state.round], state.round, noise.perception)
+        if not self._everyone:
+            service = xp.where(served, service, self._zero)
+        after = State(
+            round=state.round + 1,
+            trust=trust,
+            ratings=xp.where(rated, ratings, self._zero),
+            rated=rated,
+            quality=quality,
+            service=service,
+            awaiting=served,
+            value=self._next_value(state.value, noise),
+            counts=counts,
+            population=population,
+            places=places,
+            transit=transit,
+        )
+        return after, self._rewards(tor, top, counts, self._costs * state.value * quality)
+
+    def published(self, state: State) -> tuple[Array, Array]:
+        """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
+
+    def agent_trust(self, state: State) -> Array:
+        """The trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
+        return self._agent_trust(*self.published(state), state.counts)
+
+    def present(self, state: State) -> Array | None:
+        """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
+        return None if state.population is None else state.population.phase == PRESENT
+
+    def views(self, state: State) -> tuple[ProviderView, RaterView]:
+        """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
+        return look(
+            self._rounds[state.round],
+            *self.published(state),
+            state.value,
+            state.quality,
+            state.service,
+            state.awaiting,
+            state.ratings,
+            state.rated,
+        )
+
+    def observations(self, state: State) -> tuple[Array, Array, Array | None]:
+        """The observation vectors of the SR, (K, n, ...), of the SP and of the SR+SP agents (None without any)."""
+        provider, rater = self.views(state)
+        of_raters, of_providers = self.layout.flatten(rater), self.layout.flatten(provider)
+        both = self.roster.n_both
+        if not both:
+            return of_raters, of_providers, None
+        trust = self.agent_trust(state)[self.roster.n_agents - both :]
+        n_sr, n_sp = self.roster.n_raters - both, self.roster.n_providers - both
+        of_both = namespace(self.like).concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
+        return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
+
+    @property
+    def summary_size(self) -> int:
+        """Number of entries of `summary`."""
+        s, p, n = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents
+        return 1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(self.scenario.access, InRange) else 0)
+
+    def summary(self, state: State) -> Array:
+        """The whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
+
+        In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); who is present
+        (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
+        and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
+        """
+        xp, batch = namespace(self.like), state.round.shape
+        tor, top = self.published(state)
+        present = self.present(state)
+        if present is None:
+            present = self._over(self._everybody, (self.roster.n_agents, *batch))
+        parts = [self._rounds[state.round] / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
+        parts += [state.service, state.awaiting, state.ratings, state.rated]
+        if state.places is not None and isinstance(self.scenario.access, InRange):
+            parts.append(state.places.position / self.scenario.access.arena)
+        return xp.concat([part.reshape(-1, *batch) for part in parts])
+
+    def _served(
+        self,
+        state: State,
+        population: Population | None,
+        places: mobility.Places | None,
+        top: Array,
+        noise: Noise,
+    ) -> Array:
+        """Who is served by whom in this round, shape (S, P, ...), boolean."""
+        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        served = self._over(self._stranger, state.awaiting.shape)
+        if self._duty is not None:
+            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+            served = served & rating[:, None, ...] & providing[None, ...]
+        if population is not None and state.population is not None:
+            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
+            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
+            served = served & roster.raters(acting)[:, None, ...] & roster.providers(acting)[None, ...]
+        if places is not None and isinstance(rules.access, InRange):
+            position = places.position
+            near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
+            served = served & near
+        if isinstance(rules.access, Choice):
+            served = access.choose(rules.access, top, served, noise.choice)
+        return served
+
+    def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
+        """A constant, such as one of shape (S, P), for every game of a batch.
+
+        A view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the whole trust model.
+        """
+        if constant.shape == shape:
+            return constant
+        batch = (1,) * (len(shape) - constant.ndim)
+        return namespace(constant).broadcast_to(constant.reshape(constant.shape + batch), shape)
+
+    def _rewards(self, tor: Array, top: Array, counts: Counts | None, costs: Array) -> Array:
+        weights, roster = self.scenario.rewards, self.roster
+        of_both = None
+        if counts is not None:
+            toa = self._both_trust(tor, top, counts)
+            of_both = weights.agent_trust * toa - roster.both(costs)
+        return roster.agents(weights.rater_trust * tor, weights.provider_trust * top - costs, of_both)
+
+    def _agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
+        toa = None if counts is None else self._both_trust(tor, top, counts)
+        return self.roster.agents(tor, top, toa)
+
+    def _both_trust(self, tor: Array, top: Array, counts: Counts) -> Array:
+        roster = self.roster
+        return agent_trust(
+            roster.both(tor),
+            roster.both(top),
+            rated=counts.rated,
+            provided=counts.provided,
+            initial=self.scenario.initial_trust,
+        )
+
+    def _next_value(self, value: Array, noise: Noise) -> Array:
+        if self._values is None or noise.value is None:
+            return value
+        return self._values[namespace(self.like).astype(noise.value * len(self._values), namespace(self.like).int64)]
+
+    def _constant(self, values: Any, dtype: Any = None) -> Array:
+        return namespace(self.like).asarray(values, dtype=dtype, device=self.like.device)
+
+
+def _strength(scenario: Scenario) -> Any:
+    """Strength of the perturbation in each round, shape (max_cycles,): the strongest where several overlap."""
+    strength = np.zeros(scenario.max_cycles)
+    for blow in scenario.perturbations:
+        window = slice(blow.start, blow.stop)
+        strength[window] = np.maximum(strength[window], blow.strength)
+    return strength

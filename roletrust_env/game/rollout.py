@@ -1,0 +1,91 @@
+"""Playing a game to its end with a cast of policies, in one game or a batch."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.policy import Cast
+from roletrust_env.game.state import State
+from roletrust_env.randomness import Random
+
+
+class Round(NamedTuple):
+    """What one round left behind: the state after it, and the rewards, shape (N, ...)."""
+
+    state: State
+    rewards: Array
+
+
+class History(NamedTuple):
+    """What a whole game left behind, one row for each of its T rounds.
+
+    Attributes:
+        tor: trust of the raters, (T, S, ...).
+        top: trust of the providers, (T, P, ...).
+        trust: trust of the agents, each by its role, (T, N, ...).
+        quality: delivered quality, (T, P, ...).
+        ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
+        rated: where they did, boolean, (T, S, P, ...).
+        rewards: (T, N, ...).
+        present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
+            initial one before it joins, and stays where it was after it has gone; leave it out of means.
+    """
+
+    tor: Array
+    top: Array
+    trust: Array
+    quality: Array
+    ratings: Array
+    rated: Array
+    rewards: Array
+    present: Array
+
+
+def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
+    """Play round after round, to the scenario's end.
+
+    Args:
+        cast: the game, and who plays how.
+        random: the source of all luck, with the game's array library, dtype and device.
+        batch: shape of the batch of games.
+
+    Yields:
+        Each round as it was played.
+
+    Raises:
+        ValueError: `batch` is no tuple, or a policy chose what is not allowed.
+    """
+    if not isinstance(batch, tuple):
+        raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
+    game = cast.game
+    state = game.start(game.draw(random, batch, start=True))
+    memories = cast.begin(random, batch)
+    for _ in range(game.scenario.max_cycles):
+        actions, memories = cast.act(state, memories, random)
+        for channel, chosen in zip(("quality", "ratings"), actions, strict=True):
+            if not bool(((chosen >= 0) & (chosen <= 1)).all()):
+                raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
+        state, rewards = game.step(state, actions, game.draw(random, batch))
+        yield Round(state, rewards)
+
+
+def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
+    """Play to the scenario's end and keep what happened. Arguments as for `play`.
+
+    Example:
+        >>> import roletrust_env
+        >>> game = roletrust_env.Game(roletrust_env.make_scenario("paper-3x3").change(noise=0.0))
+        >>> history = record(roletrust_env.Cast(game, {}), game.random(seed=0))
+        >>> history.top[30].round(3)
+        array([1., 1., 1.])
+    """
+    rows = []
+    for state, rewards in play(cast, random, batch):
+        tor, top = cast.game.published(state)
+        trust = cast.game.agent_trust(state)
+        present = cast.game.present(state)
+        if present is None:
+            present = trust == trust  # everybody
+        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, rewards, present))
+    stack = namespace(rows[0][0]).stack
+    return History(*(stack(column) for column in zip(*rows, strict=True)))

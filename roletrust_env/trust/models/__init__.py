@@ -1,0 +1,1 @@
+"""The trust models, one small file each."""

@@ -1,0 +1,200 @@
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import gymnasium
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
+
+from roletrust_env import Game, Policy, make_scenario, parallel_env
+from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
+from roletrust_env.envs.tasks import TASKS, make_task
+
+SHORT = {"scenario": "paper-3x3", "max_cycles": 5}
+
+
+def provider(games=4, *, scaled=True, seed=None, **rules):
+    task = make_task(**{**SHORT, **rules}, compromised=("sp_2",), objective="exploit")
+    return AttackVecEnv(task, games, scaled=scaled, seed=seed)
+
+
+def actions_of(env, rounds, seed=0):
+    shape = (rounds, env.num_envs, *env.action_space.shape)
+    return np.random.default_rng(seed).uniform(env.action_space.low[0], 1, shape).astype(np.float32)
+
+
+@pytest.mark.parametrize("scaled", [True, False])
+def test_it_plays_what_gymnasiums_batch_plays(scaled):
+    env = provider(scaled=scaled, seed=7)
+    other = gymnasium.make_vec(
+        "RoleTrust/ProviderAttack-v0", 4, **SHORT, autoreset_mode=gymnasium.vector.AutoresetMode.SAME_STEP
+    )
+    assert (env.reset() == other.reset(seed=7)[0]).all()
+    for actions in actions_of(env, 12):
+        a = env.step(actions)
+        b = other.step(actions / 2 + 0.5 if scaled else actions)
+        assert (a[0] == b[0]).all()
+        assert a[0].dtype == np.float32
+        assert (a[1] == b[1]).all()
+        assert (a[2] == (b[2] | b[3])).all()
+        if a[2].any():
+            final = [info["terminal_observation"] for info in a[3]]
+            assert (np.stack(final) == np.stack(list(b[4]["final_obs"]))).all()
+
+
+def test_the_end_of_a_game():
+    env = provider(seed=0)
+    first = env.reset()
+    total = np.zeros(4)
+    for i, actions in enumerate(actions_of(env, 10)):
+        observation, rewards, dones, infos = env.step(actions)
+        total += rewards
+        last = i % 5 == 4
+        assert (dones == last).all()
+        for game, info in enumerate(infos):
+            assert set(info) == {"objective", "cost"} | (
+                {"terminal_observation", "TimeLimit.truncated", "episode"} if last else set()
+            )
+            if last:
+                assert info["TimeLimit.truncated"]
+                assert info["terminal_observation"][0] == 1
+                assert info["episode"]["r"] == pytest.approx(total[game])
+                assert info["episode"]["l"] == 5
+                assert info["episode"]["t"] > 0
+        if last:
+            assert (observation == first).all()
+            total[:] = 0
+
+
+def test_who_is_cut_off_is_terminated_and_the_others_go_on():
+    env = provider(64, max_cycles=60, admission={"threshold": 0.3, "rounds": 2}, noise=0.2, seed=0)
+    env.reset()
+    ends = []
+    for actions in actions_of(env, 60):
+        _, _, dones, infos = env.step(actions * 0.5 - 0.5)
+        ends += [info for done, info in zip(dones, infos, strict=True) if done]
+    assert {info["episode"]["l"] for info in ends} > {60} or len({info["episode"]["l"] for info in ends}) > 3
+    assert all(info["TimeLimit.truncated"] == (info["episode"]["l"] == 60) for info in ends)
+
+
+def test_the_same_seed_is_the_same_luck():
+    runs = []
+    for _ in range(2):
+        env = provider(noise=0.1)
+        env.seed(3)
+        env.reset()
+        runs.append([env.step(actions)[0] for actions in actions_of(env, 7)])
+    assert np.array_equal(*runs)
+    env.seed(4)
+    env.reset()
+    assert not np.array_equal(runs[0], [env.step(actions)[0] for actions in actions_of(env, 7)])
+
+
+@pytest.mark.parametrize("bad", [np.nan, 1.5, -1.5])
+def test_bad_actions_are_refused_and_change_nothing(bad):
+    env = provider(seed=0)
+    env.reset()
+    with pytest.raises(ValueError, match="outside"):
+        env.step(np.full((4, 1), bad, np.float32))
+    with pytest.raises(ValueError, match="shape"):
+        env.step(np.zeros((4, 2), np.float32))
+    assert env.step(np.zeros((4, 1), np.float32))[0][0, 0] == pytest.approx(0.2)
+
+
+def test_what_is_refused_at_the_beginning():
+    torch = pytest.importorskip("torch")
+    with pytest.raises(ValueError, match="NumPy"):
+        AttackVecEnv(make_task("paper-3x3", ("sp_2",), like=torch.zeros(())), 4)
+    with pytest.raises(ValueError, match="num_envs"):
+        provider(0)
+
+
+def test_sb3_finds_all_it_asks_for():
+    env = provider()
+    assert env.get_attr("render_mode", [0, 2]) == [None, None]
+    assert env.get_attr("render_mode", 1) == [None]
+    assert env.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
+    for refused in (lambda: env.set_attr("x", 1), lambda: env.env_method("render")):
+        with pytest.raises(NotImplementedError, match="one batch"):
+            refused()
+    env.close()
+
+
+@pytest.mark.parametrize("task_id", TASKS)
+@pytest.mark.parametrize("knowledge", ["black_box", "white_box"])
+def test_ppo_learns_on_every_task(task_id, knowledge, recwarn):
+    task = make_task(**{**TASKS[task_id].defaults, "max_cycles": 6, "knowledge": knowledge})
+    env = AttackVecEnv(task, 8)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, n_epochs=1, seed=0, device="cpu").learn(64)
+    mean, _ = evaluate_policy(model, env, n_eval_episodes=8)
+    assert np.isfinite(mean)
+    assert not [w for w in recwarn if "Monitor" in str(w.message)]
+
+
+def role_env(role, scenario="paper-3x3", games=3, **options):
+    rules = make_scenario(scenario).change(max_cycles=5, noise=0.0)
+    return RoleVecEnv(Game(rules, like=np.zeros((), np.float32)), role, games, **options)
+
+
+@pytest.mark.parametrize(("role", "scenario"), [("sr", "paper-3x3"), ("sp", "paper-3x3"), ("srsp", "peers")])
+def test_each_agent_of_the_role_is_a_slot(role, scenario):
+    """Every slot has the observation, action and reward of its agent in the PettingZoo game."""
+    env, games = role_env(role, scenario), 3
+    pettingzoo = parallel_env(env.game.scenario)
+    n = len(env.agents)
+    assert env.num_envs == n * games
+    for game in range(games):
+        seen = env.reset()
+        observations, _ = pettingzoo.reset(seed=0)
+        for actions in actions_of(env, 5, game):
+            slots = {agent: i * games + game for i, agent in enumerate(env.agents)}
+            joint = {}
+            for agent in pettingzoo.agents:
+                if agent in slots:
+                    assert np.allclose(seen[slots[agent]], observations[agent], atol=1e-6)
+                    joint[agent] = actions[slots[agent]] / 2 + 0.5
+                elif agent.startswith("sp"):
+                    joint[agent] = np.ones(1, np.float32)
+                else:
+                    joint[agent] = pettingzoo.layout.rater(observations[agent]).service.astype(np.float32)
+            seen, rewards, dones, infos = env.step(actions)
+            observations, expected, *_ = pettingzoo.step(joint)
+            assert np.allclose([rewards[k] for k in slots.values()], [expected[a] for a in slots], atol=1e-6)
+        assert dones.all()
+        assert all(info["TimeLimit.truncated"] and info["episode"]["l"] == 5 for info in infos)
+
+
+def test_others_play_as_they_are_told():
+    class Bad(Policy):
+        attacks = frozenset({"quality"})
+
+        def quality(self, view, memory, random):
+            return 0 * view.trust, memory
+
+    honest, bad = role_env("sr"), role_env("sr", others={"sp_0": Bad()})
+    for env in (honest, bad):
+        env.reset()
+    still = np.ones((9, 3), np.float32)
+    assert (honest.step(still)[0][:, 5] == 1).all()
+    assert (bad.step(still)[0][:, 5] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"role": "judge"}, "role is 'judge'"),
+        ({"role": "srsp"}, "nobody in scenario"),
+        ({"role": "sr", "scenario": "open-system"}, "come and go"),
+        ({"role": "sr", "others": {"sr_0": Policy()}}, "'sr_0' learns"),
+        ({"role": "sr", "games": 0}, "num_envs"),
+    ],
+)
+def test_roles_that_cannot_be_slots_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        role_env(**options)
+
+
+def test_one_policy_learns_for_all_raters():
+    env = role_env("sr")
+    PPO("MlpPolicy", env, n_steps=10, batch_size=30, n_epochs=1, seed=0, device="cpu").learn(90)

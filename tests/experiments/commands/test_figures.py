@@ -1,0 +1,138 @@
+import csv
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from experiments.results import claims, files
+from experiments.results.recording import Curves
+from roletrust_env import make_scenario
+
+HEADER = ["time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3"]
+
+
+@pytest.fixture(scope="module")
+def synthetic(tmp_path_factory):
+    out = tmp_path_factory.mktemp("figures")
+    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    return out, result.output
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        header, *rows = csv.reader(file)
+    return header, np.array(rows, dtype=float)
+
+
+@pytest.mark.parametrize("name", ["figure3.csv", "figure4.csv"])
+def test_csv_has_the_exact_header_and_a_row_for_each_half_second(synthetic, name):
+    header, rows = rows_of(synthetic[0] / name)
+    assert header == HEADER
+    assert rows.shape == (240, 7)
+    np.testing.assert_allclose(rows[:, 0], np.arange(1, 241) / 2)
+    assert rows[:, 1:].min() >= 0
+    assert rows[:, 1:].max() <= 1
+
+
+def test_both_figures_are_one_scenario_until_somebody_attacks(synthetic):
+    first, second = (rows_of(synthetic[0] / f"figure{n}.csv")[1] for n in (3, 4))
+    np.testing.assert_array_equal(first[:40], second[:40])  # bad-mouthing begins in round 40
+    assert (first[40] != second[40]).any()
+
+
+def test_every_claim_holds_and_is_printed(synthetic):
+    out, printed = synthetic
+    results = json.loads((out / "results.json").read_text())
+    assert len(results["claims"]) == 11
+    assert all(claim["ok"] for claim in results["claims"])
+    assert "not ok" not in printed
+    for claim in results["claims"]:
+        assert claim["what"] in printed
+
+
+def test_results_tell_how_to_make_them_again(synthetic):
+    results = json.loads((synthetic[0] / "results.json").read_text())
+    assert results["scenario"] == make_scenario("paper-3x3").model_dump(mode="json")
+    assert results["attackers"]["figure 3"]["sp_2"]["parameters"]["start"] == 100
+    assert results["attackers"]["figure 4"]["sr_2"]["parameters"]["stop"] == 90
+    assert results["packages"]["numpy"] == np.__version__
+    assert results["service"] == "synthetic"
+    for name in results["files"]:
+        assert (synthetic[0] / name).stat().st_size > 0
+
+
+def test_same_seed_same_bytes(synthetic, tmp_path):
+    CliRunner().invoke(app, ["figures", "--service", "synthetic", "--out", str(tmp_path)])
+    for name in ("figure3.csv", "figure4.csv", "results.json"):
+        assert (tmp_path / name).read_bytes() == (synthetic[0] / name).read_bytes()
+
+
+def test_failed_claim_is_said_and_is_no_error(monkeypatch, tmp_path):
+    monkeypatch.setattr(claims, "_VISIBLE", 2.0)
+    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--out", str(tmp_path)])
+    assert result.exit_code == 0
+    assert result.output.count("not ok") == 4
+
+
+def test_attack_claims_fail_when_nobody_attacks():
+    scenario, ones = make_scenario("paper-3x3"), np.ones((240, 3, 1))
+    curves = Curves(np.arange(1, 241) / 2, ones, ones, ones, ones)
+    on_off = claims.check_on_off(curves, scenario, claims.Window(50, 90))
+    assert [claim.ok for claim in on_off] == [True, False, False, False, True]
+    bad_mouthing = claims.check_bad_mouthing(curves, scenario, claims.Window(20, 45))
+    assert [claim.ok for claim in bad_mouthing] == [True, False, False, False, False, False]
+
+
+@pytest.mark.parametrize("clear", [True, False])
+def test_claims_that_do_not_apply_to_given_frames(clear):
+    scenario, seen = make_scenario("paper-3x3"), np.full((240, 3, 1), 1.0 if clear else 0.2)
+    curves = Curves(np.arange(1, 241) / 2, seen, seen, seen, seen)
+    found = claims.for_given_frames(claims.check_on_off(curves, scenario, claims.Window(50, 90)))
+    # The person stays recognised in the blur. Without one in clear view no level says anything.
+    assert [claim.ok for claim in found] == ([True, None, None, False, True] if clear else [None] * 5)
+
+
+def test_help_says_how_much_footage_is_needed():
+    said = " ".join(CliRunner().invoke(app, ["figures", "--help"]).output.replace("│", " ").split())
+    for words in ("120 s of video, or 240 images", "three cameras look at the same picture", "--set max_cycles=40"):
+        assert words in said
+
+
+def test_windows_of_the_claims():
+    time_s, scenario = np.arange(1, 241) / 2, make_scenario("paper-3x3")
+    calm = claims.calm_before(time_s, scenario, claims.Window(50, 90))
+    assert claims.spans(time_s, calm) == "5-18 s, 25-30 s, 37-50 s"
+    steady = claims.steady_under(time_s, scenario, claims.Window(20, 45))
+    assert claims.spans(time_s, steady) == "25-30 s, 37-45 s"
+
+
+def test_frames_that_do_not_exist(tmp_path):
+    result = CliRunner().invoke(app, ["figures", "--frames", "no.mp4", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "no.mp4" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_frames_without_hog(tmp_path):
+    result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--frames", "0", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "frames are for the service 'hog'" in result.stderr
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, error):
+    path = tmp_path / "table.csv"
+    files.write_csv(path, ["a"], [[1.0]])
+
+    def rows():
+        yield [2.0]
+        raise error
+
+    with pytest.raises(error):
+        files.write_csv(path, ["a"], rows())
+    assert path.read_text() == "a\n1.000000\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]

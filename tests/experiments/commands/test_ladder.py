@@ -1,0 +1,121 @@
+"""`roletrust ladder`."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import agents
+from agents.ladder.known import Learned
+from agents.ladder.rungs import UnsuitableError, exact_task, find
+from baselines.search import PaperAttacks
+from experiments.cli import app
+from experiments.commands.task_options import find_task
+from experiments.plots.trajectory import watch
+from roletrust_env import make_scenario
+
+CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["ladder", *arguments])
+
+
+def climb(out, *arguments):
+    result = run(*arguments, "--budget", "12000", "--seeds", "3", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    return json.loads((out / "ladder.json").read_text()), result.output
+
+
+@pytest.mark.parametrize(("task", "price"), [("ProviderAttack", []), ("RaterAttack", ["--stealth-weight", "2"])])
+def test_where_the_optimum_is_known(tmp_path, task, price):
+    results, printed = climb(tmp_path, task, *CERTAIN, *price)
+    rungs = {rung["rung"]: rung for rung in results["rungs"]}
+    assert next(iter(rungs)) == "honest play"
+    assert list(rungs)[-1] == "exact"
+    assert (rungs["honest play"]["share"], rungs["exact"]["share"]) == (0, 1)
+    assert rungs["white-box planner"]["share"] > 0.9
+    assert all(rung["rounds"] <= 12_000 for rung in rungs.values())
+    assert all(rung["half_95"] == 0 for rung in rungs.values())
+    assert "1 is the exact optimum" in printed
+    assert results["not_applicable"] == {}
+    with (tmp_path / "ladder.csv").open() as file:
+        assert [row["rung"] for row in csv.DictReader(file)] == list(rungs)
+    with (tmp_path / "trajectories.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len({row["attack"] for row in rows}) == 2
+    assert max(int(row["round"]) for row in rows) == 14
+    assert (tmp_path / "ladder.png").stat().st_size > 10_000
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_where_it_is_not_the_best_found_is_1(tmp_path):
+    results, printed = climb(tmp_path, "CollusionAttack", "--set", "max_cycles=5", "--stealth-weight", "2")
+    assert max(rung["share"] for rung in results["rungs"]) == 1
+    assert all(rung["half_95"] > 0 for rung in results["rungs"])
+    assert "raters under damage" in results["not_applicable"]["exact"]
+    assert "the best that was found" in printed
+    assert results["stealth"] == {"weight": 2.0, "tolerance": 0.1}
+
+
+def test_an_agent_with_both_roles(tmp_path):
+    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--trust-model", "mean")
+    assert results["trust_model"]["class"].endswith("Mean")
+
+
+def test_a_trained_attacker():
+    zoo = Learned(Path(agents.__file__).parent / "zoo" / "provider-3x3")
+    arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
+    measured = {"budget": 0, "seed": 0, "games": 2, "tell": lambda rounds: None}
+    trained = find(zoo, {**arguments, "compromised": ("sp_2",)}, **measured)
+    assert trained.scores.mean() > 0.23  # the best regular script has 0.230
+    assert trained.rounds > 100_000
+    assert trained.seconds > 10
+    four = make_scenario("paper-3x3").change(agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}])
+    with pytest.raises(UnsuitableError, match="this task has 12 and 1"):
+        find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
+
+
+def test_trajectory_is_what_was_played():
+    arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
+    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2, tell=lambda rounds: None)
+    seen = watch(arguments, finding, 0)
+    assert seen.quality["sp_0"].tolist() == [0, 1] * 6
+    assert seen.ratings["sr_2"].shape == (12, 2)
+    assert np.isnan(seen.ratings["sr_2"][0]).all()
+    assert (seen.ratings["sr_2"][1:] == 0.5).all()
+    assert seen.mine["ToR"].shape == seen.honest["ToP"].shape == (12,)
+    assert seen.objective == pytest.approx(1 - seen.honest["ToP"])
+    assert exact_task(arguments).compromised == ("sr_2", "sp_0")
+
+
+@pytest.mark.parametrize("text", ["ProviderAttack", "providerattack", "RoleTrust/ProviderAttack-v0"])
+def test_names_of_tasks(text):
+    assert find_task(text) == "RoleTrust/ProviderAttack-v0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["Attack"], "unknown task 'Attack'; known: ProviderAttack"),
+        (["RaterAttack", "--set", "colour=blue"], "there is no field 'colour'"),
+        (["RaterAttack", "--compromised", "sr_9"], "there is no 'sr_9'"),
+        (["RaterAttack", "--learned", "/nowhere"], "/nowhere"),
+    ],
+)
+def test_bad_input_is_one_clean_error_and_writes_nothing(tmp_path, arguments, said):
+    result = run(*arguments, *CERTAIN, "--budget", "5000", "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert "Traceback" not in result.output + result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_teaches():
+    result = run("--help")
+    assert result.exit_code == 0
+    assert "Examples" in result.output
+    assert "roletrust ladder CollusionAttack" in result.output

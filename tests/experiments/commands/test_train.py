@@ -1,0 +1,213 @@
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sb3_contrib")
+
+from typer.testing import CliRunner
+
+from agents.learned.policy import play_task
+from agents.learned.saved import load_attacker
+from experiments.cli import app
+from experiments.commands.zoo import ZOO
+from experiments.timing.ppo_speed import ppo_speed
+from experiments.training.learners import make_model, make_settings, network_of, parameters_bytes, set_parameters
+from experiments.training.runs import Checkpoint, RunFolder
+from roletrust_env.envs.sb3 import AttackVecEnv
+from roletrust_env.envs.tasks import make_task
+
+TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
+SMALL = ["--learner", "games=8", "--learner", "hidden=[8]", "--learner", "batch_size=40"]
+PPO = [*TINY, *SMALL, "--learner", "n_steps=10", "--learner", "n_epochs=1", "--steps", "1600"]
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["train", *map(str, arguments)])
+
+
+def train(out, *arguments):
+    result = run(*arguments, "--out", out)
+    assert result.exit_code == 0, result.output
+    return load_attacker(out), result.output
+
+
+def test_a_run_and_what_it_leaves_behind(tmp_path):
+    attacker, printed = train(tmp_path, "provider-attack", *PPO, "--seed", 3)
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert config["run"]["seed"] == 3
+    assert config["run"]["settings"]["gamma"] == 0.95
+    assert config["learner_packages"]["stable-baselines3"]
+    with (tmp_path / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 20
+    assert rows[-1]["steps"] == "1600"
+    assert (tmp_path / "curve.png").stat().st_size > 10_000
+    assert list((tmp_path / "tensorboard").iterdir())
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 2
+    score, card = attacker.card.score, attacker.card
+    assert f"score {score.mean:.4f}" in printed
+    again = play_task(attacker.task(), attacker.network, games=score.games, seed=score.seed)
+    assert again.mean() == pytest.approx(score.mean)
+    assert score.mean >= max(float(row["score"]) for row in rows) - 1e-6
+    assert (card.task.compromised, card.scenario.max_cycles, card.training.steps) == (("sp_2",), 10, 1600)
+
+
+def test_options_decide_what_is_learned(tmp_path):
+    who = ["--compromised", "sr_0", "--objective", "promote", "--accomplice", "sp_1", "--knowledge", "grey_box"]
+    price = ["--stealth-weight", 2, "--stealth-tolerance", 0.2, "--trust-model", "mean", "--scenario", "crowd-10x10"]
+    attacker, _ = train(tmp_path, "RoleTrust/RaterAttack-v0", *PPO, *who, *price, "--steps", 80)
+    task = attacker.card.task
+    assert (task.compromised, task.objective, task.accomplices, task.knowledge) == (
+        ("sr_0",),
+        "promote",
+        ("sp_1",),
+        "grey_box",
+    )
+    assert (task.stealth.weight, task.stealth.tolerance) == (2, 0.2)
+    assert attacker.card.trust_model.name == "mean"
+    assert attacker.card.scenario.name == "crowd-10x10"
+    assert attacker.card.architecture.inputs == 2 + 5 * 10 + 10 + 10
+
+
+@pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
+def test_other_learners_stop_and_go_on(tmp_path, algo):
+    settings = ["--learner", "n_steps=10", "--learner", "n_epochs=1", "--learner", "lstm=4"]
+    if algo == "sac":
+        settings = ["--learner", "learning_starts=40", "--learner", "buffer_size=200"]
+    arguments = ["RaterAttack", *TINY, *SMALL, *settings, "--algo", algo, "--steps", 320]
+    attacker, _ = train(tmp_path, *arguments)
+    assert attacker.card.architecture.lstm == (0 if algo == "sac" else 4)
+    assert attacker.card.architecture.squash == ("tanh" if algo == "sac" else "clip")
+    newest = max((tmp_path / "checkpoints").iterdir())
+    for file in newest.iterdir():
+        file.unlink()
+    again, _ = train(tmp_path, "--resume")
+    assert again.card.training.steps == 320
+    assert again.card.score.games == attacker.card.score.games
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac", "recurrent-ppo"])
+def test_the_saved_network_plays_as_the_learner_does(algo):
+    task = make_task("paper-3x3", ("sr_2",), max_cycles=10)
+    env = AttackVecEnv(task, 4, seed=0)
+    settings = make_settings("any", algo, {"hidden": (8, 8), **({"lstm": 4} if algo == "recurrent-ppo" else {})})
+    model, other = make_model(algo, settings, env, 0), make_model(algo, settings, env, 1)
+    set_parameters(other, parameters_bytes(model))
+    network, seen, states, starts = network_of(other), env.reset(), None, np.ones(4, bool)
+    memory = network.begin(seen[:, 0])
+    for _ in range(4):
+        kept = {"state": states, "episode_start": starts} if algo == "recurrent-ppo" else {}
+        expected, states = model.predict(seen, deterministic=True, **kept)
+        starts = np.zeros(4, bool)
+        action, memory = network(seen.T, memory)
+        assert np.allclose(action.T * 2 - 1, expected, atol=1e-5)
+        seen, *_ = env.step(expected)
+
+
+def test_what_is_asked_wrongly(tmp_path):
+    train(tmp_path, "ProviderAttack", *PPO, "--steps", 80)
+    cases = {
+        "holds a run": ["ProviderAttack", *PPO, "--steps", 80],
+        "holds another run": ["ProviderAttack", *PPO, "--steps", 160, "--resume"],
+        "unknown task": ["Provider"],
+        "there are steps": ["ProviderAttack", "--learner", "speed=1"],
+    }
+    for message, arguments in cases.items():
+        result = run(*arguments, "--out", tmp_path)
+        assert result.exit_code == 2
+        assert message in " ".join(result.output.split())
+    assert "no run in" in run("--resume", "--out", tmp_path / "new").output
+    assert "name a task" in run("--out", tmp_path / "new").output
+    (tmp_path / "config.json").write_text("{")
+    assert "is broken" in run("--resume", "--out", tmp_path).output
+
+
+def test_a_finished_run_that_goes_on_is_as_it_was(tmp_path):
+    before, _ = train(tmp_path, "ProviderAttack", *PPO, "--steps", 160)
+    (tmp_path / "attacker.safetensors").unlink()
+    after, _ = train(tmp_path, "ProviderAttack", *PPO, "--steps", 160, "--resume")
+    assert after.card == before.card
+
+
+def test_a_damaged_checkpoint_is_passed_over(tmp_path):
+    folder = RunFolder(tmp_path)
+    for steps in (1, 2, 3):
+        folder.save(Checkpoint(steps, {"a": bytes([steps])}, {"n": steps}))
+    assert folder.last() == Checkpoint(3, {"a": b"\x03"}, {"n": 3})
+    (tmp_path / "checkpoints" / "000000000003" / "a").write_bytes(b"\x04")
+    assert folder.last() == Checkpoint(2, {"a": b"\x02"}, {"n": 2})
+    folder.save(Checkpoint(3, {"a": b"\x05"}, {}))
+    assert folder.last() == Checkpoint(3, {"a": b"\x05"}, {})
+    for path in (tmp_path / "checkpoints").glob("*/about.json"):
+        path.write_bytes(path.read_bytes()[:-9])
+    assert folder.last() is None
+
+
+def test_a_killed_run_goes_on(tmp_path):
+    command = [sys.executable, "-c", "from experiments.cli import main; main()", "train"]
+    arguments = ["ProviderAttack", *PPO, "--steps", "16000", "--out", str(tmp_path)]
+    process = subprocess.Popen(
+        [*command, *arguments], stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"}
+    )
+    for _ in range(600):
+        if list(tmp_path.glob("checkpoints/0*")):
+            break
+        time.sleep(0.05)
+    time.sleep(random.Random().random() * 0.3)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    killed_at = RunFolder(tmp_path).last()
+    assert killed_at is not None
+    attacker, _ = train(tmp_path, "--resume")
+    with (tmp_path / "curve.csv").open() as file:
+        steps = [int(row["steps"]) for row in csv.DictReader(file)]
+    assert steps == sorted(set(steps))
+    assert steps[: len(killed_at.notes["curve"])] == [row[0] for row in killed_at.notes["curve"]]
+    assert steps[-1] >= 16000
+    assert np.isfinite(attacker.card.score.mean)
+
+
+def test_settings_are_tuned_by_task_and_changed_by_hand():
+    assert make_settings("RoleTrust/ProviderAttack-v0", "ppo", {"gamma": 0.5}).gamma == 0.5
+    with pytest.raises(ValueError, match="gamma is 2"):
+        make_settings("RoleTrust/ProviderAttack-v0", "ppo", {"gamma": 2})
+
+
+def test_the_zoo_scores_what_it_says():
+    result = CliRunner().invoke(app, ["zoo", "--games", "4"], env={"COLUMNS": "160"})
+    assert result.exit_code == 0, result.output
+    names = [path.stem for path in ZOO.glob("*.json")]
+    assert len(names) >= 2
+    for name in names:
+        assert name in result.output
+        for suffix in (".json", ".safetensors"):
+            assert (ZOO / name).with_suffix(suffix).stat().st_size < 200_000
+    assert "nobody" in CliRunner().invoke(app, ["zoo", "nobody"]).output
+
+
+def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
+    text, data = ((ZOO / "provider-3x3").with_suffix(s).read_bytes() for s in (".json", ".safetensors"))
+    card = json.loads(text)
+    card["score"]["mean"] += 0.1
+    for name, json_bytes, weights in (("damaged", text, data[:-1]), ("boaster", json.dumps(card).encode(), data)):
+        (tmp_path / f"{name}.json").write_bytes(json_bytes)
+        (tmp_path / f"{name}.safetensors").write_bytes(weights)
+    result = CliRunner().invoke(app, ["zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"})
+    assert result.exit_code == 1
+    assert "refused" in result.output
+    assert "no" in result.output.split("boaster")[1]
+
+
+def test_ppo_is_timed_on_the_task_and_on_nothing():
+    found = ppo_speed(games=8, rollouts=1, turns=1)
+    assert found.task > 0
+    assert found.nothing > 0
+    assert found.share == pytest.approx(found.task / found.nothing)

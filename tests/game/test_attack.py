@@ -1,0 +1,413 @@
+"""The attacker's side of a game against slow formulas, in one game, in a batch and in torch; what it may see."""
+
+from collections.abc import Iterator
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from attack_cases import (
+    CASES,
+    EVERY_ACCESS,
+    EVERY_CASE,
+    LEVELS,
+    STEALTH,
+    assert_close,
+    busy,
+    deeds,
+    each,
+    make,
+    play,
+    rng,
+)
+
+from agents.planning.exact import optimal_provider, optimal_rater
+from baselines import BadMouthing, OnOff
+from roletrust_env import Actions, Game, Noise, Random, Scenario, make_scenario
+from roletrust_env.game.attack import AttackTask, Stealth
+from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
+
+# --- objectives, cost, termination -------------------------------------------------------------------
+
+
+def slow_outcome(task: AttackTask, case: dict[str, Any], state: Any) -> dict[str, float]:
+    """The outcome as the documentation tells it, agent by agent."""
+    game, roster, mine = task.game, task.game.roster, case["compromised"]
+    tor, top = game.published(state)
+    tor, top = dict(zip(roster.rater_names, tor, strict=True)), dict(zip(roster.provider_names, top, strict=True))
+    phase = dict.fromkeys(roster.names, PRESENT)
+    if state.population is not None:
+        phase = dict(zip(roster.names, state.population.phase, strict=True))
+    attackers = [k for k, policy in case.get("others", {}).items() if policy.attacks]
+    honest = [k for k in roster.names if k not in mine and k not in attackers and phase[k] == PRESENT]
+
+    def mean(numbers: list[float]) -> float:
+        return fmean(numbers) if numbers else 0.0
+
+    if case.get("objective", "damage") == "damage":
+        objective = mean([1 - top[k] for k in honest if k in top])
+    else:
+        sellers = case["accomplices"] if case["objective"] == "promote" else [k for k in mine if k in top]
+        gains = []
+        for k in sellers:
+            j = roster.provider_names.index(k)
+            gains.append(top[k] * (1 - state.quality[j]) if state.awaiting[:, j].any() else 0.0)
+        objective = mean(gains)
+    cost, stealth = 0.0, case.get("stealth", Stealth())
+    for trust in (tor, top):
+        others, own = [trust[k] for k in honest if k in trust], [trust[k] for k in mine if k in trust]
+        if others and own:
+            cost = max(cost, mean(others) - mean(own) - stealth.tolerance)
+    return {
+        "reward": objective - stealth.weight * cost,
+        "objective": objective,
+        "cost": cost,
+        "caught": all(phase[k] in (LEFT, CUT_OFF) for k in mine),
+        "over": state.round == game.scenario.max_cycles,
+    }
+
+
+@EVERY_CASE
+@EVERY_ACCESS
+def test_an_outcome_is_what_the_formulas_say(case: dict, access: str) -> None:
+    task = make(busy(access), case)
+    for seed in range(3):
+        for _, after, outcome in play(task, seed):
+            assert outcome._asdict() == pytest.approx(slow_outcome(task, case, after.game), abs=1e-12)
+
+
+def test_the_cases_meet_what_they_are_for() -> None:
+    """Costs and none, absent sellers, honest agents that are away, caught and not: else the test above is idle."""
+    met = set()
+    for case in CASES.values():
+        task = make(busy(), case)
+        for seed in range(3):
+            for _, after, outcome in play(task, seed):
+                state, roster = after.game, task.game.roster
+                away = roster.providers(state.population.phase) != PRESENT
+                met.add("cost" if outcome.cost > 0 else "no cost")
+                met.add("caught" if outcome.caught else "free")
+                met.add("somebody away" if away.any() else "all there")
+                met.add("some sell" if 0 < state.awaiting.any(axis=0).mean() < 1 else "all or none sell")
+                met |= {"objective"} if 0 < outcome.objective < 1 else set()
+    assert len(met) == 9
+
+
+def test_the_paper_world_by_hand() -> None:
+    """Honest 1, one of three raters at 0 for ever: the steady state."""
+    scenario = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=60)
+    task = make(scenario, {"compromised": ("sr_2",), "stealth": Stealth(2.0, 0.1)})
+    *_, (_, _, outcome) = play(task, actions=[np.zeros(3)] * 60)
+    honest, liar = 1 - (1 / 3) ** 0.5, 1 - (2 / 3) ** 0.5
+    assert outcome.objective == pytest.approx(1 - 2 / 3 * honest, abs=1e-9)
+    assert outcome.objective == pytest.approx(1 - 0.282, abs=1e-3)
+    assert outcome.cost == pytest.approx(honest - liar - 0.1, abs=1e-9)
+    assert outcome.reward == pytest.approx(outcome.objective - 2 * outcome.cost)
+
+
+def test_exploit_pays_for_the_trust_at_which_the_service_is_sold() -> None:
+    scenario = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3)
+    task = make(scenario, {"compromised": ("sp_1",), "objective": "exploit"})
+    outcomes = [outcome for *_, outcome in play(task, actions=[np.array([q]) for q in (1.0, 0.25, 0.0)])]
+    second = 0.5 * 0.75 + 0.25  # after the good service of round 0; ToR rises to 0.75
+    bad = np.sinc(0.75) * np.sinc(0.75) * 0.875 * 0.25  # the note 0.25 that follows the note 1
+    gains = [0.0, second * 0.75, 0.5 * bad + 0.5 * second]
+    assert [o.objective for o in outcomes] == pytest.approx(gains, abs=1e-12)
+    assert [bool(o.over) for o in outcomes] == [False, False, True]
+    assert not any(o.caught for o in outcomes)
+
+
+def test_who_is_absent_sells_nothing() -> None:
+    agents = [{"role": "SR"}, {"role": "SP"}, {"role": "SP", "joins": 4}]
+    task = make(Scenario(agents=agents, max_cycles=9), {"compromised": ("sp_1",), "objective": "exploit"})
+    gains = [outcome.objective for *_, outcome in play(task, actions=[np.zeros(1)] * 9)]
+    # It is there from round 4 on, and serves from its first full round on; then nothing but 0 is ever noted.
+    assert gains[:4] == [0.0] * 4
+    assert gains[4:] == [0.5 * 0.5**n for n in range(5)]
+
+
+@pytest.mark.parametrize("role", ["SR", "SP"])
+def test_only_the_last_one_gone_ends_it(role: str) -> None:
+    """They leave in rounds 2 and 5; one that has yet to come is not gone; the exit of somebody else is nothing."""
+    names = [f"{role.lower()}_{n}" for n in (1, 2)]
+    agents = [{"role": "SR"}, {"role": "SP"}, {"role": role, "leaves": 2}, {"role": role, "joins": 3, "leaves": 5}]
+    task = make(Scenario(agents=[*agents, {"role": "SP", "leaves": 1}], max_cycles=7), {"compromised": names})
+    outcomes = [outcome for *_, outcome in play(task)]
+    assert [bool(o.caught) for o in outcomes] == [False] * 4 + [True] * 3
+    assert [bool(o.over) for o in outcomes] == [False] * 6 + [True]
+
+
+def test_being_cut_off_is_being_caught() -> None:
+    scenario = Scenario(
+        agents=[{"role": "SR", "count": 3}, {"role": "SP"}], admission={"threshold": 0.3, "rounds": 2}, max_cycles=8
+    )
+    task = make(scenario, {"compromised": ("sr_0",)})
+    rounds = list(play(task, actions=[np.zeros(1)] * 8))
+    tor = [task.game.published(after.game)[0][0] for _, after, _ in rounds]
+    low = np.convolve(np.array(tor) < 0.3, [1, 1])[:8] == 2
+    assert [bool(outcome.caught) for *_, outcome in rounds] == np.logical_or.accumulate(low).tolist()
+    assert rounds[-1][2].caught
+    assert not rounds[2][2].caught
+
+
+# --- actions ----------------------------------------------------------------------------------------
+
+
+def joint(task: AttackTask, scripted: Actions, action: np.ndarray) -> Actions:
+    """The joint action, agent by agent: quality, if it provides, then ratings, if it rates."""
+    roster, left = task.game.roster, list(action)
+    quality, ratings = scripted.quality.copy(), scripted.ratings.copy()
+    for name in task.compromised:
+        if "sp" in name:
+            quality[roster.provider_names.index(name)] = left.pop(0)
+        if "sr" in name:
+            for j in range(roster.n_providers):
+                ratings[roster.rater_names.index(name), j] = left.pop(0)
+    assert not left
+    return Actions(quality, ratings)
+
+
+@EVERY_CASE
+def test_actions_overrule_exactly_the_compromised(case: dict) -> None:
+    """The others rate what they perceive and serve as well as they can, but for those with a policy of their own."""
+    task = make(busy(), case | {"others": {"sp_2": OnOff(bad=0.4)}} if "others" not in case else case)
+    game, policies = task.game, task.cast.policies
+    random, draws = rng(3), rng(3)
+    state = task.start(game.draw(random, start=True), random)
+    game.draw(draws, start=True)
+    task.cast.begin(draws, ())
+    for action in deeds(task, 3):
+        noise, _ = game.draw(random), game.draw(draws)
+        scripted, _ = task.cast.act(state.game, state.memories, draws)
+        honest = Actions(np.ones(game.roster.n_providers), state.game.service)
+        for name, policy in policies.items():
+            if "quality" in policy.attacks:
+                j = game.roster.provider_names.index(name)
+                honest.quality[j] = scripted.quality[j]
+            if "ratings" in policy.attacks:
+                honest = honest._replace(ratings=honest.ratings.copy())
+                i = game.roster.rater_names.index(name)
+                honest.ratings[i] = scripted.ratings[i]
+        expected, _ = game.step(state.game, joint(task, honest, action), noise)
+        state, _ = task.step(state, action, noise, random)
+        assert_close(state.game, expected)
+
+
+@pytest.mark.parametrize("order", [(3, 1, 0, 2), (2, 3, 1, 0)], ids=str)
+def test_permuting_the_compromised_permutes_actions_and_observations(order: tuple) -> None:
+    names = ("sr_2", "srsp_1", "sp_0", "sr_0")
+    task = make(busy(), {"compromised": names, "stealth": STEALTH})
+    other = make(busy(), {"compromised": [names[k] for k in order], "stealth": STEALTH})
+    s, p = task.game.roster.n_raters, task.game.roster.n_providers
+    size = {"sr": p, "sp": 1, "srsp": 1 + p}
+    seen = {"sr": 2 + 5 * p, "sp": 4 + 2 * s, "srsp": 1 + 4 + 2 * s + 2 + 5 * p}
+
+    def permute(vector: np.ndarray, sizes: dict[str, int]) -> np.ndarray:
+        parts = np.split(vector, np.cumsum([sizes[name.split("_")[0]] for name in names])[:-1])
+        return np.concatenate([parts[k] for k in order])
+
+    actions = deeds(task, 1)
+    permuted = play(other, 1, [permute(action, size) for action in actions])
+    for (_, state, outcome), (_, twin, twin_outcome) in zip(play(task, 1, actions), permuted, strict=True):
+        assert_close(twin.game, state.game)
+        assert_close(twin_outcome, outcome)
+        assert_close(other.observe(twin), permute(task.observe(state), seen))
+
+
+def test_a_step_leaves_its_inputs_alone() -> None:
+    task, random = make(busy(), CASES["colluders among other attackers"]), rng()
+    state = task.start(task.game.draw(random, start=True), random)
+    for action in deeds(task, 0):
+        noise = task.game.draw(random)
+        before = each(np.copy, (state, action, noise))
+        after, _ = task.step(state, action, noise, random)
+        task.observe(state)
+        each(np.testing.assert_array_equal, (state, action, noise), before)
+        state = after
+
+
+# --- batches and backends ---------------------------------------------------------------------------
+
+
+class Luck:
+    """Noise of the start and of every round, and what random scripted agents would draw, for a batch or one of it."""
+
+    def __init__(self, task: AttackTask, seed: int, batch: tuple[int, ...]) -> None:
+        random, rounds = rng(seed), range(task.game.scenario.max_cycles)
+        self.start = task.game.draw(random, batch, start=True)
+        self.rounds = [task.game.draw(random, batch) for _ in rounds]
+        self.actions = deeds(task, seed, batch)
+
+
+def trajectory(
+    task: AttackTask, start: Noise, rounds: list[Noise], actions: list[Any], random: Random
+) -> Iterator[tuple[Any, Any]]:
+    state = task.start(start, random)
+    yield task.observe(state), None
+    for noise, action in zip(rounds, actions, strict=True):
+        state, outcome = task.step(state, action, noise, random)
+        yield task.observe(state), outcome
+
+
+class Slice(Random):
+    """What one game of a batch draws, while the whole batch draws from the same generator."""
+
+    def __init__(self, seed: int, e: int, games: int) -> None:
+        super().__init__(np.random.default_rng(seed))
+        self.e, self.games = e, games
+
+    def uniform(self, shape: Any) -> Any:
+        return super().uniform((*shape, self.games))[..., self.e]
+
+
+@EVERY_ACCESS
+@pytest.mark.parametrize("name", ["colluders among other attackers", "dual"])
+def test_a_batch_of_1024_is_its_games_one_by_one(access: str, name: str) -> None:
+    """For twenty of them, with the luck of the batch; the random scripted agents' own luck included."""
+    task = make(busy(access), CASES[name], knowledge="white_box")
+    luck = Luck(task, 0, (1024,))
+    together = list(trajectory(task, luck.start, luck.rounds, luck.actions, rng(7)))
+    few = [0, 1023, *np.random.default_rng(1).choice(range(1, 1023), 18, replace=False).tolist()]
+    for e in few:
+
+        def one(array: Any, e: int = e) -> Any:
+            return array[..., e]
+
+        rounds = [each(one, noise) for noise in luck.rounds]
+        alone = trajectory(task, each(one, luck.start), rounds, [a[..., e] for a in luck.actions], Slice(7, e, 1024))
+        for whole, single in zip(together, alone, strict=True):
+            assert_close(single, each(one, whole))
+    outcomes = [outcome for _, outcome in together[1:]]
+    assert np.unique(outcomes[-1].caught).tolist() == ([False, True] if name == "dual" else [False])
+    assert np.all(outcomes[-1].over)
+    assert np.unique(outcomes[-1].reward).size > 500
+
+
+@pytest.mark.parametrize("batch", [(), (5,), (2, 3)], ids=str)
+@EVERY_CASE
+def test_torch_agrees_with_numpy(case: dict, batch: tuple[int, ...]) -> None:
+    case = {**case, "others": {name: p for name, p in case.get("others", {}).items() if name != "sp_2"}}
+    scenario = busy("softmax")
+    luck = Luck(make(scenario, case), 1, batch)
+    for knowledge in LEVELS:
+        task = make(scenario, case, knowledge=knowledge)
+        tensors = make(scenario, case, like=torch.zeros((), dtype=torch.float64), knowledge=knowledge)
+        rounds = [each(torch.asarray, noise) for noise in luck.rounds]
+        actions = [torch.asarray(action) for action in luck.actions]
+        played = trajectory(tensors, each(torch.asarray, luck.start), rounds, actions, Random(torch.Generator()))
+        expected = trajectory(task, luck.start, luck.rounds, luck.actions, rng())
+        for (observation, outcome), (seen, result) in zip(played, expected, strict=True):
+            assert isinstance(observation, torch.Tensor)
+            assert_close((observation, outcome), (seen, result))
+            if outcome is not None:
+                assert all(isinstance(part, torch.Tensor) for part in outcome)
+                assert [part.shape for part in outcome] == [batch] * 5
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
+@EVERY_CASE
+def test_precision_stays(case: dict, dtype: type, tensors: bool) -> None:
+    def cast(array: Any) -> Any:
+        array = np.asarray(array, dtype)
+        return torch.asarray(array) if tensors else array
+
+    case = {**case, "others": {}}
+    luck = Luck(make(busy(), case), 1, (3,))
+    task = make(busy(), case, like=cast(0.0), knowledge="white_box")
+    random = Random(torch.Generator()) if tensors else rng()
+    rounds = [each(cast, noise) for noise in luck.rounds]
+    for seen, outcome in trajectory(task, each(cast, luck.start), rounds, [cast(a) for a in luck.actions], random):
+        numbers = [seen] if outcome is None else [seen, outcome.reward, outcome.objective, outcome.cost]
+        assert {number.dtype for number in numbers} == {cast(0.0).dtype}
+        if outcome is not None:
+            assert {str(outcome.caught.dtype), str(outcome.over.dtype)} <= {"bool", "torch.bool"}
+            assert np.all((np.asarray(outcome.objective) >= 0) & (np.asarray(outcome.objective) <= 1))
+            assert np.all((np.asarray(outcome.cost) >= 0) & (np.asarray(outcome.cost) <= 1))
+
+
+def test_gradients_reach_the_actions() -> None:
+    """A planner climbs them: through the ratings and through the price of stealth."""
+    scenario = make_scenario("paper-3x3").change(noise=0.0, max_cycles=3)
+    like = torch.zeros((), dtype=torch.float64)
+    slopes = []
+    for weight in (0.0, 2.0):
+        task = make(scenario, {"compromised": ("sr_0",), "stealth": Stealth(weight, 0.0)}, like=like)
+        luck = Luck(make(scenario, {"compromised": ("sr_0",)}), 0, (2,))
+        actions = torch.full((3, 3, 2), 0.6, dtype=torch.float64, requires_grad=True)
+        rounds = [each(torch.asarray, noise) for noise in luck.rounds]
+        played = trajectory(task, each(torch.asarray, luck.start), rounds, list(actions), Random(torch.Generator()))
+        sum(outcome.reward.sum() for _, outcome in played if outcome is not None).backward()
+        slopes.append(actions.grad)
+    assert all(torch.isfinite(slope).all() for slope in slopes)
+    assert torch.all(slopes[0][1:] != 0)  # nothing to rate in the first round
+    assert torch.all(slopes[1][1:] > slopes[0][1:])  # nearer to the truth is cheaper
+
+
+# --- exact optima -----------------------------------------------------------------------------------
+
+
+def certain(rounds: int) -> Scenario:
+    return make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=rounds)
+
+
+def test_the_exact_provider_scores_the_same_in_the_task() -> None:
+    best = optimal_provider(certain(50), levels=24, points=24)
+    task = make(certain(50), {"compromised": ("sp_2",), "objective": "exploit"})
+    rewards = [outcome.reward for *_, outcome in play(task, actions=best.actions[:, None])]
+    assert np.mean(rewards) == pytest.approx(best.score, abs=1e-12)
+
+
+@pytest.mark.parametrize(("liars", "weight", "tolerance"), [(1, 2.0, 0.1), (2, 0.5, 0.0), (1, 0.0, 0.1)])
+def test_the_exact_rater_scores_the_same_in_the_task(liars: int, weight: float, tolerance: float) -> None:
+    best = optimal_rater(certain(50), compromised=liars, weight=weight, tolerance=tolerance, levels=24, points=24)
+    case = {"compromised": ("sr_2", "sr_0")[:liars], "stealth": Stealth(weight, tolerance)}
+    lies = np.repeat(best.actions[:, None], 3 * liars, axis=1)
+    rewards = [outcome.reward for *_, outcome in play(make(certain(50), case), actions=lies)]
+    assert np.mean(rewards) == pytest.approx(best.score, abs=1e-12)
+
+
+# --- bad input --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"compromised": ("sr_9",)}, ["compromised", "'sr_9'", "sr_0", "srsp_2"]),
+        ({"compromised": ("sr_1", "sp_0", "sr_1")}, ["compromised", "'sr_1'", "twice"]),
+        ({"compromised": ()}, ["compromised", "empty"]),
+        ({"objective": "harm"}, ["objective", "'harm'", "damage", "exploit", "promote"]),
+        ({"objective": None}, ["objective", "None", "damage"]),
+        ({"knowledge": "omniscient"}, ["knowledge", "'omniscient'", "black_box", "grey_box", "white_box"]),
+        ({"objective": "exploit"}, ["'exploit'", "provider"]),
+        ({"objective": "promote"}, ["'promote'", "accomplice"]),
+        ({"compromised": [f"sp_{j}" for j in range(5)] + [f"srsp_{k}" for k in range(3)]}, ["'damage'", "honest"]),
+        ({"objective": "promote", "accomplices": ("sr_0",)}, ["accomplices", "'sr_0'", "sp_0"]),
+        ({"objective": "promote", "accomplices": ("sp_0", "sp_0")}, ["accomplices", "'sp_0'", "twice"]),
+        ({"others": {"sr_1": OnOff()}}, ["'sr_1'", "compromised"]),
+        ({"others": {"sr_7": BadMouthing()}}, ["'sr_7'", "sr_0"]),
+        ({"others": {"sr_0": OnOff()}}, ["'sr_0'", "quality"]),
+    ],
+    ids=str,
+)
+def test_bad_arguments_are_refused(arguments: dict, words: list[str]) -> None:
+    with pytest.raises(ValueError, match=words[0]) as error:
+        make(busy(), {"compromised": ("sr_1",)} | arguments)
+    assert "\n" not in str(error.value)
+    assert all(word in str(error.value) for word in words), str(error.value)
+
+
+def test_all_honest_providers_attack() -> None:
+    """Whoever attacks on its own is not honest, so nobody is left to damage."""
+    others = {name: OnOff() for name in ("sp_0", "sp_1", "sp_2")}
+    with pytest.raises(ValueError, match="an honest provider"):
+        AttackTask(Game(make_scenario("paper-3x3")), ("sr_0",), others=others)
+
+
+def test_who_has_yet_to_come_is_waiting() -> None:
+    """What the tests of presence above rest on."""
+    task = make(busy(), CASES["rater that joins late"])
+    _, after, outcome = next(play(task))
+    assert after.game.population.phase[3] == WAITING
+    assert not outcome.caught
