@@ -11,7 +11,7 @@ import numpy.typing as npt
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import SEARCHED, Arguments, Attempt, Counter, Tell, UnsuitableError, is_certain, measure
 from baselines.scripts import Scripts, describe, side_by_side
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.attack import make_task
 from roletrust_env.game.policy import Policy
 
 Points = npt.NDArray[np.float64]

@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import pettingzoo
 
-from roletrust_env.envs.parallel import RoleTrustParallelEnv, env, parallel_env
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.envs.aec import env
+from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
+from roletrust_env.game.attack import make_task
+from roletrust_env.game.cast import Cast, Player
 from roletrust_env.game.game import Game
-from roletrust_env.game.policy import Cast, Player, Policy
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.rollout import record
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random

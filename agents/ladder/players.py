@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack import AttackTask, TaskState
-from roletrust_env.game.policy import Cast, Policy
+from roletrust_env.game.cast import Cast
+from roletrust_env.game.policy import Policy
 from roletrust_env.randomness import Random
 
 

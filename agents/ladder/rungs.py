@@ -15,13 +15,12 @@ import numpy as np
 
 from agents.ladder.players import Attacker, OpenLoop
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.tasks import make_task
-from roletrust_env.game.attack import AttackTask, Outcome, TaskState
+from roletrust_env.game.attack import AttackTask, Outcome, TaskState, make_task
 from roletrust_env.game.state import Noise
 from roletrust_env.randomness import Random
 
 Arguments = Mapping[str, Any]
-"""Arguments of `roletrust_env.envs.tasks.make_task`, all but `like`."""
+"""Arguments of `roletrust_env.make_task`, all but `like`."""
 
 Tell = Callable[[int], None]
 """Told from time to time how many more rounds of the budget are used."""

@@ -18,9 +18,9 @@ from safetensors import numpy as safetensors
 
 from agents.learned.cards import Card, ModelCard, TaskCard, check_size
 from agents.learned.network import MAX_WEIGHTS, Floats, Network
-from roletrust_env.envs.tasks import make_task
 from roletrust_env.errors import explain
-from roletrust_env.game.attack import AttackTask, Stealth
+from roletrust_env.game.attack import AttackTask, make_task
+from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario

@@ -28,8 +28,7 @@ from agents.ladder.rungs import (
     sources,
 )
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.tasks import make_task
-from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.attack import AttackTask, make_task
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, smooth
 from roletrust_env.trust.algorithms import Notes, provider_quality

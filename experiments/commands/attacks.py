@@ -4,7 +4,6 @@ import os
 import re
 import sys
 import tomllib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -126,24 +125,6 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
     given = {key: getattr(scenario, field) for key, field in _SHARED.items()}
     model: TrustModel[Any] = _made(registry, name, {**given, **parameters}, text)
     return model
-
-
-def policy_name(policy: Policy) -> str:
-    """What to call a policy.
-
-    Example:
-        >>> policy_name(baselines.BadMouthing()), policy_name(Policy())
-        ('bad-mouthing', 'honest')
-    """
-    if type(policy) is Policy:
-        return "honest"
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", type(policy).__name__).lower()
-
-
-def attacks_in_words(attackers: Mapping[str, Policy]) -> str:
-    """The attacks and how many agents play each, such as `bad-mouthing x3, on-off`."""
-    counts = Counter(policy_name(policy) for policy in attackers.values())
-    return ", ".join(f"{name} x{n}" if n > 1 else name for name, n in counts.items()) or "everyone honest"
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:

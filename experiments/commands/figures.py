@@ -9,10 +9,10 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from baselines import BadMouthing, OnOff
-from experiments.commands.console import console
+from experiments.commands.console import console, progress_bar
 from experiments.results import claims
 from experiments.results.files import cast_list, prepare_folder, provenance, write_csv, write_figure, write_json
-from experiments.results.recording import Curves, progress_bar, record
+from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, Policy, State, make_scenario
 
 _HEADER = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -12,9 +12,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from agents.ladder.known import Exact, HonestPlay, Learned
+from agents.ladder.known import HonestPlay, Learned
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
 from agents.learned.saved import load_attacker
+from agents.planning.optimum import Exact
 from agents.planning.planner import Planner
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from experiments.commands.attacks import parse_settings, parse_trust_model
@@ -28,21 +29,10 @@ from experiments.commands.task_options import (
     find_task,
 )
 from experiments.plots.trajectory import Trajectory, watch
-from experiments.results.confidence import over_games
 from experiments.results.files import provenance, write_csv, write_figure, write_json
+from experiments.results.ladder import HEADER, Row, cells, compared, plain, ranked
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
-
-_HEADER = ("rung", "score", "half_95", "share", "objective", "cost", "rounds", "seconds", "attack")
-
-
-class Row(NamedTuple):
-    """A rung of the ladder: what it found, its mean score with half the 95% interval, and its share of the top."""
-
-    finding: Finding
-    score: float
-    half: float
-    share: float
 
 
 def ladder(
@@ -126,7 +116,7 @@ def ladder(
         "stealth": arguments["stealth"],
         "budget": budget,
         "held_out_games": seeds,
-        "rungs": [dict(zip(_HEADER, _plain(_cells(row)), strict=True)) for row in rows],
+        "rungs": [dict(zip(HEADER, plain(cells(row)), strict=True)) for row in rows],
         "not_applicable": missing,
     }
     _write(out, about, rows, trajectories, results)
@@ -158,42 +148,12 @@ def climb(
     return found, missing
 
 
-def ranked(found: Sequence[Finding]) -> list[Row]:
-    """The findings with their share: 0 is honest play, the first; 1 the exact optimum, or the best without one."""
-    means = {finding.name: float(finding.scores.mean()) for finding in found}
-    foot, top = means[found[0].name], means.get("exact", max(means.values()))
-    rows = []
-    for finding in found:
-        score, half, _ = over_games(finding.scores)
-        share = (float(score) - foot) / (top - foot) if top > foot else float("nan")
-        # Games that luck has no part in differ by the rounding of their sums only.
-        rows.append(Row(finding, float(score), float(half) if half > 1e-12 else 0.0, share))
-    return rows
-
-
-def compared(rows: Sequence[Row]) -> tuple[Row, Row]:
-    """The best scripted attack, and the best of all."""
-    scripted = [row for row in rows if row.finding.name.startswith("scripted")]
-    return max(scripted, key=lambda row: row.score), max(rows, key=lambda row: row.score)
-
-
-def _cells(row: Row) -> tuple[Any, ...]:
-    found = row.finding
-    parts = (row.score, row.half, row.share, float(found.objective.mean()), float(found.cost.mean()))
-    return (found.name, *parts, found.rounds, found.seconds, found.words)
-
-
-def _plain(cells: Sequence[Any]) -> list[Any]:
-    """NaN is no JSON."""
-    return [None if isinstance(cell, float) and np.isnan(cell) else cell for cell in cells]
-
-
 def _write(
     out: Path, about: str, rows: Sequence[Row], trajectories: Sequence[Trajectory], results: dict[str, Any]
 ) -> None:
     from experiments.plots.ladder import ladder_figure
 
-    write_csv(out / "ladder.csv", _HEADER, [_cells(row) for row in rows])
+    write_csv(out / "ladder.csv", HEADER, [cells(row) for row in rows])
     write_csv(out / "trajectories.csv", Trajectory.header, [line for t in trajectories for line in t.lines()])
     write_figure(out / "ladder.png", ladder_figure(about, rows, trajectories))
     write_json(out / "ladder.json", results)

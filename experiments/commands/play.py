@@ -13,8 +13,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from experiments.commands.attacks import attacks_in_words, changed, parse_attacks, parse_settings, parse_trust_model
-from experiments.commands.console import console
+from experiments.commands.attacks import changed, parse_attacks, parse_settings, parse_trust_model
+from experiments.commands.console import console, progress_bar
 from experiments.results.confidence import over_games
 from experiments.results.files import (
     cast_list,
@@ -26,7 +26,8 @@ from experiments.results.files import (
     write_json,
 )
 from experiments.results.measures import MEASURES, Estimate, Group, damage, measure, measured_since
-from experiments.results.recording import Curves, progress_bar, record
+from experiments.results.names import attacks_in_words
+from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, Policy, make_scenario
 
 _HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")

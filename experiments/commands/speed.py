@@ -16,9 +16,8 @@ from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
-from experiments.commands.console import console
+from experiments.commands.console import console, progress_bar
 from experiments.results.files import provenance, write_csv, write_json
-from experiments.results.recording import progress_bar
 from experiments.timing import contestants as timing
 from experiments.timing.contestants import Contestant, Spread, Timing, measure
 from roletrust_env import Game, make_scenario

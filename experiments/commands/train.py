@@ -25,8 +25,6 @@ from roletrust_env import Game, make_scenario
 from roletrust_env.envs.tasks import TASKS
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from agents.learned.saved import SavedAttacker
     from experiments.training.loop import Point, Report, Run
 
@@ -202,32 +200,9 @@ def _show(progress: Progress, job: Any, report: "Report") -> None:
 
 
 def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> None:
-    from agents.learned.saved import save_attacker
+    from agents.learned import save_attacker
+    from experiments.plots.learning import learning_figure
 
     write_csv(out / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)
-    write_figure(out / "curve.png", _figure(run, attacker, curve))
+    write_figure(out / "curve.png", learning_figure(run.algo, attacker, curve))
     save_attacker(attacker, out / "attacker", write_bytes)
-
-
-def _figure(run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> "Figure":
-    """The learning curve, between honest play and what was reached."""
-    import numpy as np
-    from matplotlib.figure import Figure
-
-    from experiments.plots.style import ATTACKER, HONEST, INK, QUIET
-
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
-    axes = figure.subplots()
-    steps, _, score, half = np.asarray(curve, float).T
-    axes.fill_between(steps, score - np.nan_to_num(half), score + np.nan_to_num(half), color=ATTACKER, alpha=0.2, lw=0)
-    axes.plot(steps, score, color=ATTACKER, marker="o", markersize=3, label=f"{run.algo}, held-out games")
-    axes.axhline(attacker.card.score.honest, color=HONEST[0], linestyle="--", label="honest play")
-    axes.set_title(f"{run.task.id}, {run.scenario.name}, {run.task.objective}", loc="left", color=INK)
-    axes.set_xlabel("rounds of all games", color=INK)
-    axes.set_ylabel("mean reward per round", color=INK)
-    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
-    axes.tick_params(colors=QUIET, labelcolor=INK)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.legend(frameon=False, loc="lower right")
-    return figure

@@ -9,9 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 import agents
-from experiments.commands.console import console, errors
+from experiments.commands.console import console, errors, progress_bar
 from experiments.results.confidence import over_games
-from experiments.results.recording import progress_bar
 
 if TYPE_CHECKING:
     from agents.learned.saved import SavedAttacker

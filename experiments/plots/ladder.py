@@ -13,7 +13,7 @@ from experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, tid
 from experiments.plots.trajectory import Floats, Trajectory
 
 if TYPE_CHECKING:
-    from experiments.commands.ladder import Row
+    from experiments.results.ladder import Row
 
 _SHOWN = 40
 """Rounds of a game that are shown; more would be too dense to see what is done."""

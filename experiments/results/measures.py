@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.window import WindowedAttack
-from experiments.commands.attacks import policy_name
 from experiments.results.confidence import Floats, mean_where, over_games
+from experiments.results.names import policy_name
 from experiments.results.recording import Curves
 from roletrust_env import Policy
 from roletrust_env.world.roster import Roster

@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
-from experiments.commands.console import console
 from roletrust_env import Cast, Random, State
 
 Floats = npt.NDArray[np.float64]
@@ -30,12 +29,6 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
-
-
-def progress_bar() -> Progress:
-    """A progress bar for rounds, that leaves no trace when done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True)
 
 
 def record(

@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from experiments.training.learners import PPOSettings, make_model
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.slots import Flags, Floats, Slots, Step
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.attack import make_task
 
 
 class PPOSpeed(NamedTuple):

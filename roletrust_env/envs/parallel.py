@@ -1,4 +1,4 @@
-"""The PettingZoo faces: one game, all agents at once (parallel) or in turn (AEC)."""
+"""The PettingZoo face in which all agents act at once (parallel)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,12 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
-from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils.conversions import parallel_to_aec_wrapper
-from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+from pettingzoo import ParallelEnv
 
+from roletrust_env.envs.joint import JointAction
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import Actions, State
+from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from roletrust_env.rendering.renderer import Renderer
 
 RenderMode = Literal["human", "rgb_array", "ansi"]
-_NUMBERS = "fiub"
-"""Kinds of dtype that an action may have: floats, integers and booleans."""
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 Vector = npt.NDArray[np.float32]
 
@@ -140,14 +137,11 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         }
         self._observation_spaces: dict[str, Box] = {}
         self._action_spaces: dict[str, Box] = {}
-        self._slots: dict[str, tuple[tuple[int], slice]] = {}  # an action's shape, and its place among all
-        self._n_actions = 0
         for agent in self.possible_agents:
             seen, done = sizes[agent.partition("_")[0]]
             self._observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
             self._action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
-            self._slots[agent] = ((done,), slice(self._n_actions, self._n_actions + done))
-            self._n_actions += done
+        self._joint = JointAction(self.game.roster)
         self._seen = self._places()  # where, in the vector of everything, the entries of its observation stand
         self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
         self._random: Random | None = None
@@ -182,8 +176,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         if isinstance(attackers, str):
             raise ValueError(f"attackers is {attackers!r}; it must be a sequence of agents' names")
         for name in attackers:
-            if name not in self._slots:
-                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self._slots)}")
+            if name not in self._action_spaces:
+                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self._action_spaces)}")
         if seed is not None or self._random is None:
             self._random = Random(seeding.np_random(seed)[0])
         if seed is not None:  # also for those who join later, whose spaces nobody else can seed in time
@@ -215,7 +209,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """
         if self._state is None or self._random is None or not self.agents:
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
-        joint = self._read(actions)
+        joint = self._joint.read(actions, self.agents)
         state, rewards = self.game.step(self._state, joint, self.game.draw(self._random))
         self._state = state
         over = bool(state.round >= self.game.scenario.max_cycles)
@@ -258,6 +252,10 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             self._renderer = Renderer(self.game, self.render_mode)
         return self._renderer.render(self._state, self._curves, self.attackers)
 
+    def complaint(self, agent: str, action: Any) -> str | None:
+        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        return self._joint.complaint(agent, action)
+
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._renderer is not None:
@@ -270,46 +268,6 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             self._curves.append(self.game.published(self._state))
             if self.render_mode == "human":
                 self.render()
-
-    def _read(self, actions: Mapping[str, Vector]) -> Actions:
-        """The joint action; that of absent agents is 0."""
-        joint = np.zeros(self._n_actions)
-        try:
-            for agent in self.agents:
-                shape, place = self._slots[agent]
-                action = actions[agent]
-                if action.shape != shape or action.dtype.kind not in _NUMBERS:
-                    raise ValueError
-                joint[place] = action
-        except (KeyError, AttributeError, ValueError, TypeError):
-            raise ValueError(self._complaint(actions)) from None
-        if len(actions) != len(self.agents) or not (joint.min() >= 0 and joint.max() <= 1):
-            raise ValueError(self._complaint(actions))
-        return self._split(joint)
-
-    def _complaint(self, actions: Any) -> str:
-        """What is wrong with the actions, and what is allowed."""
-        if not isinstance(actions, Mapping):
-            return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
-        for agent in self.agents:
-            if agent not in actions:
-                return f"the action of {agent!r} is missing; needed are those of {', '.join(self.agents)}"
-            if complaint := self.complaint(agent, actions[agent]):
-                return complaint
-        strangers = ", ".join(repr(agent) for agent in actions if agent not in self.agents)
-        return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(self.agents)}"
-
-    def complaint(self, agent: str, action: Any) -> str | None:
-        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
-        shape = self._slots[agent][0]
-        if not isinstance(action, np.ndarray):
-            return f"the action of {agent!r} is no array but {action!r}; it must be a NumPy array of shape {shape}"
-        if action.dtype.kind not in _NUMBERS:
-            return f"the action of {agent!r} is {action!r}; it must be a NumPy array of numbers, of shape {shape}"
-        if action.shape != shape:
-            return f"the action of {agent!r} is of shape {action.shape}; it must be a NumPy array of shape {shape}"
-        wrong = action[~((action >= 0) & (action <= 1))]
-        return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         everything = self.game.summary(state)
@@ -354,16 +312,6 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
                 infos[agent]["fate"] = _FATES[phase]
         return {agent: infos[agent] for agent in agents}
 
-    def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
-        """The vector of all actions as what providers and what raters do."""
-        roster, p = self.game.roster, self.layout.n_providers
-        n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
-        ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]
-        if not roster.n_both:
-            return Actions(quality, ratings)
-        both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
-        return Actions(np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]]))
-
 
 def parallel_env(
     scenario: str | Path | Scenario = "paper-3x3",
@@ -389,26 +337,3 @@ def parallel_env(
         ['sr_0', 'sr_1', 'sr_2', 'sp_0', 'sp_1', 'sp_2']
     """
     return RoleTrustParallelEnv(scenario, trust_model, render_mode, **changes)
-
-
-def env(
-    scenario: str | Path | Scenario = "paper-3x3",
-    trust_model: str | TrustModel[Any] = "role-trust",
-    render_mode: RenderMode | None = None,
-    **changes: Any,
-) -> AECEnv[str, Vector, Vector | None]:
-    """The game as a PettingZoo AEC environment, agents in turn. Arguments as for `parallel_env`."""
-    return OrderEnforcingWrapper(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
-
-
-class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
-    """Refuses a bad action at once, not when the last agent has acted."""
-
-    def step(self, action: Vector | None) -> None:
-        agent = self.agent_selection
-        if self.terminations[agent] or self.truncations[agent]:
-            if action is not None:
-                raise ValueError(f"the part of {agent!r} has ended; its action must be None")
-        elif complaint := self.env.complaint(agent, action):
-            raise ValueError(complaint)
-        super().step(action)

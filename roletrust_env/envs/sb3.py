@@ -6,12 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium.spaces import Box
 
+from roletrust_env.envs.attack import task_spaces
 from roletrust_env.envs.batch import TaskBatch
 from roletrust_env.envs.slots import Flags, Floats, Slots, Step
-from roletrust_env.envs.tasks import task_spaces
 from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
-from roletrust_env.game.policy import Cast, Policy
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, State
 
 Role = Literal["sr", "sp", "srsp"]
@@ -25,7 +26,7 @@ class AttackVecEnv(Slots):
     those of the task's `AttackEnv`, but for the range of the actions.
 
     Args:
-        task: the task, on NumPy; see `roletrust_env.envs.tasks.make_task`.
+        task: the task, on NumPy; see `roletrust_env.make_task`.
         num_envs: number of games, E.
         scaled: whether actions are in [-1, 1], which learners like; else they are in [0, 1], as in `AttackEnv`.
         seed: of all luck; `seed(...)` before `reset()` sets another.
@@ -34,7 +35,7 @@ class AttackVecEnv(Slots):
         ValueError: the task does not play on NumPy, or there is no game.
 
     Example:
-        >>> from roletrust_env.envs.tasks import make_task
+        >>> from roletrust_env import make_task
         >>> env = AttackVecEnv(make_task("paper-3x3", ("sp_2",), objective="exploit"), 256)
         >>> env.reset().shape
         (256, 10)

@@ -9,8 +9,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.envs.attack import check_action, task_spaces
 from roletrust_env.envs.batch import TaskBatch
-from roletrust_env.envs.tasks import TASKS, check_action, make_task, task_spaces
+from roletrust_env.envs.tasks import TASKS
+from roletrust_env.game.attack import make_task
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):

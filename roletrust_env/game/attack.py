@@ -5,54 +5,24 @@ being told apart and what an attacker may know, and is as pure and as batched as
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-from pydantic import ConfigDict, NonNegativeFloat, ValidationError
-from pydantic.dataclasses import dataclass
+import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.errors import explain
+from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
-from roletrust_env.game.policy import Cast, Policy
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
+from roletrust_env.game.stealth import Stealth, make_stealth
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share
+from roletrust_env.trust import TrustModel
+from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import PRESENT
 
 Objective = Literal["damage", "exploit", "promote"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
-
-
-@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
-class Stealth:
-    """The price of being told apart by one's trust.
-
-    Attributes:
-        weight: of the cost in the reward, 0 or more.
-        tolerance: the trust gap that costs nothing, in [0, 1].
-    """
-
-    weight: NonNegativeFloat = 0.0
-    tolerance: Share = 0.1
-
-
-def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
-    """A price of stealth from its fields.
-
-    Raises:
-        ValueError: it is none, or a field is unknown or not allowed.
-    """
-    if price is None or isinstance(price, Stealth):
-        return price or Stealth()
-    if not isinstance(price, Mapping):
-        raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
-    for name in price:
-        if name not in ("weight", "tolerance"):
-            raise ValueError(f"stealth: there is no field {name!r}; there are weight, tolerance")
-    try:
-        return Stealth(**price)
-    except ValidationError as error:
-        raise ValueError(f"stealth: {explain(error)}") from None
 
 
 class TaskState(NamedTuple):
@@ -237,6 +207,50 @@ class AttackTask:
                 gap = _mean(trust, honest, present) - _mean(trust, mine, None) - self.stealth.tolerance
                 cost = namespace(cost).where(gap > cost, gap, cost)
         return cost
+
+
+def make_task(
+    scenario: str | Path | Scenario,
+    compromised: Sequence[str],
+    *,
+    trust_model: str | TrustModel[Any] = "role-trust",
+    objective: Objective = "damage",
+    stealth: Stealth | Mapping[str, float] | None = None,
+    knowledge: Knowledge = "black_box",
+    others: Mapping[str, Policy] | None = None,
+    accomplices: Sequence[str] = (),
+    like: Array | None = None,
+    **changes: Any,
+) -> AttackTask:
+    """Make an attack task.
+
+    Args:
+        scenario: the name of a preset, the path of a TOML or YAML file, or a `Scenario`.
+        compromised: names of the agents that the learner controls.
+        trust_model: the name of a trust model, or a model.
+        objective: `"damage"`, `"exploit"` or `"promote"`, see `AttackTask`.
+        stealth: `{"weight": ..., "tolerance": ...}`, the price of being told apart; None is free.
+        knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
+        others: agent's name -> policy of agents that are neither compromised nor honest.
+        accomplices: the providers that `"promote"` is for.
+        like: an array of the library, dtype and device to play with; by default NumPy's float32.
+        **changes: other values of the scenario's fields, such as `max_cycles=200` or `noise=0.0`.
+
+    Raises:
+        ValueError: a name is unknown or a value is not allowed.
+    """
+    scenario = make_scenario(scenario)
+    scenario = scenario.change(**changes) if changes else scenario
+    game = Game(scenario, trust_model, np.zeros((), np.float32) if like is None else like)
+    return AttackTask(
+        game,
+        compromised,
+        objective=objective,
+        stealth=make_stealth(stealth),
+        knowledge=knowledge,
+        others=others,
+        accomplices=accomplices,
+    )
 
 
 def leaves(tree: Any) -> list[Array]:

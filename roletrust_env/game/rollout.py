@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.policy import Cast
+from roletrust_env.game.cast import Cast
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
 

@@ -8,7 +8,7 @@ from agents.ladder.rungs import SEARCHED, UnsuitableError, exact_task, find, mea
 from baselines import BadMouthing, OnOff
 from baselines.scripts import Both, Scripts, describe, side_by_side
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.attack import make_task
 
 PROVIDER = {
     "scenario": "paper-3x3",

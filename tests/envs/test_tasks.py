@@ -16,7 +16,8 @@ from gymnasium.wrappers import RescaleAction
 import roletrust_env
 from baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, make_scenario, parallel_env
-from roletrust_env.envs.tasks import TASKS, AttackEnv
+from roletrust_env.envs.attack import AttackEnv
+from roletrust_env.envs.tasks import TASKS
 from roletrust_env.world.roster import Roster
 
 PRESETS = [name for name in roletrust_env.scenarios() if "hog" not in name]

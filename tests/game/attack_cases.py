@@ -8,7 +8,8 @@ import pytest
 
 from baselines import BadMouthing, OnOff
 from roletrust_env import Game, Random, Scenario
-from roletrust_env.game.attack import AttackTask, Outcome, Stealth, TaskState
+from roletrust_env.game.attack import AttackTask, Outcome, TaskState
+from roletrust_env.game.stealth import Stealth
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}
 LEVELS = ("black_box", "grey_box", "white_box")

@@ -25,7 +25,8 @@ from attack_cases import (
 from agents.planning.exact import optimal_provider, optimal_rater
 from baselines import BadMouthing, OnOff
 from roletrust_env import Actions, Game, Noise, Random, Scenario, make_scenario
-from roletrust_env.game.attack import AttackTask, Stealth
+from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.stealth import Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
 # --- objectives, cost, termination -------------------------------------------------------------------

@@ -13,7 +13,9 @@ from pettingzoo.test.render_test import render_test
 from baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, env, parallel_env, scenarios
 from roletrust_env.rendering.drawing import Canvas, Picture
-from roletrust_env.rendering.renderer import Renderer, as_text, look
+from roletrust_env.rendering.renderer import Renderer
+from roletrust_env.rendering.scene import look
+from roletrust_env.rendering.text import as_text
 from roletrust_env.world.scenario import AgentGroup
 
 PRESETS = [name for name in scenarios() if "hog" not in name]

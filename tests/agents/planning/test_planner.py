@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.ladder.known import Exact, HonestPlay
+from agents.ladder.known import HonestPlay
 from agents.ladder.players import OpenLoop, Scripted
 from agents.ladder.rungs import (
     HELD_OUT,
@@ -19,9 +19,10 @@ from agents.ladder.rungs import (
     play,
     sources,
 )
+from agents.planning.optimum import Exact
 from agents.planning.planner import SOFT, Planner, SmoothRoleTrust
 from baselines import BadMouthing, OnOff
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.attack import make_task
 from roletrust_env.trust import RoleTrust
 
 

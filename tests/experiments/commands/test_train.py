@@ -22,7 +22,7 @@ from experiments.timing.ppo_speed import ppo_speed
 from experiments.training.learners import make_model, make_settings, network_of, parameters_bytes, set_parameters
 from experiments.training.runs import Checkpoint, RunFolder
 from roletrust_env.envs.sb3 import AttackVecEnv
-from roletrust_env.envs.tasks import make_task
+from roletrust_env.game.attack import make_task
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = ["--learner", "games=8", "--learner", "hidden=[8]", "--learner", "batch_size=40"]

@@ -1,0 +1,1 @@
+"""Results: what is measured, how sure it is, and how it is kept."""

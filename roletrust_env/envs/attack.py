@@ -1,0 +1,168 @@
+"""The Gymnasium face of an attack: one learner controls some agents, everybody else is scripted."""
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+
+from roletrust_env.envs.batch import TaskBatch
+from roletrust_env.game.attack import AttackTask, make_task
+from roletrust_env.randomness import Random
+
+Vector = npt.NDArray[np.float32]
+
+
+def task_spaces(task: AttackTask) -> tuple[Box, Box]:
+    """The observation space and the action space of one game of a task."""
+    trial = TaskBatch(task)
+    trial.restart(task.game.random(0))  # luck has no part in the shape
+    bound = np.inf if task.knowledge == "white_box" else 1.0
+    low = -np.inf if task.knowledge == "white_box" else 0.0
+    seen = trial.observe().shape[0]
+    return Box(low, bound, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
+
+
+class AttackEnv(gymnasium.Env[Vector, Vector]):
+    """One learner attacks: it controls the compromised agents of a game, everybody else is scripted.
+
+    ## Description
+
+    The base of the tasks `RoleTrust/ProviderAttack-v0`, `RoleTrust/RaterAttack-v0`, `RoleTrust/DualAttack-v0` and
+    `RoleTrust/CollusionAttack-v0`, which differ in whom the learner controls and what it is after. The game is that of
+    `RoleTrustParallelEnv`: qualities and ratings are chosen at once, and ratings are for the services of the step
+    before.
+
+    ## Action Space
+
+    `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
+    P providers, if it rates. `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)` gives the range that many learners
+    like.
+
+    ## Observation Space
+
+    `Box(0, 1, (K,), float32)`, by `knowledge`:
+
+    | knowledge | observation |
+    |---|---|
+    | `black_box` | the observation of each compromised agent in turn, what they would see in life |
+    | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
+    | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
+
+    ## Rewards
+
+    The objective less the stealth weight times the cost. `damage`: mean over honest providers of 1 - ToP. `exploit`:
+    mean over own providers of the published ToP at which the service was sold times 1 - quality delivered. `promote`:
+    the same for the accomplices. The cost is max(0, gap - tolerance), the gap being the mean trust of the honest
+    agents of a role less that of the compromised ones, the larger one if the learner has both roles.
+
+    ## Starting State
+
+    That of the game: everybody has the initial trust, nothing has been served.
+
+    ## Episode End
+
+    Truncation after the scenario's `max_cycles` steps. Termination when all compromised agents are gone for good, cut
+    off by admission control or left.
+
+    ## Information
+
+    `objective`, and `cost`, unweighted, as libraries for safe learning expect it.
+
+    ## Arguments
+
+    See `make_task`; and `render_mode`, `"human"`, `"rgb_array"` or `"ansi"`, of the game with the learner marked.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array", "ansi"], "render_fps": 4}  # noqa: RUF012 - as Gymnasium has it
+
+    defaults: ClassVar[dict[str, Any]] = {}
+    """Arguments of `make_task` where none are given."""
+
+    def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            known = ", ".join(self.metadata["render_modes"])
+            raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
+        if not isinstance(arguments.get("like"), np.ndarray | None):
+            raise ValueError("like is of another library; this face is NumPy's, see make_vec for batches of tensors")
+        self.task = make_task(**{**self.defaults, **arguments})
+        self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
+        self.render_mode = render_mode
+        self._batch = TaskBatch(self.task)
+        self._playing = False
+        self._curves: list[tuple[Any, Any]] = []
+        self._renderer: Any = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
+        """Begin a new episode; see `gymnasium.Env.reset`."""
+        super().reset(seed=seed)
+        self._random = Random(self.np_random, self.task.game.like.dtype)
+        self._batch.restart(self._random)
+        self._playing = True
+        self._curves = []
+        self._note()
+        return self._observe(), {"objective": 0.0, "cost": 0.0}
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
+        """Play one round; see `gymnasium.Env.step`.
+
+        Raises:
+            ValueError: the action is of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
+            RuntimeError: `reset` was not called.
+        """
+        action = check_action(action, self.action_space.shape or ())
+        if not self._playing:
+            raise RuntimeError("call reset() before step(): the episode has not begun or is over")
+        outcome = self._batch.step(action, self._random)
+        self._playing = not (bool(outcome.caught) or bool(outcome.over))
+        self._note()
+        info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
+        caught = bool(outcome.caught)
+        return self._observe(), float(outcome.reward), caught, bool(outcome.over) and not caught, info
+
+    def render(self) -> Any:
+        """Show the game as it stands, as `render_mode` says."""
+        if self.render_mode is None or self._batch.state is None:
+            raise RuntimeError("make the environment with a render_mode, and call reset() before render()")
+        if self._renderer is None:
+            from roletrust_env.rendering.renderer import Renderer
+
+            self._renderer = Renderer(self.task.game, self.render_mode)  # type: ignore[arg-type]
+        return self._renderer.render(self._batch.state.game, self._curves, self.task.compromised)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _observe(self) -> Vector:
+        observation: Vector = self._batch.observe().astype(np.float32)
+        return observation
+
+    def _note(self) -> None:
+        if self.render_mode is not None and self._batch.state is not None:
+            self._curves.append(self.task.game.published(self._batch.state.game))
+            if self.render_mode == "human":
+                self.render()
+
+
+def check_action(action: Any, shape: tuple[int, ...]) -> Vector:
+    """An action as it is, if it is one.
+
+    Raises:
+        ValueError: it is of the wrong shape, NaN or outside [0, 1].
+    """
+    action = np.asarray(action)
+    if action.shape != shape or action.dtype.kind not in "fiu":
+        raise ValueError(f"the action has shape {action.shape} and dtype {action.dtype}; it must have shape {shape}")
+    if not (action.min() >= 0 and action.max() <= 1):
+        wrong = action[~((action >= 0) & (action <= 1))]
+        raise ValueError(f"the action holds {wrong[0]}; every entry must lie in [0, 1]")
+    checked: Vector = action.astype(np.float32, copy=False)
+    return checked

@@ -1,0 +1,89 @@
+"""The joint action of a PettingZoo game: what each agent does, checked, as what providers and raters do."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.game.state import Actions
+from roletrust_env.world.roster import Roster
+
+_NUMBERS = "fiub"
+"""Kinds of dtype that an action may have: floats, integers and booleans."""
+
+
+class JointAction:
+    """Reads the actions of a game's agents, or says what is wrong with them.
+
+    Args:
+        roster: whose agents act.
+    """
+
+    def __init__(self, roster: Roster) -> None:
+        self._roster = roster
+        rates, provides = set(roster.rater_names), set(roster.provider_names)
+        self._slots: dict[str, tuple[tuple[int], slice]] = {}  # an action's shape, and its place among all
+        self._size = 0
+        for agent in roster.names:
+            size = (agent in provides) + roster.n_providers * (agent in rates)
+            self._slots[agent] = ((size,), slice(self._size, self._size + size))
+            self._size += size
+
+    def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Actions:
+        """The joint action; that of absent agents is 0.
+
+        Args:
+            actions: an action for each of the agents, and for nobody else.
+            agents: who acts.
+
+        Raises:
+            ValueError: an action is missing, of an absent agent, of the wrong shape, NaN or outside [0, 1].
+        """
+        joint = np.zeros(self._size)
+        try:
+            for agent in agents:
+                shape, place = self._slots[agent]
+                action = actions[agent]
+                if action.shape != shape or action.dtype.kind not in _NUMBERS:
+                    raise ValueError
+                joint[place] = action
+        except (KeyError, AttributeError, ValueError, TypeError):
+            raise ValueError(self._complaint(actions, agents)) from None
+        if len(actions) != len(agents) or not (joint.min() >= 0 and joint.max() <= 1):
+            raise ValueError(self._complaint(actions, agents))
+        return self._split(joint)
+
+    def _complaint(self, actions: Any, agents: Sequence[str]) -> str:
+        """What is wrong with the actions, and what is allowed."""
+        if not isinstance(actions, Mapping):
+            return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
+        for agent in agents:
+            if agent not in actions:
+                return f"the action of {agent!r} is missing; needed are those of {', '.join(agents)}"
+            if complaint := self.complaint(agent, actions[agent]):
+                return complaint
+        strangers = ", ".join(repr(agent) for agent in actions if agent not in agents)
+        return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(agents)}"
+
+    def complaint(self, agent: str, action: Any) -> str | None:
+        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        shape = self._slots[agent][0]
+        if not isinstance(action, np.ndarray):
+            return f"the action of {agent!r} is no array but {action!r}; it must be a NumPy array of shape {shape}"
+        if action.dtype.kind not in _NUMBERS:
+            return f"the action of {agent!r} is {action!r}; it must be a NumPy array of numbers, of shape {shape}"
+        if action.shape != shape:
+            return f"the action of {agent!r} is of shape {action.shape}; it must be a NumPy array of shape {shape}"
+        wrong = action[~((action >= 0) & (action <= 1))]
+        return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
+
+    def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
+        """The vector of all actions as what providers and what raters do."""
+        roster, p = self._roster, self._roster.n_providers
+        n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
+        ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]
+        if not roster.n_both:
+            return Actions(quality, ratings)
+        both = joint[n_sr * p + n_sp :].reshape(roster.n_both, 1 + p)
+        return Actions(np.concatenate([quality, both[:, 0]]), np.concatenate([ratings, both[:, 1:]]))

@@ -1,0 +1,177 @@
+"""The cast: policies seated at the agents of a game, in one game or a batch."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.state import Actions, State
+from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
+from roletrust_env.randomness import Random
+
+_CHANNELS: dict[str, frozenset[Channel]] = {
+    "sr": frozenset({"ratings"}),
+    "sp": frozenset({"quality"}),
+    "srsp": frozenset({"quality", "ratings"}),
+}
+
+
+class Player:
+    """A policy seated at one agent of a PettingZoo game: a function from its observation to its action.
+
+    It remembers for its policy, so make a new one for each episode.
+
+    Args:
+        policy: how the agent plays.
+        agent: its name, such as `sr_0`; the role is read off it.
+        layout: the game's, see `RoleTrustParallelEnv.layout`.
+        seed: for policies that play at random.
+
+    Raises:
+        ValueError: the policy attacks on no channel that the agent has.
+    """
+
+    def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
+        _check_channels(agent, policy)
+        self.policy = policy
+        self._role = _role(agent)
+        self._layout = layout
+        self._random = Random(np.random.default_rng(seed))
+        self._memory = policy.begin(self._random, ())
+
+    def __call__(self, observation: Array) -> Array:
+        """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
+        policy, memory, random = self.policy, self._memory, self._random
+        if self._role == "srsp":
+            quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
+            action = [np.reshape(quality, 1), ratings]
+        elif self._role == "sp":
+            quality, self._memory = policy.quality(self._layout.provider(observation), memory, random)
+            action = [np.reshape(quality, 1)]
+        else:
+            ratings, self._memory = policy.ratings(self._layout.rater(observation), memory, random)
+            action = [ratings]
+        return np.concatenate(action, dtype=np.float32)
+
+
+class _Seats(NamedTuple):
+    """Agents that share a policy and a role, by their places on the provider and on the rater axis."""
+
+    policy: Policy
+    provider: list[int]
+    rater: list[int]
+
+
+class Cast:
+    """Who plays how, in a game or a batch of games.
+
+    Agents with the same role and equal policies are asked together.
+
+    Args:
+        game: the game to play.
+        policies: agent's name -> policy; agents not named play honestly.
+
+    Raises:
+        ValueError: a name is no agent of the scenario, or a policy attacks on no channel that its agent has.
+    """
+
+    def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
+        self.game = game
+        self.policies = dict(policies)
+        for name, policy in policies.items():
+            _check_seat(game, name, policy)
+        honest, roster = Policy(), game.roster
+        groups: dict[tuple[str, Policy], _Seats] = {}
+        for name in roster.names:
+            policy = policies.get(name, honest)
+            seats = groups.setdefault((_role(name), policy), _Seats(policy, [], []))
+            if name in roster.provider_names:
+                seats.provider.append(roster.provider_names.index(name))
+            if name in roster.rater_names:
+                seats.rater.append(roster.rater_names.index(name))
+        self._seats = tuple(groups.values())
+        self._first_both = roster.n_agents - roster.n_providers  # from a place among providers to one among agents
+
+    @property
+    def attackers(self) -> tuple[str, ...]:
+        """The names of the agents that do not play honestly."""
+        return tuple(name for name, policy in self.policies.items() if policy.attacks)
+
+    def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
+        """What the policies remember before the first round."""
+        return tuple(
+            seats.policy.begin(random, (max(len(seats.provider), len(seats.rater)), *batch)) for seats in self._seats
+        )
+
+    def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What everybody does in a state, and what they remember of it."""
+        views = self.game.views(state)
+        qualities, ratings, after = [], [], []
+        for seats, memory in zip(self._seats, memories, strict=True):
+            quality, given, remembered = self._ask(seats, state, *views, memory, random)
+            qualities += [] if quality is None else [quality]
+            ratings += [] if given is None else [given.swapaxes(0, 1)]
+            after.append(remembered)
+        order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]
+        return Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1])), tuple(after)
+
+    def _ask(
+        self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
+    ) -> tuple[Array | None, Array | None, Any]:
+        """The quality and the ratings of agents that share a policy, None where they have none, and their memory."""
+        provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
+        rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
+        if provider is not None and rater is not None:
+            trust = self.game.agent_trust(state)[[place + self._first_both for place in seats.provider], ...]
+            return seats.policy.both(AgentView(trust, provider, rater), memory, random)
+        if provider is not None:
+            quality, memory = seats.policy.quality(provider, memory, random)
+            return quality, None, memory
+        assert rater is not None  # every agent has a role
+        given, memory = seats.policy.ratings(rater, memory, random)
+        return None, given, memory
+
+
+def _role(agent: str) -> str:
+    """The role in an agent's name: `sr`, `sp` or `srsp`."""
+    return agent.partition("_")[0]
+
+
+def _check_seat(game: Game, name: str, policy: Policy) -> None:
+    names = game.roster.names
+    if name not in names:
+        shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
+        raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
+    _check_channels(name, policy)
+
+
+def _check_channels(name: str, policy: Policy) -> None:
+    if not isinstance(policy, Policy):
+        raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
+    if _role(name) not in _CHANNELS:
+        raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
+    channels = _CHANNELS[_role(name)]
+    if policy.attacks and not policy.attacks & channels:
+        raise ValueError(
+            f"agent {name!r} cannot play {policy!r}: that attacks by {_words(policy.attacks)}, "
+            f"and the agent only decides on {_words(channels)}"
+        )
+
+
+def _words(channels: frozenset[Channel]) -> str:
+    return " and ".join(sorted(channels))
+
+
+def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
+    """The fields of a view of all agents, for some of them."""
+    _xp, one = namespace(view.trust), view.trust.ndim
+    return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
+
+
+def _arrange(parts: list[Array], places: list[int]) -> Array:
+    """Concatenate the parts and put their rows in their places."""
+    rows = namespace(parts[0]).concat(parts) if len(parts) > 1 else parts[0]
+    return rows if places == sorted(places) else rows[np.argsort(places).tolist()]

@@ -1,0 +1,95 @@
+"""A game as a text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    pass
+from roletrust_env.rendering.scene import Floats, Scene, Side
+
+_TABLE_LIMIT = 12  # agents on a side up to which the table shows each of them
+
+
+_FEW = 4  # of the best and of the worst, shown where there are more
+
+
+_BAR = 16
+
+
+def as_text(scene: Scene) -> str:
+    """A table of the raters with their ratings, and one of the providers; a summary where there are many."""
+    header = f"{scene.title}  ·  {scene.clock}"
+    if scene.perturbation > 0:
+        header += f"  ·  perturbation {scene.perturbation:.0%}"
+    small = max(scene.ratings.shape) <= _TABLE_LIMIT
+    tables = [
+        *_table("rater", "ToR", scene.raters, scene if small else None),
+        "",
+        *_table("provider", "ToP", scene.providers),
+    ]
+    given = scene.ratings[~np.isnan(scene.ratings)]
+    if not small:
+        ratings = f"ratings    {given.size} arrived"
+        tables += ["", ratings + (f", mean {given.mean():.2f}, lowest {given.min():.2f}" if given.size else "")]
+    rule = "─" * max(len(line) for line in [header, *tables])
+    return "\n".join([header, rule, *tables])
+
+
+def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> list[str]:
+    """Head and rows of one side; with the ratings that each rater gave, if there is a matrix to show."""
+    width = max(8, *map(len, side.names))
+    notes = max(5, *map(len, side.notes))
+    head = f"{kind:<{width}}   {trust}  {'':<{_BAR}}"
+    rows = [
+        f"{name:<{width}} {'!' if attacks else ' '} {'' if fate else f'{value:.2f}':4} {_bar(value, fate)}  {note}"
+        for name, value, attacks, fate, note in zip(*side, strict=True)
+    ]
+    if matrix is not None:
+        columns = [max(5, len(name)) for name in matrix.providers.names]
+        titles = (f"{name:>{w}}" for name, w in zip(matrix.providers.names, columns, strict=True))
+        head = f"{head}  {'':<{notes}}  {' '.join(titles)}"
+        wide = len(rows[0]) - len(side.notes[0]) + notes
+        rows = [
+            f"{row:<{wide}}  " + " ".join(f"{_rating(f):>{w}}" for f, w in zip(given, columns, strict=True))
+            for row, given in zip(rows, matrix.ratings, strict=True)
+        ]
+    return [line.rstrip() for line in (head, *_few(rows, kind, trust, side))]
+
+
+def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
+    """The rows, or if there are too many, means and the best and the worst of those present."""
+    if len(rows) <= _TABLE_LIMIT:
+        return rows
+    present = np.asarray([not fate for fate in side.fates])
+    best = [int(k) for k in np.argsort(-side.trust, kind="stable") if present[k]]
+    summary = [f"{present.sum()} of {len(rows)} {kind}s present, mean {trust} {_mean(side.trust[present])}"]
+    if side.attacker.any():
+        attackers, honest = present & side.attacker, present & ~side.attacker
+        summary.append(
+            f"{side.attacker.sum()} attackers, mean {trust} {_mean(side.trust[attackers])}; "
+            f"the honest {_mean(side.trust[honest])}"
+        )
+    if len(best) <= 2 * _FEW:
+        return [*summary, *(rows[k] for k in best)]
+    between = f"  ... {len(best) - 2 * _FEW} between"
+    return [*summary, *(rows[k] for k in best[:_FEW]), between, *(rows[k] for k in best[-_FEW:])]
+
+
+def _mean(values: Floats) -> str:
+    return f"{values.mean():.2f}" if values.size else "-"
+
+
+def _rating(rating: float) -> str:
+    return "·" if np.isnan(rating) else f"{rating:.2f}"
+
+
+def _bar(value: float, fate: str) -> str:
+    """A bar in eighths of a character; absent agents have none."""
+    if fate:
+        return " " * _BAR
+    full, rest = divmod(round(value * _BAR * 8), 8)
+    bar = "█" * full + (" ▏▎▍▌▋▊▉"[rest] if rest else "")
+    return bar + "·" * (_BAR - len(bar))

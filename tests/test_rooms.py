@@ -1,0 +1,80 @@
+"""The rooms of the house: who imports whom, as `pyproject.toml` has it and as the README draws it."""
+
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import grimp
+import pytest
+
+HOUSE = Path(__file__).parent.parent
+FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
+README = (HOUSE / "README.md").read_text(encoding="utf-8")
+LONGEST = 350  # lines of a file that is read in one sitting
+
+
+@cache
+def arrows() -> dict[str, set[str]]:
+    """Which room imports from which other; what a folder's `__init__` hands on is nobody's import."""
+    graph = grimp.build_graph(*FOLDERS)
+    found: dict[str, set[str]] = {}
+    for importer in graph.modules:
+        for imported in graph.find_modules_directly_imported_by(importer):
+            above, below = room(importer), room(imported)
+            if not {importer, imported} & set(FOLDERS) and above != below:
+                found.setdefault(above, set()).add(below)
+    return found
+
+
+def room(module: str) -> str:
+    """The room of a module: a folder, a file beside folders, or the small files of the library, which are one."""
+    parts = module.split(".")[:2]
+    if HOUSE.joinpath(*parts).is_dir():
+        return "/".join(parts)
+    return parts[0] if parts[0] == "roletrust_env" else "/".join(parts) + ".py"
+
+
+def reduced(arrows: dict[str, set[str]]) -> set[tuple[str, str]]:
+    """The arrows that no longer way around replaces."""
+
+    def reach(start: str) -> set[str]:
+        direct = arrows.get(start, set())
+        return direct.union(*map(reach, direct))
+
+    return {(a, b) for a, below in arrows.items() for b in below if not any(b in reach(c) for c in below - {b})}
+
+
+def drawn() -> set[tuple[str, str]]:
+    """The arrows of the README's picture."""
+    picture = re.search(r"```mermaid\n(.*?)```", README, flags=re.DOTALL)
+    assert picture is not None
+    return set(re.findall(r"^ *([\w/.]+) --> ([\w/.]+)$", picture[1], flags=re.MULTILINE))
+
+
+def test_imports_go_down_only_and_in_no_circle():
+    found = subprocess.run(
+        [sys.executable, "-c", "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"],
+        cwd=HOUSE,
+        capture_output=True,
+        text=True,
+    )
+    assert found.returncode == 0, found.stdout
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_imports():
+    assert drawn() == reduced(arrows())
+
+
+def test_the_readme_names_every_room():
+    tree = re.search(r"## The structure\n+(.*?)\n+An arrow", README, flags=re.DOTALL)
+    assert tree is not None
+    for name in sorted(set(arrows()) | {below for found in arrows().values() for below in found}):
+        assert f"{name.rpartition('/')[2]}" in tree[1]
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_file_is_read_in_one_sitting(folder):
+    lengths = {path: len(path.read_text().splitlines()) for path in (HOUSE / folder).rglob("*.py")}
+    assert {path.name: n for path, n in lengths.items() if n > LONGEST} == {}
