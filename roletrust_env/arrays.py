@@ -1,5 +1,6 @@
 """What the core needs to know of the array library that its inputs come from."""
 
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -31,3 +32,31 @@ def namespace(array: Array) -> ModuleType:
     if kind not in _NAMESPACES:
         _NAMESPACES[kind] = array_namespace(array)
     return _NAMESPACES[kind]
+
+
+def cast(array: Array, dtype: Any) -> Array:
+    """An array in another dtype; also a single number of NumPy, which `astype` of the standard refuses."""
+    return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
+
+
+def compiling(array: Array) -> bool:
+    """Whether a compiler is looking, to which arithmetic is cheaper than calls of functions and look-ups in tables."""
+    if isinstance(array, _NUMPY):
+        return False
+    compiler = getattr(namespace(array), "compiler", None)  # torch has one
+    return compiler is not None and bool(compiler.is_compiling())
+
+
+def ones(like: Array) -> Array:
+    """An array of ones like another, for reading only: one that is kept for NumPy, a view of a single 1 elsewhere."""
+    if isinstance(like, np.ndarray):
+        return _ones(like.shape, like.dtype)
+    xp = namespace(like)
+    return xp.broadcast_to(xp.ones((1,) * like.ndim, dtype=like.dtype, device=like.device), like.shape)
+
+
+@lru_cache(maxsize=16)
+def _ones(shape: tuple[int, ...], dtype: "np.dtype[np.generic]") -> Array:
+    made = np.ones(shape, dtype)
+    made.flags.writeable = False
+    return made

@@ -1,43 +1,95 @@
 """Random numbers, drawn outside the pure core and handed to it."""
 
-from collections.abc import Sequence
-from typing import Any
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from roletrust_env.arrays import Array
+from roletrust_env import counter
+from roletrust_env.arrays import Array, namespace
+
+Dealt = TypeVar("Dealt")
+Keys = npt.NDArray[np.uint32]
+
+STREAMS = 8
+"""Kinds of luck in a round, each with a key of its own; one more is that of policies."""
+
+_AHEAD = 64
+"""Rounds whose keys are drawn at once, and whose luck is made at once for a single game."""
 
 
 class Random:
-    """A source of random arrays, for NumPy or for torch.
+    """A source of luck, for NumPy or for torch: keys drawn one after the other, and numbers made of them.
+
+    The same seed gives the same numbers on both libraries, up to the rounding of float32.
 
     Args:
-        generator: a `numpy.random.Generator` or a `torch.Generator`, whose device decides where arrays are made.
-        dtype: the dtype of the numbers, of the generator's library; None is its default.
+        generator: of the keys.
+        like: an array of the library, dtype and device that numbers are made with; by default NumPy's float64.
 
     Raises:
-        ValueError: the generator is neither of the two. `Game.random(seed)` makes one that fits a game.
+        ValueError: the generator is no `numpy.random.Generator`. `Game.random(seed)` makes one that fits a game.
     """
 
-    def __init__(self, generator: Any, dtype: Any = None) -> None:
-        self._numpy = isinstance(generator, np.random.Generator)
-        if not self._numpy and not hasattr(generator, "device"):
-            raise ValueError(f"generator is {generator!r}; it must be a numpy.random.Generator or a torch.Generator")
-        self.generator = generator
-        self.dtype: Any = np.float64 if self._numpy and dtype is None else dtype
+    def __init__(self, generator: np.random.Generator, like: Array | None = None) -> None:
+        if not isinstance(generator, np.random.Generator):
+            raise ValueError(f"generator is {generator!r}; it must be a numpy.random.Generator")
+        self.like = np.zeros(()) if like is None else like
+        self._key = generator.integers(0, 2**32, 4, dtype=np.uint32)
+        self._rounds = self._calls = 0
+        self._keys: tuple[int, Keys] = (0, np.empty((0, STREAMS, 4), np.uint32))
+        self._hand: tuple[int, Any, Sequence[Any]] = (0, None, ())
+
+    def round_key(self) -> Array:
+        """The key of the next round, which `Game.luck` turns into its luck: words, (STREAMS, 4)."""
+        first, keys = self._keys
+        if not 0 <= self._rounds - first < len(keys):
+            self._keys = first, keys = self._rounds, self._round_keys(self._rounds, _AHEAD)
+        key = keys[self._rounds - first]
+        self._rounds += 1
+        return self._on_device(key)
+
+    def deal(self, luck: Callable[[Array], Sequence[Dealt]]) -> Dealt:
+        """The luck of the next round of a single game, for which arrays are so small that many rounds are made at once.
+
+        Args:
+            luck: makes that of some rounds of their keys, (rounds, STREAMS, 4).
+        """
+        first, maker, hand = self._hand
+        if maker != luck or not 0 <= self._rounds - first < len(hand):
+            keys = self._round_keys(self._rounds, _AHEAD)
+            self._hand = first, _, hand = self._rounds, luck, luck(self._on_device(keys))
+        dealt: Dealt = hand[self._rounds - first]
+        self._rounds += 1
+        return dealt
 
     def uniform(self, shape: Sequence[int]) -> Array:
         """Numbers from U[0, 1)."""
-        if self._numpy:
-            return self.generator.random(tuple(shape), dtype=self.dtype)
-        import torch
-
-        return torch.rand(tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device)
+        return self._numbers(counter.uniform, shape)
 
     def normal(self, shape: Sequence[int]) -> Array:
         """Numbers from N(0, 1)."""
-        if self._numpy:
-            return self.generator.standard_normal(tuple(shape), dtype=self.dtype)
-        import torch
+        return self._numbers(counter.normal, shape)
 
-        return torch.randn(tuple(shape), generator=self.generator, dtype=self.dtype, device=self.generator.device)
+    def _numbers(self, made: Callable[..., Array], shape: Sequence[int]) -> Array:
+        index = np.asarray([self._calls], np.uint32)
+        key = self._on_device(np.stack(self._subkey(STREAMS, index)))
+        self._calls += 1
+        return made(self.like, math.prod(shape), counter.whole(self.like, 1), key).reshape(tuple(shape))
+
+    def _round_keys(self, first: int, rounds: int) -> Keys:
+        """The keys of some rounds, (rounds, STREAMS, 4)."""
+        index = np.arange(first, first + rounds, dtype=np.uint32)[:, None]
+        return np.stack(self._subkey(np.arange(STREAMS, dtype=np.uint32), index), axis=-1)
+
+    def _subkey(self, stream: Any, index: Keys) -> list[Keys]:
+        k = self._key
+        words = np.broadcast_arrays(k[:1] + index, k[1:2] + np.asarray(stream, np.uint32), k[2:3], k[3:])
+        return counter.scramble(words)
+
+    def _on_device(self, key: Keys) -> Array:
+        if isinstance(self.like, np.ndarray):
+            return key
+        return namespace(self.like).asarray(key.view(np.int32), device=self.like.device)

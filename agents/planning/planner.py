@@ -30,14 +30,11 @@ from agents.ladder.rungs import (
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, make_task
 from roletrust_env.randomness import Random
-from roletrust_env.trust import RoleTrust, smooth
-from roletrust_env.trust.algorithms import Notes, provider_quality
-from roletrust_env.trust.models.role_trust import RoleTrustState
+from roletrust_env.trust import RoleTrust
+from roletrust_env.trust.algorithms import Notes, rater_quality
 
 SOFT = 1e-8
 """Distance from the average note under which the planner's copy of role-trust is smooth; the bias is sqrt(SOFT)."""
-
-_TINY = 1e-30
 
 
 class SmoothRoleTrust(RoleTrust):
@@ -48,18 +45,8 @@ class SmoothRoleTrust(RoleTrust):
     true one by at most sqrt(s), see `SOFT`; what is planned by it is scored by the true one.
     """
 
-    def update(self, state: RoleTrustState, ratings: Array, mask: Array) -> RoleTrustState:
-        """One round of ratings. See `RoleTrust.update`."""
-        xp = namespace(ratings)
-        notes = Notes.of(ratings, mask)
-        below = notes.weights * (notes.values - xp.max(notes.values, axis=0))
-        apart = abs(below - below.sum(axis=0) / (notes.received + _TINY))
-        distance = notes.weights * (xp.sqrt(apart + SOFT) - math.sqrt(SOFT))
-        tor = smooth(1.0 - distance.sum(axis=1) / (notes.given + _TINY), state.tor, self.lam, notes.given)
-        quality = provider_quality(notes, tor, state.last, state.elapsed)
-        top = smooth(quality, state.top, self.lam, notes.received)
-        elapsed = xp.where(mask, notes.weights, state.elapsed + xp.sign(state.elapsed))
-        return RoleTrustState(tor, top, xp.where(mask, ratings, state.last), elapsed)
+    def _rater_quality(self, notes: Notes) -> Array:
+        return rater_quality(notes, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
 
 
 @dataclass(frozen=True)

@@ -226,21 +226,21 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
     samples = [Actions(random.uniform((p, *shape)), random.uniform((s, p, *shape))) for _ in range(_BATCH_SAMPLES)]
     actions = itertools.cycle(samples)
 
-    def advance(state: Any, joint: Actions, noise: Any) -> tuple[Any, ...]:
-        state, rewards = game.step(state, joint, noise)
+    def advance(state: Any, joint: Actions, key: Any) -> tuple[Any, ...]:
+        state, rewards = game.step(state, joint, game.luck(key, shape))
         return state, rewards, game.observations(state)
 
     if library == "compiled torch":
         import torch
 
-        # Noise stays outside: on the CPU, normals drawn in compiled code take many times as long.
         advance = torch.compile(advance, dynamic=False, fullgraph=True)
+        advance = torch.inference_mode()(advance)
 
     def play() -> Iterable[None]:
         while True:
             state = game.start(game.draw(random, shape, start=True))
             for _ in range(scenario.max_cycles):
-                state, *_ = advance(state, next(actions), game.draw(random, shape))
+                state, *_ = advance(state, next(actions), random.round_key())
                 yield
 
     rounds = iter(play())
@@ -253,8 +253,9 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
 
 def _source(library: str, seed: int) -> tuple[Any, Random]:
     """An array that shows library and dtype, and a source of luck to go with it."""
-    if library == "NumPy":
-        return np.zeros((), np.float32), Random(np.random.default_rng(seed), np.float32)
-    import torch
+    like: Any = np.zeros((), np.float32)
+    if library != "NumPy":
+        import torch
 
-    return torch.zeros(()), Random(torch.Generator().manual_seed(seed), torch.float32)
+        like = torch.zeros(())
+    return like, Random(np.random.default_rng(seed), like)

@@ -94,6 +94,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
         self._batch = TaskBatch(self.task)
+        self._random: Random | None = None
         self._playing = False
         self._curves: list[tuple[Any, Any]] = []
         self._renderer: Any = None
@@ -101,7 +102,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
         super().reset(seed=seed)
-        self._random = Random(self.np_random, self.task.game.like.dtype)
+        if seed is not None or self._random is None:
+            self._random = Random(self.np_random, self.task.game.like)
         self._batch.restart(self._random)
         self._playing = True
         self._curves = []
@@ -116,7 +118,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             RuntimeError: `reset` was not called.
         """
         action = check_action(action, self.action_space.shape or ())
-        if not self._playing:
+        if not self._playing or self._random is None:
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
         outcome = self._batch.step(action, self._random)
         self._playing = not (bool(outcome.caught) or bool(outcome.over))

@@ -45,9 +45,9 @@ class TaskBatch:
 
 
 def _choose(condition: Array, yes: Any, no: Any) -> Any:
-    """Leaf by leaf of two alike trees, by game."""
-    if yes is None:
-        return None
+    """Leaf by leaf of two alike trees, by game; what is a fact of all games holds if it holds of both."""
+    if yes is None or isinstance(yes, bool):
+        return yes and no
     if isinstance(yes, tuple):
         parts = [_choose(condition, a, b) for a, b in zip(yes, no, strict=True)]
         return type(yes)(*parts) if hasattr(yes, "_fields") else tuple(parts)

@@ -45,8 +45,8 @@ class Slots(VecEnv):
         space = Box(-1.0, 1.0, action.shape, np.float32) if scaled else action
         super().__init__(slots, seen, space)
         self.metadata["autoreset_mode"] = AutoresetMode.SAME_STEP  # type: ignore[assignment] # SB3 only has lists
-        self._dtype = like.dtype
-        self._random = Random(np.random.default_rng(seed), like.dtype)
+        self._like = like
+        self._random = Random(np.random.default_rng(seed), like)
         self._returns, self._lengths = np.zeros(slots), np.zeros(slots, int)
         self._began = perf_counter()
         self._actions: Floats | None = None
@@ -66,7 +66,7 @@ class Slots(VecEnv):
     def reset(self) -> Floats:
         """Restart all slots; a seed given to `seed` before takes effect."""
         if self._seeds[0] is not None:
-            self._random = Random(np.random.default_rng(self._seeds[0]), self._dtype)
+            self._random = Random(np.random.default_rng(self._seeds[0]), self._like)
         self._reset_seeds()
         self._reset_options()
         self._restart(None)

@@ -254,8 +254,8 @@ def make_task(
 
 
 def leaves(tree: Any) -> list[Array]:
-    """The arrays of nested tuples, in order; None counts for nothing."""
-    if tree is None:
+    """The arrays of nested tuples, in order; None, and facts of all games, count for nothing."""
+    if tree is None or isinstance(tree, bool):
         return []
     return [leaf for part in tree for leaf in leaves(part)] if isinstance(tree, tuple) else [tree]
 

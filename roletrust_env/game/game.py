@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.game.luck import Luck
 from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model
 from roletrust_env.world import access, channel, mobility
+from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, Everyone, InRange, Scenario
@@ -57,15 +59,17 @@ class Game:
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
+        self._luck = Luck(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
-        self._rounds = self._constant(range(scenario.max_cycles + 1), like.dtype)
-        self._strength = self._constant(_strength(scenario), like.dtype)
+        self._perturbations = Perturbations(scenario, like)
         rating, providing = roster.on_duty(scenario.max_cycles)
         always = bool(rating.all() and providing.all())
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
+        self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
+        self._takes_full_rounds = bool(getattr(trust_model, "takes_full_rounds", False))
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._values = None
         if len(set(scenario.values)) > 1:
@@ -78,13 +82,7 @@ class Game:
         Args:
             seed: makes it reproducible; None takes fresh entropy.
         """
-        if isinstance(self.like, np.ndarray):
-            return Random(np.random.default_rng(seed), self.like.dtype)
-        import torch
-
-        generator = torch.Generator(self.like.device)
-        generator.manual_seed(torch.seed() if seed is None else seed)
-        return Random(generator, self.like.dtype)
+        return Random(np.random.default_rng(seed), self.like)
 
     def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
         """Draw the luck of one round, or of the start.
@@ -94,18 +92,21 @@ class Game:
             batch: shape of the batch.
             start: whether this is for `start`, which alone scatters the agents.
         """
-        s, p, n, rules = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents, self.scenario
-        pairs = (s, p, *batch)
-        return Noise(
-            random.normal(pairs),
-            random.uniform(pairs) if rules.ratings.lost > 0 else None,
-            random.uniform(pairs) if rules.ratings.late > 0 else None,
-            random.uniform(pairs) if isinstance(rules.access, Choice) else None,
-            random.uniform((n, *batch)) if self.presence.changes else None,
-            random.uniform((p, *batch)) if self._values is not None else None,
-            random.uniform((n, 2, *batch)) if isinstance(rules.access, InRange) else None,
-            random.uniform((n, 2, *batch)) if start and isinstance(rules.access, InRange) else None,
-        )
+        if batch or start:
+            return self.luck(random.round_key(), batch, start=start)
+        return random.deal(self._luck.of_rounds)
+
+    def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
+        """The luck of one round, or of the start, as a function of its key: what `draw` draws.
+
+        A compiler that sees this and `step` together makes the numbers where they are used.
+
+        Args:
+            key: of the round, see `Random.round_key`.
+            batch: shape of the batch.
+            start: whether this is for `start`, which alone scatters the agents.
+        """
+        return self._luck.of_round(key, batch, start)
 
     def start(self, noise: Noise) -> State:
         """The state before the first round."""
@@ -129,6 +130,7 @@ class Game:
             if isinstance(rules.access, InRange)
             else None,
             transit=channel.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+            full=False,
         )
 
     def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
@@ -154,7 +156,10 @@ class Game:
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
-        trust = self.model.update(state.trust, ratings, rated)
+        full = state.full and self._lossless
+        if full:
+            ratings = ratings + 0.0  # a copy: whoever sent them may write to theirs again
+        trust = self.model.update(state.trust, ratings, None if full and self._takes_full_rounds else rated)
         tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
 
         counts = state.counts
@@ -178,13 +183,15 @@ class Game:
         quality = actions.quality
         if not self._everyone:
             quality = xp.where(served.any(axis=0), quality, self._zero)
-        service = self.service.perceive(quality, self._strength[state.round], state.round, noise.perception)
+        service = self.service.perceive(
+            quality, self._perturbations.strength(state.round), state.round, noise.perception
+        )
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
             round=state.round + 1,
             trust=trust,
-            ratings=xp.where(rated, ratings, self._zero),
+            ratings=ratings if full else xp.where(rated, ratings, self._zero),
             rated=rated,
             quality=quality,
             service=service,
@@ -194,6 +201,7 @@ class Game:
             population=population,
             places=places,
             transit=transit,
+            full=self._everyone,
         )
         return after, self._rewards(tor, top, counts, self._costs * state.value * quality)
 
@@ -212,7 +220,7 @@ class Game:
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
         return look(
-            self._rounds[state.round],
+            self._clock(state),
             *self.published(state),
             state.value,
             state.quality,
@@ -252,7 +260,7 @@ class Game:
         present = self.present(state)
         if present is None:
             present = self._over(self._everybody, (self.roster.n_agents, *batch))
-        parts = [self._rounds[state.round] / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
+        parts = [self._clock(state) / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
         parts += [state.service, state.awaiting, state.ratings, state.rated]
         if state.places is not None and isinstance(self.scenario.access, InRange):
             parts.append(state.places.position / self.scenario.access.arena)
@@ -283,6 +291,10 @@ class Game:
         if isinstance(rules.access, Choice):
             served = access.choose(rules.access, top, served, noise.choice)
         return served
+
+    def _clock(self, state: State) -> Array:
+        """The number of the round, in the dtype of everything else."""
+        return cast(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
         """A constant, such as one of shape (S, P), for every game of a batch.
@@ -323,12 +335,3 @@ class Game:
 
     def _constant(self, values: Any, dtype: Any = None) -> Array:
         return namespace(self.like).asarray(values, dtype=dtype, device=self.like.device)
-
-
-def _strength(scenario: Scenario) -> Any:
-    """Strength of the perturbation in each round, shape (max_cycles,): the strongest where several overlap."""
-    strength = np.zeros(scenario.max_cycles)
-    for blow in scenario.perturbations:
-        window = slice(blow.start, blow.stop)
-        strength[window] = np.maximum(strength[window], blow.strength)
-    return strength

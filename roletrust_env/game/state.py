@@ -38,6 +38,7 @@ class State(NamedTuple):
         population: who is present, if that changes.
         places: where the agents are, if they move.
         transit: the ratings that are late, if any can be.
+        full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
     """
 
     round: Array
@@ -52,6 +53,7 @@ class State(NamedTuple):
     population: Population | None
     places: Places | None
     transit: InTransit | None
+    full: bool
 
 
 class Noise(NamedTuple):

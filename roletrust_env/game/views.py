@@ -90,10 +90,11 @@ def look(
         ratings: the ratings that arrived in the last round, (S, P, ...).
         rated: where they did, (S, P, ...).
     """
-    per_rater = 0.0 * tor
+    over = namespace(tor).broadcast_to
     of_each_rater = (grid.swapaxes(0, 1) for grid in (service, awaiting, ratings, rated))
-    provider = ProviderView(round + 0.0 * top, top, value, quality, ratings, rated)
-    return provider, RaterView(round + per_rater, tor, top[:, None, ...] + per_rater, *of_each_rater)
+    published = over(top[:, None, ...], (*top.shape[:1], *tor.shape))
+    provider = ProviderView(over(round, top.shape), top, value, quality, ratings, rated)
+    return provider, RaterView(over(round, tor.shape), tor, published, *of_each_rater)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ class TrustModel(Protocol[State]):
 
     Attributes:
         rates_raters: whether the model has a notion of rater trust; if not, `rater_trust` reads 1 for all.
+        takes_full_rounds: optional; true of a model whose `update` takes None for a mask that is true everywhere,
+            which is quicker. Others are given the mask.
     """
 
     rates_raters: bool
@@ -29,13 +31,14 @@ class TrustModel(Protocol[State]):
         """
         ...
 
-    def update(self, state: State, ratings: Array, mask: Array) -> State:
+    def update(self, state: State, ratings: Array, mask: Any) -> State:
         """The state after one more round.
 
         Args:
             state: the state before the round; it is left as it is.
             ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere.
-            mask: m, shape (S, P, ...), boolean, true where rater i rated provider j in this round.
+            mask: m, shape (S, P, ...), boolean, true where rater i rated provider j in this round; or None, where
+                all did, for a model with `takes_full_rounds`.
         """
         ...
 

@@ -5,24 +5,25 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from roletrust_env import Random
+from roletrust_env import Game, Noise, Random
 from roletrust_env.game.attack import AttackTask
 
 GAMES = 8
 
 
 class Slice(Random):
-    """What one game of a batch draws, while the whole batch draws from the same generator."""
+    """What one game of a batch draws, while the whole batch draws from the same source."""
 
     def __init__(self, seed: int, e: int) -> None:
-        super().__init__(np.random.default_rng(seed), np.float32)
+        super().__init__(np.random.default_rng(seed), np.zeros((), np.float32))
         self.e = e
 
     def uniform(self, shape: Any) -> Any:
         return super().uniform((*shape, GAMES))[..., self.e]
 
-    def normal(self, shape: Any) -> Any:
-        return super().normal((*shape, GAMES))[..., self.e]
+    def draw(self, game: Game, start: bool = False) -> Noise:
+        luck = game.luck(self.round_key(), (GAMES,), start=start)
+        return Noise(*(None if part is None else part[..., self.e] for part in luck))
 
 
 class Loop:
@@ -35,7 +36,7 @@ class Loop:
         self.ended = [False] * GAMES
 
     def fresh(self) -> list[Any]:
-        return [self.task.start(self.task.game.draw(luck, start=True), luck) for luck in self.luck]
+        return [self.task.start(luck.draw(self.task.game, start=True), luck) for luck in self.luck]
 
     def observe(self) -> np.ndarray:
         return np.array([self.task.observe(state) for state in self.states])
@@ -51,7 +52,7 @@ class Loop:
             assert not all(waits)
             self.restart()
         for e, luck in enumerate(self.luck):
-            after, outcome = self.task.step(self.states[e], actions[e], self.task.game.draw(luck), luck)
+            after, outcome = self.task.step(self.states[e], actions[e], luck.draw(self.task.game), luck)
             if waits[e]:
                 continue
             self.states[e] = after

@@ -75,7 +75,7 @@ def test_who_is_cut_off_is_terminated_and_the_others_go_on():
     for actions in actions_of(env, 60):
         _, _, dones, infos = env.step(actions * 0.5 - 0.5)
         ends += [info for done, info in zip(dones, infos, strict=True) if done]
-    assert {info["episode"]["l"] for info in ends} > {60} or len({info["episode"]["l"] for info in ends}) > 3
+    assert {info["episode"]["l"] for info in ends} > {60} or len({info["episode"]["l"] for info in ends}) > 2
     assert all(info["TimeLimit.truncated"] == (info["episode"]["l"] == 60) for info in ends)
 
 

@@ -15,7 +15,7 @@ from gymnasium.wrappers import vector as wrappers
 from slow_vector import GAMES, Loop
 
 from baselines import OnOff
-from roletrust_env import Game, Random, Scenario
+from roletrust_env import Scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.envs.vector import AttackVectorEnv
 
@@ -328,21 +328,10 @@ def test_wrappers_of_learners_fit() -> None:
 # --- torch ------------------------------------------------------------------------------------------
 
 
-class Tensors(Random):
-    """NumPy's luck as tensors."""
-
-    def uniform(self, shape: Any) -> torch.Tensor:
-        return torch.asarray(super().uniform(shape))
-
-    def normal(self, shape: Any) -> torch.Tensor:
-        return torch.asarray(super().normal(shape))
-
-
 @EVERY_MODE
-def test_torch_plays_as_numpy_does(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_torch_plays_as_numpy_does(mode: AutoresetMode) -> None:
     batch = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **ENDS)
     observations, _ = batch.reset(seed=5)
-    monkeypatch.setattr(Game, "random", lambda game, seed=None: Tensors(np.random.default_rng(seed), np.float32))
     tensors = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, like=torch.zeros(()), **ENDS)
     assert_close(tensors.reset(seed=5)[0], observations)
     ends = 0

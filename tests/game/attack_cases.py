@@ -84,9 +84,9 @@ def rng(seed: int = 0) -> Random:
 
 
 def each(function: Callable, *trees: Any) -> Any:
-    """Apply a function to the arrays of alike trees; None stays None."""
-    if trees[0] is None:
-        return None
+    """Apply a function to the arrays of alike trees; None and flags stay as they are."""
+    if trees[0] is None or isinstance(trees[0], bool):
+        return trees[0]
     if isinstance(trees[0], tuple):
         parts = [each(function, *parts) for parts in zip(*trees, strict=True)]
         return type(trees[0])(*parts) if hasattr(trees[0], "_fields") else tuple(parts)

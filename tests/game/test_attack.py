@@ -296,7 +296,9 @@ def test_torch_agrees_with_numpy(case: dict, batch: tuple[int, ...]) -> None:
         tensors = make(scenario, case, like=torch.zeros((), dtype=torch.float64), knowledge=knowledge)
         rounds = [each(torch.asarray, noise) for noise in luck.rounds]
         actions = [torch.asarray(action) for action in luck.actions]
-        played = trajectory(tensors, each(torch.asarray, luck.start), rounds, actions, Random(torch.Generator()))
+        played = trajectory(
+            tensors, each(torch.asarray, luck.start), rounds, actions, Random(np.random.default_rng(), torch.zeros(()))
+        )
         expected = trajectory(task, luck.start, luck.rounds, luck.actions, rng())
         for (observation, outcome), (seen, result) in zip(played, expected, strict=True):
             assert isinstance(observation, torch.Tensor)
@@ -317,7 +319,7 @@ def test_precision_stays(case: dict, dtype: type, tensors: bool) -> None:
     case = {**case, "others": {}}
     luck = Luck(make(busy(), case), 1, (3,))
     task = make(busy(), case, like=cast(0.0), knowledge="white_box")
-    random = Random(torch.Generator()) if tensors else rng()
+    random = Random(np.random.default_rng(), torch.zeros(())) if tensors else rng()
     rounds = [each(cast, noise) for noise in luck.rounds]
     for seen, outcome in trajectory(task, each(cast, luck.start), rounds, [cast(a) for a in luck.actions], random):
         numbers = [seen] if outcome is None else [seen, outcome.reward, outcome.objective, outcome.cost]
@@ -338,7 +340,13 @@ def test_gradients_reach_the_actions() -> None:
         luck = Luck(make(scenario, {"compromised": ("sr_0",)}), 0, (2,))
         actions = torch.full((3, 3, 2), 0.6, dtype=torch.float64, requires_grad=True)
         rounds = [each(torch.asarray, noise) for noise in luck.rounds]
-        played = trajectory(task, each(torch.asarray, luck.start), rounds, list(actions), Random(torch.Generator()))
+        played = trajectory(
+            task,
+            each(torch.asarray, luck.start),
+            rounds,
+            list(actions),
+            Random(np.random.default_rng(), torch.zeros(())),
+        )
         sum(outcome.reward.sum() for _, outcome in played if outcome is not None).backward()
         slopes.append(actions.grad)
     assert all(torch.isfinite(slope).all() for slope in slopes)

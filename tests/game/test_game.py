@@ -101,9 +101,9 @@ def scenarios(draw: st.DrawFn) -> Scenario:
 
 
 def each(function: Callable, *trees: Any) -> Any:
-    """Apply a function to the arrays of states, noises or actions; None stays None."""
-    if trees[0] is None:
-        return None
+    """Apply a function to the arrays of states, noises or actions; None and flags stay as they are."""
+    if trees[0] is None or isinstance(trees[0], bool):
+        return trees[0]
     if isinstance(trees[0], tuple):
         make = getattr(trees[0], "_make", tuple)
         return make(each(function, *parts) for parts in zip(*trees, strict=True))
@@ -346,7 +346,7 @@ def test_gradients_reach_the_actions(trust_model: str) -> None:
     """White-box attackers climb them; from the start on, a rating counts from the second round."""
     scenario = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}], max_cycles=3)
     game = Game(scenario, trust_model, like=torch.zeros((), dtype=torch.float64))
-    random = Random(torch.Generator().manual_seed(0), torch.float64)
+    random = Random(np.random.default_rng(0), torch.zeros((), dtype=torch.float64))
     state = game.start(game.draw(random, start=True))
     actions = Actions(torch.full((2,), 0.9, dtype=torch.float64), torch.tensor([[0.2, 0.4], [0.6, 0.9]]).double())
     actions.ratings.requires_grad_(True)

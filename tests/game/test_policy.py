@@ -35,22 +35,9 @@ def cast(like: Any = None) -> Cast:
     return Cast(Game(SCENARIO, like=like), POLICIES)
 
 
-class Same:
-    """Random numbers that are the same for every dtype and array library."""
-
-    def __init__(self, like: Any) -> None:
-        self.like, self.generator = like, np.random.default_rng(0)
-
-    def _cast(self, numbers: np.ndarray) -> Any:
-        if isinstance(self.like, np.ndarray):
-            return np.asarray(numbers, dtype=self.like.dtype)
-        return torch.asarray(numbers, dtype=self.like.dtype)
-
-    def uniform(self, shape: Any) -> Any:
-        return self._cast(np.asarray(self.generator.random(tuple(shape), dtype=np.float32)))
-
-    def normal(self, shape: Any) -> Any:
-        return self._cast(np.asarray(self.generator.standard_normal(tuple(shape))))
+def luck(like: Any) -> Random:
+    """The same for every dtype and array library."""
+    return Random(np.random.default_rng(0), like)
 
 
 def test_every_agent_plays_its_own_policy() -> None:
@@ -87,8 +74,8 @@ def test_the_attackers_of_a_cast() -> None:
 
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3)])
 def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
-    history = record(cast(), Same(np.zeros(())), batch)
-    tensors = record(cast(torch.zeros((), dtype=torch.float64)), Same(torch.zeros((), dtype=torch.float64)), batch)
+    history = record(cast(), luck(np.zeros(())), batch)
+    tensors = record(cast(torch.zeros((), dtype=torch.float64)), luck(torch.zeros((), dtype=torch.float64)), batch)
     for array, tensor in zip(history, tensors, strict=True):
         np.testing.assert_allclose(tensor.numpy(), array, rtol=0, atol=1e-12)
 
@@ -98,7 +85,7 @@ def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
     seated = Cast(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
-    *_, (state, rewards) = play(seated, Same(like), (2,))
+    *_, (state, rewards) = play(seated, luck(like), (2,))
     floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
     assert {array.dtype for array in floats} == {like.dtype}
 

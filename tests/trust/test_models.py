@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.trust import (
     Mean,
     TrustModel,
@@ -239,3 +240,42 @@ def test_parameters_at_the_edge_are_taken(name: str) -> None:
 def test_unknown_parameters_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="lambda"):
         make_trust_model(name, **{"lambda": 0.5})
+
+
+# --- rounds in which everybody rates everybody ------------------------------------------------------
+
+
+@BUILT_IN
+@NAMESPACES
+@pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
+def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, ...], asarray: Callable) -> None:
+    """In any order of full and partial rounds, so that the time since a rating is 1 here and more there."""
+    model, rng = make_trust_model(name, lam=0.7), np.random.default_rng(1)
+    assert model.takes_full_rounds
+    state = masked = model.start(asarray(np.zeros(shape)))
+    for ratings, mask in random_rounds(shape, 60):
+        full = rng.random() < 0.6
+        mask = np.ones(shape, bool) if full else mask
+        state = model.update(state, asarray(ratings), None if full else asarray(mask))
+        masked = model.update(masked, asarray(ratings), asarray(mask))
+        for one, other in zip(state[:4], masked[:4], strict=True):
+            assert one.shape == other.shape
+            np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("takes", [False, True])
+def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bool) -> None:
+    seen: list[Any] = []
+
+    class Curious(Mean):
+        takes_full_rounds = takes
+
+        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+            seen.append(mask)
+            return super().update(state, ratings, mask)
+
+    game = Game(make_scenario("paper-3x3").change(max_cycles=5), Curious())
+    seen.clear()
+    record(Cast(game, {}), game.random(0))
+    assert not seen[0].any()  # nothing has been served yet
+    assert all(mask is None if takes else mask.all() for mask in seen[1:])

@@ -28,13 +28,14 @@ class Mean:
     lam: Lam = 0.5
     initial: Share = 0.5
     rates_raters = False
+    takes_full_rounds = True
 
     def start(self, like: Array) -> MeanState:
         """Initial trust for every provider. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return MeanState(nothing[0] + self.initial, nothing[:, 0, ...] + 1)
 
-    def update(self, state: MeanState, ratings: Array, mask: Array) -> MeanState:
+    def update(self, state: MeanState, ratings: Array, mask: Array | None) -> MeanState:
         """One round of ratings. See `TrustModel.update`."""
         average, raters = masked_mean(ratings, mask, axis=0)
         return MeanState(smooth(average, state.top, self.lam, raters), state.tor)

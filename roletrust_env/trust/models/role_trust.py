@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, occurred, provider_quality, rater_quality, smooth
 
@@ -17,12 +17,14 @@ class RoleTrustState(NamedTuple):
         top: trust of the providers, shape (P, ...).
         last: the last note that i gave j, shape (S, P, ...).
         elapsed: service periods since then, shape (S, P, ...), 0 where i never rated j.
+        full: whether everybody rated everybody in the last round, so that `elapsed` is 1 everywhere.
     """
 
     tor: Array
     top: Array
     last: Array
     elapsed: Array
+    full: bool = False
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class RoleTrust:
     lam: Lam = 0.5
     initial: Share = 0.5
     rates_raters = True
+    takes_full_rounds = True
 
     def start(self, like: Array) -> RoleTrustState:
         """Initial trust for everyone, and no rating yet. See `TrustModel.start`."""
@@ -47,16 +50,22 @@ class RoleTrust:
         last, elapsed = xp.zeros_like(like), xp.zeros_like(like)
         return RoleTrustState(last[:, 0, ...] + self.initial, last[0] + self.initial, last, elapsed)
 
-    def update(self, state: RoleTrustState, ratings: Array, mask: Array) -> RoleTrustState:
+    def update(self, state: RoleTrustState, ratings: Array, mask: Array | None) -> RoleTrustState:
         """One round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
         notes = Notes.of(ratings, mask)
-        tor = smooth(rater_quality(notes), state.tor, self.lam, notes.given)
-        quality = provider_quality(notes, tor, state.last, state.elapsed)
+        tor = smooth(self._rater_quality(notes), state.tor, self.lam, notes.given)
+        quality = provider_quality(notes, tor, state.last, None if state.full else state.elapsed)
         top = smooth(quality, state.top, self.lam, notes.received)
+        if mask is None:
+            return RoleTrustState(tor, top, ratings, ones(ratings), True)
         last = xp.where(mask, ratings, state.last)
         elapsed = xp.where(mask, notes.weights, state.elapsed + occurred(state.elapsed))
         return RoleTrustState(tor, top, last, elapsed)
+
+    def _rater_quality(self, notes: Notes) -> Array:
+        """QoR, shape (S, ...)."""
+        return rater_quality(notes)
 
     def rater_trust(self, state: RoleTrustState) -> Array:
         """ToR, shape (S, ...)."""

@@ -66,7 +66,7 @@ def attacker_of(agents=("sp_2",), scenario="paper-3x3", *, lstm=0, hidden=(8,), 
 
 
 def observed(task: AttackTask) -> int:
-    rng = Random(np.random.default_rng(0), np.float32)
+    rng = Random(np.random.default_rng(0), np.zeros((), np.float32))
     return task.observe(task.start(task.game.draw(rng, (), start=True), rng)).shape[0]
 
 
@@ -99,7 +99,7 @@ def test_the_policy_plays_as_the_attacker_does_in_its_task(agent, lstm):
     attacker = attacker_of((agent,), lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=3, seed=1)
     cast = Cast(attacker.task().game, {agent: learned_policy(attacker)})
-    history = record(cast, Random(np.random.default_rng(1), np.float32), (3,))
+    history = record(cast, Random(np.random.default_rng(1), np.zeros((), np.float32)), (3,))
     honest = [j for j in range(3) if agent != f"sp_{j}"]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
 
@@ -125,7 +125,7 @@ def test_it_plays_on_torch_and_several_agents_share_it():
     torch_game = Game(attacker.card.scenario, like=torch.zeros((), dtype=torch.float64))
     cast = {"sp_0": policy, "sp_2": policy}
     a = record(Cast(numpy_game, cast), Random(np.random.default_rng(0)), (2,))
-    b = record(Cast(torch_game, cast), Random(torch.Generator().manual_seed(0), torch.float64), (2,))
+    b = record(Cast(torch_game, cast), Random(np.random.default_rng(0), torch.zeros((), dtype=torch.float64)), (2,))
     assert np.allclose(a.top, b.top.numpy(), atol=1e-6)
 
 
@@ -149,7 +149,7 @@ def test_an_agent_with_both_roles_plays_as_in_its_task(lstm):
     attacker = attacker_of(("srsp_5",), "peers", lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=2, seed=1)
     cast = Cast(attacker.task().game, {"srsp_5": learned_policy(attacker)})
-    history = record(cast, Random(np.random.default_rng(1), np.float32), (2,))
+    history = record(cast, Random(np.random.default_rng(1), np.zeros((), np.float32)), (2,))
     honest = [j for j in range(9) if j != 5]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
 
@@ -177,7 +177,7 @@ def test_the_forward_pass_is_that_of_torch():
 
 def test_honest_play_is_the_scripted_one():
     attacker = attacker_of(("sr_0", "sp_1"))
-    history = record(Cast(attacker.task().game, {}), Random(np.random.default_rng(0), np.float32), (2,))
+    history = record(Cast(attacker.task().game, {}), Random(np.random.default_rng(0), np.zeros((), np.float32)), (2,))
     honest = (1 - history.top[:, [0, 2]]).mean(axis=(0, 1))
     assert np.allclose(play_task(attacker.task(), None, games=2, seed=0), honest, atol=1e-6)
 

@@ -1,0 +1,72 @@
+"""The luck of a game: which random numbers a round of a scenario takes, and how a key becomes them."""
+
+from collections.abc import Callable
+from math import prod
+
+from roletrust_env import counter
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.state import Noise
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Choice, InRange, Scenario
+
+_Kind = tuple[Callable[..., Array], tuple[int, ...]]
+"""How numbers are made, and their shape in one game."""
+
+
+class Luck:
+    """Makes the luck of rounds of their keys, see `roletrust_env.counter`. Every field of `Noise` has its own stream.
+
+    Args:
+        scenario: what is played.
+        roster: its agents.
+        changes: whether anybody joins, leaves or is cut off.
+        like: an array of the library, dtype and device to work with.
+    """
+
+    def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array) -> None:
+        s, p, n = roster.n_raters, roster.n_providers, roster.n_agents
+        moves = isinstance(scenario.access, InRange)
+        wanted: dict[str, _Kind | None] = {
+            "perception": (counter.normal, (s, p)),
+            "lost": (counter.uniform, (s, p)) if scenario.ratings.lost > 0 else None,
+            "late": (counter.uniform, (s, p)) if scenario.ratings.late > 0 else None,
+            "choice": (counter.uniform, (s, p)) if isinstance(scenario.access, Choice) else None,
+            "presence": (counter.uniform, (n,)) if changes else None,
+            "value": (counter.uniform, (p,)) if len(set(scenario.values)) > 1 else None,
+            "goal": (counter.uniform, (n, 2)) if moves else None,
+            "position": (counter.uniform, (n, 2)) if moves else None,
+        }
+        self._wanted = {name: kind for name, kind in wanted.items() if kind is not None}
+        self._like = like
+
+    def of_round(self, key: Array, batch: tuple[int, ...], start: bool) -> Noise:
+        """The luck of one round, or of the start, which alone scatters the agents; the key is (STREAMS, 4)."""
+        games = counter.whole(self._like, prod(batch))
+
+        def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
+            words = [key[stream, k : k + 1] for k in range(4)]
+            return kind(self._like, prod(shape), games, words).reshape(*shape, *batch)
+
+        return self._noise(made, start)
+
+    def of_rounds(self, keys: Array) -> list[Noise]:
+        """The luck of some rounds of a single game, R of them; the keys are (R, STREAMS, 4)."""
+        xp, rounds = namespace(self._like), keys.shape[0]
+        alone = 0 * counter.whole(self._like, rounds)
+
+        def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
+            words = [keys[:, stream, k] for k in range(4)]
+            numbers = kind(self._like, prod(shape), alone, words).T
+            return xp.asarray(numbers, copy=True).reshape(rounds, *shape)  # the numbers of a round side by side
+
+        luck = self._noise(made, False)
+        return [Noise(*(None if part is None else part[r] for part in luck)) for r in range(rounds)]
+
+    def _noise(self, made: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
+        return Noise(
+            **{
+                name: made(*kind, Noise._fields.index(name))
+                for name, kind in self._wanted.items()
+                if start or name != "position"
+            }
+        )
