@@ -17,7 +17,9 @@ Words = Sequence[Array]
 """Four arrays of words (no single numbers: their arithmetic would warn), of shapes that can be broadcast."""
 
 _MULTIPLIER, _INCREMENT = 1664525, 1013904223  # of the linear congruential generator in Numerical Recipes
-_BLOCK = 2048  # games that NumPy works on at once, so that what lies in between stays in the cache
+BLOCK = 32_768
+"""Hashes that NumPy makes at once: fewer cost as many calls, and of more what lies in between leaves the cache."""
+
 _UNIT = 2.0**-24
 
 
@@ -64,18 +66,22 @@ def _made(like: Array, cells: int, games: Array, key: Words, numbers: Callable[[
     """Numbers for all cells and games: four of them come of one scrambling, each in a quarter of the cells."""
     groups = whole(like, -(-cells // 4))[:, None]
 
-    def quarters(games: Array, key: Words) -> list[Array]:
+    def quarters(groups: Array, games: Array, key: Words) -> list[Array]:
         return numbers(scramble((groups + key[0], games + key[1], key[2], key[3])), like)
 
-    if not isinstance(like, np.ndarray) or games.shape[0] <= _BLOCK:
-        return namespace(like).concat(quarters(games, key))[:cells]
-    made = np.empty((4, groups.shape[0], games.shape[0]), like.dtype)
-    for at in range(0, games.shape[0], _BLOCK):
-        some = slice(at, at + _BLOCK)
+    if not isinstance(like, np.ndarray) or groups.size * games.size <= BLOCK:
+        return namespace(like).concat(quarters(groups, games, key))[:cells]
+    made = np.empty((4, groups.size, games.size), like.dtype)
+    wide = min(games.size, BLOCK)
+    for some in _slices(games.size, wide):
         keys = [word if word.shape == (1,) else word[some] for word in key]
-        for quarter, values in zip(made, quarters(games[some], keys), strict=True):
-            quarter[:, some] = values
-    return made.reshape(-1, games.shape[0])[:cells]
+        for rows in _slices(groups.size, max(1, BLOCK // wide)):
+            made[:, rows, some] = quarters(groups[rows], games[some], keys)
+    return made.reshape(-1, games.size)[:cells]
+
+
+def _slices(total: int, step: int) -> list[slice]:
+    return [slice(at, at + step) for at in range(0, total, step)]
 
 
 def _uniforms(words: Words, like: Array) -> list[Array]:

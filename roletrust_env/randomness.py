@@ -17,7 +17,7 @@ STREAMS = 8
 """Kinds of luck in a round, each with a key of its own; one more is that of policies."""
 
 _AHEAD = 64
-"""Rounds whose keys are drawn at once, and whose luck is made at once for a single game."""
+"""Rounds whose keys are made at once."""
 
 
 class Random:
@@ -51,16 +51,20 @@ class Random:
         self._rounds += 1
         return self._on_device(key)
 
-    def deal(self, luck: Callable[[Array], Sequence[Dealt]]) -> Dealt:
-        """The luck of the next round of a single game, for which arrays are so small that many rounds are made at once.
+    def deal(
+        self, luck: Callable[[Keys, tuple[int, ...]], Sequence[Dealt]], batch: tuple[int, ...], ahead: int
+    ) -> Dealt:
+        """The luck of the next round, on NumPy, where arrays are so small that some rounds are best made at once.
 
         Args:
-            luck: makes that of some rounds of their keys, (rounds, STREAMS, 4).
+            luck: makes that of R rounds of their keys, (R, STREAMS, 4), for a batch.
+            batch: its shape.
+            ahead: R.
         """
-        first, maker, hand = self._hand
-        if maker != luck or not 0 <= self._rounds - first < len(hand):
-            keys = self._round_keys(self._rounds, _AHEAD)
-            self._hand = first, _, hand = self._rounds, luck, luck(self._on_device(keys))
+        first, whose, hand = self._hand
+        if whose != (luck, batch) or not 0 <= self._rounds - first < len(hand):
+            hand = luck(self._round_keys(self._rounds, ahead), batch)
+            self._hand = first, _, _ = self._rounds, (luck, batch), hand
         dealt: Dealt = hand[self._rounds - first]
         self._rounds += 1
         return dealt

@@ -190,10 +190,10 @@ def trust_update(side: int, seed: int) -> Contestant:
     """The trust model alone: one update by the ratings of `side` raters of as many providers."""
     rng, like = np.random.default_rng(seed), np.zeros((), np.float32)
     model, shape = Game(_square(side), like=like).model, (side, side)
-    ratings, mask = rng.random(shape, np.float32), np.ones(shape, bool)
+    ratings, others = rng.random(shape, np.float32), rng.random(shape, np.float32)
     # After the second update every rating has one before it, as in the middle of a game.
-    state = model.update(model.update(model.start(ratings), ratings, mask), rng.random(shape, np.float32), mask)
-    return Contestant("trust model", 1, 2 * side, lambda: model.update(state, ratings, mask), side**2)
+    state = model.update(model.update(model.start(ratings), ratings, None), others, None)
+    return Contestant("trust model", 1, 2 * side, lambda: model.update(state, ratings, None), side**2)
 
 
 def _square(side: int) -> Scenario:

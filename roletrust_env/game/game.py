@@ -92,9 +92,10 @@ class Game:
             batch: shape of the batch.
             start: whether this is for `start`, which alone scatters the agents.
         """
-        if batch or start:
+        ahead = self._luck.ahead(batch)
+        if start or ahead == 1:
             return self.luck(random.round_key(), batch, start=start)
-        return random.deal(self._luck.of_rounds)
+        return random.deal(self._luck.of_rounds, batch, ahead)
 
     def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
         """The luck of one round, or of the start, as a function of its key: what `draw` draws.

@@ -3,11 +3,16 @@
 from collections.abc import Callable
 from math import prod
 
+import numpy as np
+
 from roletrust_env import counter
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array
 from roletrust_env.game.state import Noise
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, InRange, Scenario
+
+_AHEAD = 64
+"""Rounds of a single small game whose luck is made at once."""
 
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
 """How numbers are made, and their shape in one game."""
@@ -38,6 +43,13 @@ class Luck:
         }
         self._wanted = {name: kind for name, kind in wanted.items() if kind is not None}
         self._like = like
+        self._cells = sum(prod(shape) for _, shape in self._wanted.values())
+
+    def ahead(self, batch: tuple[int, ...]) -> int:
+        """Of how many rounds the luck is best made at once: of more than one where arrays are small, on NumPy."""
+        if not isinstance(self._like, np.ndarray):
+            return 1
+        return max(1, min(_AHEAD, 4 * counter.BLOCK // max(1, self._cells * prod(batch))))
 
     def of_round(self, key: Array, batch: tuple[int, ...], start: bool) -> Noise:
         """The luck of one round, or of the start, which alone scatters the agents; the key is (STREAMS, 4)."""
@@ -49,15 +61,16 @@ class Luck:
 
         return self._noise(made, start)
 
-    def of_rounds(self, keys: Array) -> list[Noise]:
-        """The luck of some rounds of a single game, R of them; the keys are (R, STREAMS, 4)."""
-        xp, rounds = namespace(self._like), keys.shape[0]
-        alone = 0 * counter.whole(self._like, rounds)
+    def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
+        """The luck of some rounds, R of them, on NumPy; the keys are (R, STREAMS, 4)."""
+        rounds, games = len(keys), prod(batch)
+        numbers = np.tile(counter.whole(self._like, games), rounds)
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
-            words = [keys[:, stream, k] for k in range(4)]
-            numbers = kind(self._like, prod(shape), alone, words).T
-            return xp.asarray(numbers, copy=True).reshape(rounds, *shape)  # the numbers of a round side by side
+            words = [np.repeat(keys[:, stream, k], games) for k in range(4)]
+            return np.moveaxis(
+                kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch), len(shape), 0
+            )
 
         luck = self._noise(made, False)
         return [Noise(*(None if part is None else part[r] for part in luck)) for r in range(rounds)]

@@ -5,13 +5,20 @@ run on NumPy and on torch alike, change none of their inputs, and follow the dty
 """
 
 import math
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Iterable
+from functools import reduce
 from typing import NamedTuple
+
+import numpy as np
 
 from roletrust_env.arrays import Array, compiling, namespace
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Of `_sinc_polynomial`, the constant first."""
+
+_LARGE, _BLOCK = 1_000_000, 100_000
+"""Ratings in a round from which on NumPy takes them in blocks, and as many in a block as about 30 raters of 3,000."""
 
 _TINY = 1e-30  # stands in for a branch at 0, and is lost in rounding everywhere else
 
@@ -158,6 +165,19 @@ class Notes(NamedTuple):
         """The cells inside the mask, and 0 elsewhere."""
         return cells if self.weights is None else self.weights * cells
 
+    def blocks(self) -> list[slice]:
+        """The raters in blocks whose notes fit into a processor's cache; all in one where a library sees to that."""
+        raters, cells = len(self.values), math.prod(self.values.shape)
+        if cells <= _LARGE or not isinstance(self.values, np.ndarray):
+            return [slice(raters)]
+        rows = max(1, _BLOCK * raters // cells)
+        return [slice(at, at + rows) for at in range(0, raters, rows)]
+
+    def of_raters(self, some: slice) -> "Notes":
+        """The notes of some raters; `received` still counts all."""
+        weights = None if self.weights is None else self.weights[some]
+        return Notes(self.values[some], weights, self.received, self.given if weights is None else self.given[some])
+
 
 def rater_quality(notes: Notes, root: Callable[[Array], Array] | None = None) -> Array:
     """QoR of Algorithm 1, shape (S, ...); 1 for a rater that rated nobody.
@@ -167,11 +187,16 @@ def rater_quality(notes: Notes, root: Callable[[Array], Array] | None = None) ->
         root: what takes the place of the square root, for who needs a slope at 0; None is the square root.
     """
     xp = namespace(notes.values)
+    root = xp.sqrt if root is None else root
+    best = xp.max(notes.values, axis=0)
+    blocks = [notes.of_raters(some) for some in notes.blocks()]
     # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    below = notes.weigh(notes.values - xp.max(notes.values, axis=0))
-    apart = abs(below - below.sum(axis=0) / (notes.received + _TINY))
-    distance = notes.weigh(xp.sqrt(apart) if root is None else root(apart))
-    return 1.0 - distance.sum(axis=1) / (notes.given + _TINY)
+    below = _total(block.weigh(block.values - best).sum(axis=0) for block in blocks) / (notes.received + _TINY)
+    found = []
+    for block in blocks:
+        distance = block.weigh(root(abs(block.weigh(block.values - best) - below)))
+        found.append(1.0 - distance.sum(axis=1) / (block.given + _TINY))
+    return found[0] if len(found) == 1 else xp.concat(found)
 
 
 def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
@@ -183,10 +208,19 @@ def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Arr
         last_ratings: the note that i gave j last, shape (S, P, ...).
         elapsed: dt, see `provider_trust`; None where it is 1 everywhere.
     """
-    values = notes.values
-    steady = _sinc(abs(values - last_ratings))
-    rho = _sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
-    return (rho * tor[:, None, ...] * values).sum(axis=0) / (notes.received + _TINY)
+
+    def worth(some: slice) -> Array:
+        values = notes.values[some]
+        steady = _sinc(abs(values - last_ratings[some]))
+        rho = _sinc(1.0 - values) * (steady if elapsed is None else steady ** elapsed[some])
+        return (rho * tor[some, None, ...] * values).sum(axis=0)
+
+    return _total(map(worth, notes.blocks())) / (notes.received + _TINY)
+
+
+def _total(parts: Iterable[Array]) -> Array:
+    """The sum, which of a single part is that part."""
+    return reduce(operator.add, parts)
 
 
 def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
