@@ -34,6 +34,11 @@ def namespace(array: Array) -> ModuleType:
     return _NAMESPACES[kind]
 
 
+def largest(array: Array) -> Array:
+    """The largest along the first axis; NumPy's method takes half the time of its function."""
+    return array.max(axis=0) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
+
+
 def cast(array: Array, dtype: Any) -> Array:
     """An array in another dtype; also a single number of NumPy, which `astype` of the standard refuses."""
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)

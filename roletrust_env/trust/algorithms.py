@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, namespace
+from roletrust_env.arrays import Array, compiling, largest, namespace
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Of `_sinc_polynomial`, the constant first."""
@@ -167,10 +167,10 @@ class Notes(NamedTuple):
 
     def blocks(self) -> list[slice]:
         """The raters in blocks whose notes fit into a processor's cache; all in one where a library sees to that."""
-        raters, cells = len(self.values), math.prod(self.values.shape)
-        if cells <= _LARGE or not isinstance(self.values, np.ndarray):
+        raters, values = len(self.values), self.values
+        if not isinstance(values, np.ndarray) or values.size <= _LARGE:
             return [slice(raters)]
-        rows = max(1, _BLOCK * raters // cells)
+        rows = max(1, _BLOCK * raters // values.size)
         return [slice(at, at + rows) for at in range(0, raters, rows)]
 
     def of_raters(self, some: slice) -> "Notes":
@@ -179,24 +179,33 @@ class Notes(NamedTuple):
         return Notes(self.values[some], weights, self.received, self.given if weights is None else self.given[some])
 
 
-def rater_quality(notes: Notes, root: Callable[[Array], Array] | None = None) -> Array:
+Root = Callable[[Array], Array]
+"""What takes the place of a square root."""
+
+
+def rater_quality(notes: Notes, root: Root | None = None) -> Array:
     """QoR of Algorithm 1, shape (S, ...); 1 for a rater that rated nobody.
 
     Args:
         notes: of the round.
-        root: what takes the place of the square root, for who needs a slope at 0; None is the square root.
+        root: instead of the square root, for who needs a slope at 0.
     """
     xp = namespace(notes.values)
-    root = xp.sqrt if root is None else root
-    best = xp.max(notes.values, axis=0)
-    blocks = [notes.of_raters(some) for some in notes.blocks()]
+    root = root or xp.sqrt
     # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    below = _total(block.weigh(block.values - best).sum(axis=0) for block in blocks) / (notes.received + _TINY)
-    found = []
-    for block in blocks:
-        distance = block.weigh(root(abs(block.weigh(block.values - best) - below)))
-        found.append(1.0 - distance.sum(axis=1) / (block.given + _TINY))
-    return found[0] if len(found) == 1 else xp.concat(found)
+    best = largest(notes.values)
+    blocks = notes.blocks()
+    if len(blocks) == 1:
+        below = notes.weigh(notes.values - best)
+        return _nearness(notes, below - below.sum(axis=0) / (notes.received + _TINY), root)
+    parts = [notes.of_raters(some) for some in blocks]
+    average = _total(part.weigh(part.values - best).sum(axis=0) for part in parts) / (notes.received + _TINY)
+    return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
+
+
+def _nearness(notes: Notes, apart: Array, root: Root) -> Array:
+    """1 less the mean root of how far apart each rater's notes are from the average ones."""
+    return 1.0 - notes.weigh(root(abs(apart))).sum(axis=1) / (notes.given + _TINY)
 
 
 def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
