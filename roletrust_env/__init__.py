@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import pettingzoo
 
+from roletrust_env.envs import wrappers
 from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
@@ -51,6 +52,7 @@ __all__ = [
     "register_trust_model",
     "scenarios",
     "trust_models",
+    "wrappers",
 ]
 
 

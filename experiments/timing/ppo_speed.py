@@ -39,7 +39,7 @@ class NoGame(Slots):
         self._infos: list[dict[str, Any]] = [{} for _ in range(like.num_envs)]
         seen: Any = like.observation_space
         action: Any = like.action_space
-        super().__init__(like.num_envs, seen, action, zeros, scaled=False, seed=0)
+        super().__init__(like.num_envs, like.task.game, seen, action, scaled=False, seed=0)
 
     def step_async(self, actions: Any) -> None:
         """Look at nothing."""

@@ -1,18 +1,16 @@
 """The PettingZoo face in which agents act in turn (AEC)."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
+from roletrust_env.envs.parallel import Vector, parallel_env
+from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario
-
-if TYPE_CHECKING:
-    pass
-from roletrust_env.envs.parallel import RenderMode, Vector, parallel_env
 
 
 def env(

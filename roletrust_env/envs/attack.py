@@ -1,13 +1,17 @@
 """The Gymnasium face of an attack: one learner controls some agents, everybody else is scripted."""
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
+from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.batch import TaskBatch
+from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.attack import AttackTask, make_task
 from roletrust_env.randomness import Random
 
@@ -37,8 +41,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     ## Action Space
 
     `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
-    P providers, if it rates. `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)` gives the range that many learners
-    like.
+    P providers, if it rates. `roletrust_env.wrappers` has other action spaces for learners that need them.
 
     ## Observation Space
 
@@ -63,8 +66,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     ## Episode End
 
-    Truncation after the scenario's `max_cycles` steps. Termination when all compromised agents are gone for good, cut
-    off by admission control or left.
+    Truncation after the scenario's `max_cycles` steps, which `spec.max_episode_steps` tells. Termination when all
+    compromised agents are gone for good, cut off by admission control or left.
 
     ## Information
 
@@ -79,15 +82,13 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     - v0: first version.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array", "ansi"], "render_fps": 4}  # noqa: RUF012 - as Gymnasium has it
+    metadata = {**RENDERING}  # noqa: RUF012 - as Gymnasium has it
 
     defaults: ClassVar[dict[str, Any]] = {}
     """Arguments of `make_task` where none are given."""
 
-    def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            known = ", ".join(self.metadata["render_modes"])
-            raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
+    def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
+        refuse_unknown(type(self), arguments, make_task)
         if not isinstance(arguments.get("like"), np.ndarray | None):
             raise ValueError("like is of another library; this face is NumPy's, see make_vec for batches of tensors")
         self.task = make_task(**{**self.defaults, **arguments})
@@ -96,8 +97,19 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._batch = TaskBatch(self.task)
         self._random: Random | None = None
         self._playing = False
-        self._curves: list[tuple[Any, Any]] = []
-        self._renderer: Any = None
+        self._spectator = Spectator(self.task.game, render_mode)
+        self._spectator.attackers = self.task.compromised
+        self._spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from, with the length of an episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        # The registry cannot know the length, and Gymnasium would cut longer games off at the one it knew.
+        self._spec = spec and replace(spec, max_episode_steps=self._batch.rounds)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`."""
@@ -106,8 +118,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             self._random = Random(self.np_random, self.task.game.like)
         self._batch.restart(self._random)
         self._playing = True
-        self._curves = []
-        self._note()
+        self._spectator.follow(self._batch.games)
         return self._observe(), {"objective": 0.0, "cost": 0.0}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -122,49 +133,38 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
             raise RuntimeError("call reset() before step(): the episode has not begun or is over")
         outcome = self._batch.step(action, self._random)
         self._playing = not (bool(outcome.caught) or bool(outcome.over))
-        self._note()
+        self._spectator.follow(self._batch.games)
         info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
         caught = bool(outcome.caught)
         return self._observe(), float(outcome.reward), caught, bool(outcome.over) and not caught, info
 
     def render(self) -> Any:
         """Show the game as it stands, as `render_mode` says."""
-        if self.render_mode is None or self._batch.state is None:
-            raise RuntimeError("make the environment with a render_mode, and call reset() before render()")
-        if self._renderer is None:
-            from roletrust_env.rendering.renderer import Renderer
-
-            self._renderer = Renderer(self.task.game, self.render_mode)  # type: ignore[arg-type]
-        return self._renderer.render(self._batch.state.game, self._curves, self.task.compromised)
+        return self._spectator.render()
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._spectator.close()
 
     def _observe(self) -> Vector:
         observation: Vector = self._batch.observe().astype(np.float32)
         return observation
 
-    def _note(self) -> None:
-        if self.render_mode is not None and self._batch.state is not None:
-            self._curves.append(self.task.game.published(self._batch.state.game))
-            if self.render_mode == "human":
-                self.render()
 
-
-def check_action(action: Any, shape: tuple[int, ...]) -> Vector:
+def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:
     """An action as it is, if it is one.
 
     Raises:
-        ValueError: it is of the wrong shape, NaN or outside [0, 1].
+        ValueError: it is of the wrong shape, NaN or outside [low, 1].
     """
-    action = np.asarray(action)
+    try:
+        action = np.asarray(action)
+    except (ValueError, TypeError, RuntimeError) as error:  # rows of many lengths, or a tensor that NumPy cannot have
+        raise ValueError(f"the action is no array: {error}; it must be numbers, of shape {shape}") from None
     if action.shape != shape or action.dtype.kind not in "fiu":
         raise ValueError(f"the action has shape {action.shape} and dtype {action.dtype}; it must have shape {shape}")
-    if not (action.min() >= 0 and action.max() <= 1):
-        wrong = action[~((action >= 0) & (action <= 1))]
-        raise ValueError(f"the action holds {wrong[0]}; every entry must lie in [0, 1]")
+    if not (action.min() >= low and action.max() <= 1):
+        wrong = action[~((action >= low) & (action <= 1))]
+        raise ValueError(f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]")
     checked: Vector = action.astype(np.float32, copy=False)
     return checked

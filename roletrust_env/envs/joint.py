@@ -38,7 +38,7 @@ class JointAction:
             agents: who acts.
 
         Raises:
-            ValueError: an action is missing, of an absent agent, of the wrong shape, NaN or outside [0, 1].
+            ValueError: an action is missing, of an absent agent, of the wrong size, NaN or outside [0, 1].
         """
         joint = np.zeros(self._size)
         try:
@@ -49,13 +49,16 @@ class JointAction:
                     raise ValueError
                 joint[place] = action
         except (KeyError, AttributeError, ValueError, TypeError):
-            raise ValueError(self._complaint(actions, agents)) from None
+            if complaint := self._complaint(actions, agents):
+                raise ValueError(complaint) from None
+            for agent in agents:  # lists, tensors, or of another shape
+                joint[self._slots[agent][1]] = np.asarray(actions[agent]).reshape(-1)
         if len(actions) != len(agents) or not (joint.min() >= 0 and joint.max() <= 1):
             raise ValueError(self._complaint(actions, agents))
         return self._split(joint)
 
-    def _complaint(self, actions: Any, agents: Sequence[str]) -> str:
-        """What is wrong with the actions, and what is allowed."""
+    def _complaint(self, actions: Any, agents: Sequence[str]) -> str | None:
+        """What is wrong with the actions, and what is allowed; None if nothing is."""
         if not isinstance(actions, Mapping):
             return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
         for agent in agents:
@@ -64,17 +67,21 @@ class JointAction:
             if complaint := self.complaint(agent, actions[agent]):
                 return complaint
         strangers = ", ".join(repr(agent) for agent in actions if agent not in agents)
+        if not strangers:
+            return None
         return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(agents)}"
 
     def complaint(self, agent: str, action: Any) -> str | None:
         """What is wrong with an agent's action, and what is allowed; None if nothing is."""
         shape = self._slots[agent][0]
-        if not isinstance(action, np.ndarray):
-            return f"the action of {agent!r} is no array but {action!r}; it must be a NumPy array of shape {shape}"
+        try:
+            action = np.asarray(action)
+        except (ValueError, TypeError, RuntimeError) as error:  # rows of many lengths, or a tensor that NumPy cannot have
+            return f"the action of {agent!r} is no array: {error}; it must be numbers, of shape {shape}"
         if action.dtype.kind not in _NUMBERS:
-            return f"the action of {agent!r} is {action!r}; it must be a NumPy array of numbers, of shape {shape}"
-        if action.shape != shape:
-            return f"the action of {agent!r} is of shape {action.shape}; it must be a NumPy array of shape {shape}"
+            return f"the action of {agent!r} is no array of numbers but {action!r}; it must be one, of shape {shape}"
+        if action.size != shape[0]:
+            return f"the action of {agent!r} is of shape {action.shape}; it must have the size of shape {shape}"
         wrong = action[~((action >= 0) & (action <= 1))]
         return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,9 @@ from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.joint import JointAction
+from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
@@ -18,10 +20,6 @@ from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT
 
-if TYPE_CHECKING:
-    from roletrust_env.rendering.renderer import Renderer
-
-RenderMode = Literal["human", "rgb_array", "ansi"]
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
 Vector = npt.NDArray[np.float32]
 
@@ -38,7 +36,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Action Space
 
-    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario:
+    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario; lists, CPU tensors and other shapes
+    of the same size will do:
 
     | agent | shape | action |
     |---|---|---|
@@ -106,9 +105,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     metadata: ClassVar[dict[str, Any]] = {
         "name": "roletrust_v0",
-        "render_modes": ["human", "rgb_array", "ansi"],
         "is_parallelizable": True,
-        "render_fps": 4,
+        **RENDERING,
     }
 
     def __init__(
@@ -118,15 +116,14 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         render_mode: RenderMode | None = None,
         **changes: Any,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            known = ", ".join(self.metadata["render_modes"])
-            raise ValueError(f"unknown render_mode {render_mode!r}; known: {known}, or None")
+        refuse_unknown(type(self), changes)
         scenario = make_scenario(scenario)
         self.game = Game(scenario.change(**changes) if changes else scenario, trust_model)
         if all(group.joins > 0 or group.join_rate < 1 for group in self.game.scenario.agents):
             raise ValueError("agents: every group joins late; an episode begins with a group of joins 0, join_rate 1")
         self.layout = layout = self.game.layout
         self.render_mode = render_mode
+        self._spectator = Spectator(self.game, render_mode)
         self.possible_agents = list(self.game.roster.names)
         self.agents: list[str] = []
         self.attackers: tuple[str, ...] = ()
@@ -135,27 +132,26 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             "sp": (layout.provider_size, 1),
             "srsp": (1 + layout.provider_size + layout.rater_size, 1 + layout.n_providers),
         }
-        self._observation_spaces: dict[str, Box] = {}
-        self._action_spaces: dict[str, Box] = {}
+        self.observation_spaces: dict[str, Box] = {}
+        self.action_spaces: dict[str, Box] = {}
         for agent in self.possible_agents:
             seen, done = sizes[agent.partition("_")[0]]
-            self._observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
-            self._action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
+            self.observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
+            self.action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
         self._joint = JointAction(self.game.roster)
         self._seen = self._places()  # where, in the vector of everything, the entries of its observation stand
         self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
+        self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
         self._state: State | None = None
-        self._curves: list[tuple[Any, Any]] = []
-        self._renderer: Renderer | None = None  # made when first needed
 
     def observation_space(self, agent: str) -> Box:
         """The observation space of an agent, the same object at each call."""
-        return self._observation_spaces[agent]
+        return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
         """The action space of an agent, the same object at each call."""
-        return self._action_spaces[agent]
+        return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -176,19 +172,19 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         if isinstance(attackers, str):
             raise ValueError(f"attackers is {attackers!r}; it must be a sequence of agents' names")
         for name in attackers:
-            if name not in self._action_spaces:
-                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self._action_spaces)}")
+            if name not in self.action_spaces:
+                raise ValueError(f"there is no agent {name!r} to mark; there are {', '.join(self.action_spaces)}")
         if seed is not None or self._random is None:
-            self._random = Random(seeding.np_random(seed)[0])
+            self.np_random, _ = seeding.np_random(seed)
+            self._random = Random(self.np_random)
         if seed is not None:  # also for those who join later, whose spaces nobody else can seed in time
-            for i, space in enumerate(self._action_spaces.values()):
+            for i, space in enumerate(self.action_spaces.values()):
                 space.seed(seed + i)
-        self.attackers = tuple(attackers)
+        self.attackers = self._spectator.attackers = tuple(attackers)
         self._state = self.game.start(self.game.draw(self._random, start=True))
-        self._curves = []
         present = self.game.present(self._state)
         self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
-        self._note()
+        self._spectator.follow(self._state)
         return self._observe(self._state, self.agents), self._inform(self._state, self.agents)
 
     def step(
@@ -197,17 +193,20 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Play one round.
 
         Args:
-            actions: an action, of its space, for each agent in `agents`, and for nobody else.
+            actions: an action for each agent in `agents`, and for nobody else.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers.
+            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers; of
+            nobody, if the episode is over and nobody acts.
 
         Raises:
-            ValueError: an action is missing, of an absent agent, of the wrong shape, NaN or outside [0, 1]. Nothing
-                has changed then.
+            ValueError: an action is missing, of an absent agent, of the wrong size, NaN or outside [0, 1]. Nothing has
+                changed then.
             RuntimeError: `reset` was not called, or the episode is over.
         """
         if self._state is None or self._random is None or not self.agents:
+            if self._state is not None and actions == {}:
+                return {}, {}, {}, {}, {}
             raise RuntimeError("call reset() before step(): there is no episode, or it is over")
         joint = self._joint.read(actions, self.agents)
         state, rewards = self.game.step(self._state, joint, self.game.draw(self._random))
@@ -229,7 +228,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             staying = [a for a in agents if there[a]]
         truncations = {a: over and not gone for a, gone in terminations.items()}
         self.agents = [] if over else list(staying)
-        self._note()
+        self._spectator.follow(state)
         observations, infos = self._observe(state, agents), self._inform(state, agents)
         return observations, reward, terminations, truncations, infos
 
@@ -242,15 +241,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     def render(self) -> npt.NDArray[np.uint8] | str | None:
         """Show the game as it stands, as `render_mode` says: a picture, text, or a window (None)."""
-        if self.render_mode is None:
-            raise RuntimeError("render_mode is None; make the environment with render_mode='rgb_array', say")
-        if self._state is None:
-            raise RuntimeError("call reset() before render(): there is no episode")
-        if self._renderer is None:
-            from roletrust_env.rendering.renderer import Renderer
-
-            self._renderer = Renderer(self.game, self.render_mode)
-        return self._renderer.render(self._state, self._curves, self.attackers)
+        return self._spectator.render()
 
     def complaint(self, agent: str, action: Any) -> str | None:
         """What is wrong with an agent's action, and what is allowed; None if nothing is."""
@@ -258,16 +249,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
-    def _note(self) -> None:
-        """Keep the trust curves for renderings, and show a window what is new."""
-        if self.render_mode is not None and self._state is not None:
-            self._curves.append(self.game.published(self._state))
-            if self.render_mode == "human":
-                self.render()
+        self._spectator.close()
 
     def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         everything = self.game.summary(state)
@@ -328,6 +310,7 @@ def parallel_env(
         **changes: other values of the scenario's fields, such as `max_cycles=50`, `lam=0.7` or `noise=0.0`.
 
     Raises:
+        TypeError: there is no such argument and no such field.
         ValueError: a name is unknown, a file is broken, or a value is not allowed.
 
     Example:

@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from roletrust_env.envs.attack import task_spaces
 from roletrust_env.envs.batch import TaskBatch
 from roletrust_env.envs.slots import Flags, Floats, Slots, Step
+from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.game.attack import AttackTask
 from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
@@ -30,6 +31,7 @@ class AttackVecEnv(Slots):
         num_envs: number of games, E.
         scaled: whether actions are in [-1, 1], which learners like; else they are in [0, 1], as in `AttackEnv`.
         seed: of all luck; `seed(...)` before `reset()` sets another.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown.
 
     Raises:
         ValueError: the task does not play on NumPy, or there is no game.
@@ -41,10 +43,19 @@ class AttackVecEnv(Slots):
         (256, 10)
     """
 
-    def __init__(self, task: AttackTask, num_envs: int, *, scaled: bool = True, seed: int | None = None) -> None:
+    def __init__(
+        self,
+        task: AttackTask,
+        num_envs: int,
+        *,
+        scaled: bool = True,
+        seed: int | None = None,
+        render_mode: RenderMode | None = None,
+    ) -> None:
         self.task = task
         self._batch = TaskBatch(task, (num_envs,))
-        super().__init__(num_envs, *task_spaces(task), task.game.like, scaled=scaled, seed=seed)
+        super().__init__(num_envs, task.game, *task_spaces(task), scaled=scaled, seed=seed, render_mode=render_mode)
+        self._spectator.attackers = task.compromised
 
     def _restart(self, ended: Flags | None) -> None:
         self._batch.restart(self._random, ended)
@@ -56,6 +67,9 @@ class AttackVecEnv(Slots):
 
     def _observe(self) -> Floats:
         return np.array(self._batch.observe().T, np.float32, order="C")
+
+    def _follow(self) -> None:
+        self._spectator.follow(self._batch.games)
 
 
 class RoleVecEnv(Slots):
@@ -72,6 +86,7 @@ class RoleVecEnv(Slots):
         others: agent's name -> policy of agents of the other roles; those not named play honestly.
         scaled: whether actions are in [-1, 1], which learners like; else they are in [0, 1].
         seed: of all luck; `seed(...)` before `reset()` sets another.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown.
 
     Raises:
         ValueError: agents come and go in the scenario, nobody has the role, somebody of the role is given a policy, or
@@ -93,6 +108,7 @@ class RoleVecEnv(Slots):
         others: Mapping[str, Policy] | None = None,
         scaled: bool = True,
         seed: int | None = None,
+        render_mode: RenderMode | None = None,
     ) -> None:
         roster, scenario = game.roster, game.scenario
         if role not in ("sr", "sp", "srsp"):
@@ -121,7 +137,8 @@ class RoleVecEnv(Slots):
         self._state: State | None = None
         self._memories: tuple[Any, ...] = ()
         spaces = Box(0.0, 1.0, (seen,), np.float32), Box(0.0, 1.0, (done,), np.float32)
-        super().__init__(len(self.agents) * games, *spaces, game.like, scaled=scaled, seed=seed)
+        slots = len(self.agents) * games
+        super().__init__(slots, game, *spaces, scaled=scaled, seed=seed, render_mode=render_mode)
 
     def _restart(self, ended: Flags | None) -> None:
         # All games have the same length, so that they all end at once.
@@ -150,6 +167,10 @@ class RoleVecEnv(Slots):
         seen = self.game.observations(self._state)[("sr", "sp", "srsp").index(self._role)]
         assert seen is not None
         return np.array(seen.reshape(seen.shape[0], -1).T, np.float32, order="C")
+
+    def _follow(self) -> None:
+        if self._state is not None:
+            self._spectator.follow(self._state)
 
 
 def _slice(names: Sequence[str], axis: Sequence[str]) -> slice | None:

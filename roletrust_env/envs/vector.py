@@ -1,18 +1,24 @@
 """The batched faces of an attack: Gymnasium's VectorEnv over one batched game, not a loop over games."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.attack import check_action, task_spaces
 from roletrust_env.envs.batch import TaskBatch
+from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.game.attack import make_task
+
+_MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
@@ -21,20 +27,23 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
     Spaces, rewards and arguments are those of the task's `AttackEnv`; everything has one more axis in front, the game.
     Made by `gymnasium.make_vec(id, num_envs=1024)`.
 
-    A game that ends is restarted by itself, as `autoreset_mode` says: in the step after (`AutoresetMode.NEXT_STEP`,
-    Gymnasium's default; that step ignores the action and rewards with 0) or in the same one
-    (`AutoresetMode.SAME_STEP`; the last observation is then in `infos["final_obs"]`, the last infos are in
-    `infos["final_info"]`, and `infos["_final_obs"]` and `infos["_final_info"]` say for which games).
+    A game that ends is restarted by itself, as `autoreset_mode` says: in the step after (`"NextStep"`, Gymnasium's
+    default; that step ignores the action and rewards with 0) or in the same one (`"SameStep"`; the last observation is
+    then in `infos["final_obs"]`, the last infos are in `infos["final_info"]`). As Gymnasium has it, each name in the
+    infos has a mask beside it, such as `infos["_final_obs"]`, that says for which games.
 
     Args:
         task_id: one of `TASKS`.
         num_envs: number of games, E.
-        autoreset_mode: when a game that has ended is restarted.
+        autoreset_mode: when a game that has ended is restarted, one of Gymnasium's `AutoresetMode` or its value.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown, the others are not.
+        max_episode_steps: length of an episode, if less than that of the game.
         like: an array of the library, dtype and device to play with; by default NumPy's float32. With a torch tensor,
-            observations, rewards and flags are tensors, too.
+            observations, rewards, flags and masks are tensors, too.
         **arguments: of `make_task`, over the task's defaults.
 
     Raises:
+        TypeError: there is no such argument.
         ValueError: a name is unknown or a value is not allowed.
     """
 
@@ -43,46 +52,76 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         task_id: str,
         num_envs: int = 1,
         *,
-        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: RenderMode | None = None,
+        max_episode_steps: int | None = None,
         **arguments: Any,
     ) -> None:
-        modes = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
-        if autoreset_mode not in modes:
-            raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be one of {', '.join(map(str, modes))}")
-        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs!r}; it must be a whole number, 1 or more")
+        refuse_unknown(type(self), arguments, make_task)
+        mode = next((mode for mode in _MODES if autoreset_mode in (mode, mode.value)), None)
+        if mode is None:
+            known = ", ".join(f"{mode} or {mode.value!r}" for mode in _MODES)
+            raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be {known}")
+        _check_number("num_envs", num_envs)
+        if max_episode_steps is not None:
+            _check_number("max_episode_steps", max_episode_steps)
         if task_id not in TASKS:
             raise ValueError(f"unknown task {task_id!r}; known: {', '.join(TASKS)}")
         self.task = make_task(**{**TASKS[task_id].defaults, **arguments})
         self.num_envs = num_envs
-        self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": autoreset_mode, "render_modes": []}
+        self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": mode}
+        self.render_mode = render_mode
         self.single_observation_space, self.single_action_space = task_spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._same_step = autoreset_mode is AutoresetMode.SAME_STEP
-        self._batch = TaskBatch(self.task, (num_envs,))
+        self._same_step = mode is AutoresetMode.SAME_STEP
+        self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps)
         self._random = self.task.game.random()
         self._ended: Array | None = None  # games to restart in the next step
+        self._spectator = Spectator(self.task.game, render_mode)
+        self._spectator.attackers = self.task.compromised
+        self._spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from, ready to be written as JSON, with the length of an episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            kwargs = {name: value for name, value in spec.kwargs.items() if name != "max_episode_steps"}
+            if "autoreset_mode" in kwargs:
+                kwargs["autoreset_mode"] = self.metadata["autoreset_mode"].value
+            spec = replace(spec, kwargs=kwargs, max_episode_steps=self._batch.rounds)
+        self._spec = spec
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Restart all games.
+        """Restart all games, or some.
 
         Args:
             seed: one number for the whole batch; None goes on with the generator.
-            options: ignored.
+            options: `{"reset_mask": mask}` restarts the games of the mask only, a boolean array (E,); the others go on,
+                with the luck of the seed if there is one. Other keys are ignored.
 
         Raises:
-            ValueError: a list of seeds is given: the games share one generator.
+            ValueError: a list of seeds is given: the games share one generator; or the mask is no mask of the games.
+            RuntimeError: there is a mask, but nothing has begun yet.
         """
         if not isinstance(seed, int | np.integer | None):
             raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
+        mask = (options or {}).get("reset_mask")
+        if mask is not None:
+            mask = self._checked_mask(mask)
         if seed is not None:
             self._random = self.task.game.random(seed)
-        self._batch.restart(self._random)
-        self._ended = None
-        return self._observe(), dict.fromkeys(("objective", "cost"), self._zeros())
+        self._batch.restart(self._random, mask)
+        self._ended = None if mask is None or self._ended is None else self._ended & ~mask
+        self._spectator.follow(self._batch.games)
+        nothing = self._zeros()
+        return self._observe(), self._infos(nothing, nothing, mask)
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Play one round of all games; see `gymnasium.vector.VectorEnv.step`.
@@ -98,31 +137,44 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             self._batch.restart(self._random, begins)
             if bool(begins.all()):  # nobody plays; no luck is drawn, as in the reset of a single environment
                 self._ended, never, nothing = None, begins & ~begins, self._zeros()
-                return (
-                    self._observe(),
-                    nothing,
-                    never,
-                    xp.asarray(never, copy=True),
-                    {"objective": nothing, "cost": nothing},
-                )
+                self._spectator.follow(self._batch.games)
+                return self._observe(), nothing, never, xp.asarray(never, copy=True), self._infos(nothing, nothing)
         outcome = self._batch.step(actions.T, self._random, begins)
         terminations, truncations = outcome.caught, outcome.over & ~outcome.caught
-        rewards, infos = outcome.reward, {"objective": outcome.objective, "cost": outcome.cost}
+        rewards, objective, cost = outcome.reward, outcome.objective, outcome.cost
         if begins is not None:
-            rewards = xp.where(begins, 0.0, rewards)
+            rewards, objective, cost = (xp.where(begins, 0.0, values) for values in (rewards, objective, cost))
             terminations, truncations = terminations & ~begins, truncations & ~begins
-            infos = {name: xp.where(begins, 0.0, values) for name, values in infos.items()}
+        infos = self._infos(objective, cost)
         self._ended = None
         ended = terminations | truncations
         if bool(ended.any()):
             if self._same_step:
-                final = {"final_obs": self._observe(), "final_info": infos}
-                infos = {name: xp.where(ended, 0.0, values) for name, values in infos.items()}
-                infos = {**infos, **final, "_final_obs": ended, "_final_info": ended}
+                final = {"final_obs": self._observe(), "final_info": self._infos(objective, cost, ended)}
+                infos = self._infos(*(xp.where(ended, 0.0, values) for values in (objective, cost)))
+                infos |= final | {"_final_obs": ended, "_final_info": ended}
                 self._batch.restart(self._random, ended)
             else:
                 self._ended = ended
+        self._spectator.follow(self._batch.games)
         return self._observe(), rewards, terminations, truncations, infos
+
+    def render(self) -> tuple[Any, ...] | None:
+        """The first game, as `render_mode` says.
+
+        Returns:
+            A frame for each game, as Gymnasium has it: a picture or a text of the first one, and blanks; None with a
+            window.
+        """
+        first = self._spectator.render()
+        if first is None:
+            return None
+        blank = "" if isinstance(first, str) else np.zeros_like(first)
+        return first, *[blank] * (self.num_envs - 1)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if there is one."""
+        self._spectator.close()
 
     def _observe(self) -> Array:
         observation = self._batch.observe().T
@@ -131,6 +183,12 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             if isinstance(observation, np.ndarray)
             else observation.contiguous()
         )
+
+    def _infos(self, objective: Array, cost: Array, whose: Array | None = None) -> dict[str, Array]:
+        """What is told of each game, or of some, and for which ones it is."""
+        xp = namespace(objective)
+        told = xp.ones_like(objective, dtype=xp.bool) if whose is None else whose
+        return {"objective": objective, "_objective": told, "cost": cost, "_cost": told}
 
     def _zeros(self) -> Array:
         like = self.task.game.like
@@ -153,12 +211,32 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             raise ValueError("the actions hold NaN or numbers outside [0, 1]; every entry must lie in [0, 1]")
         return actions
 
+    def _checked_mask(self, mask: Array) -> Array:
+        like = self.task.game.like
+        mask = mask if isinstance(mask, type(like)) else np.asarray(mask)
+        if tuple(mask.shape) != (self.num_envs,) or not str(mask.dtype).endswith("bool") or not bool(mask.any()):
+            raise ValueError(f"reset_mask is {mask}; it must be boolean, ({self.num_envs},), and true somewhere")
+        if self._batch.state is None:
+            raise RuntimeError("call reset() without a reset_mask first: no game has begun yet")
+        return namespace(like).asarray(mask, device=like.device, copy=True)
+
+
+def _check_number(name: str, value: object) -> None:
+    if not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number, 1 or more")
+
 
 def register_tasks() -> None:
-    """Make the tasks known to Gymnasium; importing `roletrust_env` does."""
+    """Make the tasks known to Gymnasium, by names that a spec in JSON can hold; importing `roletrust_env` does."""
     for task_id, environment in TASKS.items():
         gymnasium.register(
             task_id,
-            entry_point=environment,
-            vector_entry_point=partial(AttackVectorEnv, task_id),
+            entry_point=f"{environment.__module__}:{environment.__name__}",
+            vector_entry_point=f"{__name__}:{environment.__name__.replace('Env', 'VectorEnv')}",
         )
+
+
+ProviderAttackVectorEnv = partial(AttackVectorEnv, "RoleTrust/ProviderAttack-v0")
+RaterAttackVectorEnv = partial(AttackVectorEnv, "RoleTrust/RaterAttack-v0")
+DualAttackVectorEnv = partial(AttackVectorEnv, "RoleTrust/DualAttack-v0")
+CollusionAttackVectorEnv = partial(AttackVectorEnv, "RoleTrust/CollusionAttack-v0")

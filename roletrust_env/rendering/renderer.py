@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium.error import DependencyNotInstalled
 
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
@@ -48,7 +49,7 @@ class Renderer:
             The picture, shape (H, W, 3), the text, or None for a window.
 
         Raises:
-            ModuleNotFoundError: the mode needs matplotlib, which is not installed.
+            DependencyNotInstalled: of Gymnasium: the mode needs matplotlib.
         """
         if self.mode == "ansi":
             return as_text(look(self.game, state, attackers))
@@ -79,7 +80,7 @@ def _open(mode: Literal["human", "rgb_array"], game: Game) -> Canvas | Window | 
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
-        raise ModuleNotFoundError(
+        raise DependencyNotInstalled(
             f"render_mode {mode!r} needs matplotlib: pip install 'roletrust-env[cli]'; 'ansi' does without"
         ) from None
     if mode == "rgb_array":
@@ -87,5 +88,5 @@ def _open(mode: Literal["human", "rgb_array"], game: Game) -> Canvas | Window | 
     try:
         return Window(game.scenario)
     except ImportError as error:
-        warnings.warn(f"render_mode 'human' shows nothing: {error}", stacklevel=4)
+        warnings.warn(f"render_mode 'human' shows nothing: {error}", stacklevel=5)
         return None

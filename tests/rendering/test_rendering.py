@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from gymnasium.error import DependencyNotInstalled
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from pettingzoo.test.render_test import render_test
@@ -79,7 +80,7 @@ def test_a_frame_is_the_whole_picture_though_only_what_moves_is_drawn_anew(name)
     whole = FigureCanvasAgg(Figure((12.8, 7.2), 100))
     scene = scene_of(game)
     picture = Picture(whole.figure, game.game.scenario, scene)
-    picture.update(scene, game._curves)
+    picture.update(scene, game._spectator.curves)
     whole.draw()
     difference = np.abs(np.asarray(whole.buffer_rgba())[..., :3].astype(int) - game.render())
     assert (difference.max(-1) > 60).mean() < 1e-3  # grid lines and spines may lie above or below
@@ -107,9 +108,9 @@ def test_absent_agents_look_different():
     assert set(scene.raters.fates + scene.providers.fates) == {"", "waiting", "cut off"}
     everyone = scene._replace(raters=scene.raters._replace(fates=("",) * len(scene.raters.fates)))
     canvas = Canvas(game.game.scenario)
-    canvas.draw(scene, game._curves)
+    canvas.draw(scene, game._spectator.curves)
     shown = canvas.frame()
-    canvas.draw(everyone, game._curves)
+    canvas.draw(everyone, game._spectator.curves)
     assert (canvas.frame() != shown).any()
 
 
@@ -124,7 +125,12 @@ def test_perturbation_is_shown_while_it_lasts():
 
 def test_rendering_only_reads():
     def tree(game):
-        leaves = [game._state.ratings, game._state.trust, game._curves, game._random.generator.bit_generator.state]
+        leaves = [
+            game._state.ratings,
+            game._state.trust,
+            game._spectator.curves,
+            game._random.generator.bit_generator.state,
+        ]
         return repr([game._state, leaves, game.agents])
 
     for mode in ("rgb_array", "ansi"):
@@ -207,9 +213,9 @@ def test_a_renderer_that_has_drawn_can_be_copied():
     game = play("paper-3x3", 2)
     frame = game.render()
     renderer = Renderer(game.game, "rgb_array")
-    renderer.render(game._state, game._curves, ())
+    renderer.render(game._state, game._spectator.curves, ())
     twin = copy.copy(renderer)
-    np.testing.assert_array_equal(twin.render(game._state, game._curves, ()), frame)
+    np.testing.assert_array_equal(twin.render(game._state, game._spectator.curves, ()), frame)
 
 
 @pytest.fixture
@@ -225,7 +231,7 @@ def no_matplotlib(monkeypatch):
 @pytest.mark.usefixtures("no_matplotlib")
 def test_without_matplotlib_the_error_names_the_remedy(mode):
     game = parallel_env("paper-3x3", render_mode=mode)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'roletrust-env\[cli\]'"):
+    with pytest.raises(DependencyNotInstalled, match=r"pip install 'roletrust-env\[cli\]'"):
         game.reset(seed=1) if mode == "human" else [game.reset(seed=1), game.render()]
 
 

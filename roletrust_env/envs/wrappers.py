@@ -1,0 +1,196 @@
+"""Wrappers for learners and libraries that need other actions than numbers in [0, 1], or agents that never change."""
+
+from collections.abc import Callable, Container, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box, Discrete, MultiDiscrete
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.wrappers import TransformAction
+from pettingzoo import ParallelEnv
+from pettingzoo.utils.wrappers import BaseParallelWrapper
+
+ByName = dict[str, Any]
+Answers = tuple[ByName, ByName, ByName, ByName, ByName]
+
+
+class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
+    """Actions in [-1, 1], clipped: for learners whose Gaussian is centred on 0 and leaves the space.
+
+    For a task of Gymnasium, or for `EachAgent`. Unlike behind Gymnasium's `ClipAction`, the space stays bounded, as
+    many libraries need it. NaN stays NaN, and is refused.
+
+    Example:
+        >>> env = Scaled(gymnasium.make("RoleTrust/RaterAttack-v0"))
+        >>> env.action_space
+        Box(-1.0, 1.0, (3,), float32)
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        RecordConstructorArgs.__init__(self)
+        TransformAction.__init__(self, env, self._unscale, Box(-1.0, 1.0, _shape(env), np.float32))
+
+    def _unscale(self, action: Any) -> Any:
+        numbers = np.asarray(action)
+        # What is no number is refused by the environment, by name.
+        return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiu" else action
+
+
+class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
+    """Actions by number: each entry is one of some levels from 0 to 1, both ends included.
+
+    For a task of Gymnasium, or for `EachAgent`. Gymnasium's `DiscretizeAction` takes the middles of its bins, so that
+    with it nobody could serve or rate as well, or as badly, as can be.
+
+    Args:
+        env: with actions in [0, 1].
+        levels: how many, 2 or more.
+        multidiscrete: whether an action is a number for each entry, and not one for all entries together, which has
+            levels ** entries values.
+
+    Raises:
+        ValueError: there are too few levels, or too many actions to be counted.
+
+    Example:
+        >>> Levels(gymnasium.make("RoleTrust/ProviderAttack-v0"), 5).action_space
+        Discrete(5)
+        >>> Levels(gymnasium.make("RoleTrust/RaterAttack-v0"), 5, multidiscrete=True).action_space
+        MultiDiscrete([5 5 5])
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any], levels: int, multidiscrete: bool = False) -> None:
+        entries = _shape(env)[0]
+        if not isinstance(levels, int) or levels < 2:
+            raise ValueError(f"levels is {levels!r}; it must be a whole number, 2 or more")
+        if not multidiscrete and levels**entries > 2**31:
+            raise ValueError(f"{levels} levels of {entries} entries are {levels}**{entries} actions; use multidiscrete")
+        RecordConstructorArgs.__init__(self, levels=levels, multidiscrete=multidiscrete)
+        space = MultiDiscrete([levels] * entries) if multidiscrete else Discrete(levels**entries)
+        TransformAction.__init__(self, env, self._value, space)
+        self._grid = (levels,) * entries
+
+    def _value(self, action: Any) -> npt.NDArray[np.float32]:
+        number, shape = np.asarray(action), self.action_space.shape or ()
+        if number.size == np.prod(shape):
+            number = number.reshape(shape)
+        if number not in self.action_space:
+            raise ValueError(f"the action is {action!r}; it must be in {self.action_space}")
+        each = number if number.ndim else np.asarray(np.unravel_index(int(number), self._grid))
+        return (each / (self._grid[0] - 1)).astype(np.float32)
+
+
+class EachAgent(BaseParallelWrapper[str, Any, Any]):
+    """A PettingZoo environment in which the action of each agent goes through an action wrapper of Gymnasium's.
+
+    Args:
+        env: the environment.
+        wrapper: one that remembers nothing, such as `Scaled`, `Levels` or `gymnasium.wrappers.ClipAction`.
+        **arguments: of the wrapper.
+
+    Example:
+        >>> import roletrust_env
+        >>> env = EachAgent(roletrust_env.parallel_env(), Levels, levels=3)
+        >>> env.action_space("sp_0"), env.action_space("sr_0")
+        (Discrete(3), Discrete(27))
+    """
+
+    def __init__(
+        self, env: ParallelEnv[str, Any, Any], wrapper: Callable[..., gymnasium.Env[Any, Any]], **arguments: Any
+    ) -> None:
+        super().__init__(env)
+        self._each = {name: wrapper(_OneAgent(env.action_space(name)), **arguments) for name in env.possible_agents}
+        self.action_spaces = {name: one.action_space for name, one in self._each.items()}
+
+    def action_space(self, agent: str) -> gymnasium.Space[Any]:
+        """The action space of an agent, the same object at each call."""
+        return self.action_spaces[agent]
+
+    def step(self, actions: Mapping[str, Any]) -> Answers:
+        """Play one round; see the environment's."""
+        answers: Answers = self.env.step({name: self._translated(name, action) for name, action in actions.items()})
+        return answers
+
+    def _translated(self, agent: str, action: Any) -> Any:
+        if agent not in self._each:
+            return action  # the environment knows what to say
+        try:
+            return self._each[agent].step(action)[0]
+        except ValueError as error:
+            raise ValueError(f"{agent!r}: {error}") from None
+
+
+class _OneAgent(gymnasium.Env[Any, Any]):
+    """An agent as its action wrapper sees it: what reaches it comes back as the observation."""
+
+    def __init__(self, space: gymnasium.Space[Any]) -> None:
+        self.action_space = space
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        return action, 0.0, False, False, {}
+
+
+class Everybody(BaseParallelWrapper[str, Any, Any]):
+    """Everybody is in every dictionary from the first step to the last, for libraries without comers and goers.
+
+    All `possible_agents` act and are answered in every step. Who is not there observes zeros, is rewarded with 0, and
+    what it does is ignored. The episode ends for all together, as a truncation if it has reached its length, as a
+    termination if nobody is left. The infos hold one entry, the same for all, `present`: whether the agent is there.
+
+    Example:
+        >>> import roletrust_env
+        >>> env = Everybody(roletrust_env.parallel_env("open-system"))
+        >>> observations, infos = env.reset(seed=0)
+        >>> env.agents == env.possible_agents
+        True
+    """
+
+    def __init__(self, env: ParallelEnv[str, Any, Any]) -> None:
+        super().__init__(env)
+        self.agents: list[str] = []
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[ByName, ByName]:
+        """Begin a new episode; see the environment's."""
+        observations, _ = self.env.reset(seed=seed, options=options)
+        self.agents = list(self.possible_agents)
+        return self._observed(observations), self._told(observations)
+
+    def step(self, actions: Mapping[str, Any]) -> Answers:
+        """Play one round; see the environment's.
+
+        Raises:
+            ValueError: a present agent's action is missing or wrong, or it is nobody's.
+        """
+        absent = set(self.agents).difference(self.env.agents)
+        acted = {agent: action for agent, action in actions.items() if agent not in absent}
+        observations, rewards, terminations, truncations, _ = self.env.step(acted)
+        present = {agent for agent, gone in terminations.items() if not gone}
+        over, all_gone = any(truncations.values()), not self.env.agents
+        answers = (
+            self._observed(observations),
+            {agent: rewards.get(agent, 0.0) for agent in self.agents},
+            dict.fromkeys(self.agents, all_gone and not over),
+            dict.fromkeys(self.agents, over),
+            self._told(present),
+        )
+        if all_gone:
+            self.agents = []
+        return answers
+
+    def _observed(self, observations: ByName) -> ByName:
+        return {
+            agent: observations[agent] if agent in observations else np.zeros_like(self.observation_space(agent).low)
+            for agent in self.agents
+        }
+
+    def _told(self, present: Container[str]) -> ByName:
+        return {agent: {"present": agent in present} for agent in self.agents}
+
+
+def _shape(env: gymnasium.Env[Any, Any]) -> tuple[int, ...]:
+    """The shape of the actions, which must be numbers in [0, 1]."""
+    space = env.action_space
+    if not isinstance(space, Box) or np.any(space.low != 0) or np.any(space.high != 1):
+        raise ValueError(f"the action space is {space}; it must be a Box of [0, 1]")
+    return space.shape
