@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import pettingzoo
 
-from roletrust_env.envs import wrappers
 from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
+from roletrust_env.envs.wrappers import EachAgent, Everybody, Levels, Scaled
 from roletrust_env.game.attack import make_task
 from roletrust_env.game.cast import Cast, Player
 from roletrust_env.game.game import Game
@@ -32,13 +32,17 @@ __all__ = [
     "Actions",
     "AttackVecEnv",
     "Cast",
+    "EachAgent",
+    "Everybody",
     "Game",
+    "Levels",
     "Noise",
     "Player",
     "Policy",
     "Random",
     "RoleTrustParallelEnv",
     "RoleVecEnv",
+    "Scaled",
     "Scenario",
     "State",
     "env",
@@ -52,7 +56,6 @@ __all__ = [
     "register_trust_model",
     "scenarios",
     "trust_models",
-    "wrappers",
 ]
 
 

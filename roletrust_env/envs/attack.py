@@ -41,7 +41,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     ## Action Space
 
     `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
-    P providers, if it rates. `roletrust_env.wrappers` has other action spaces for learners that need them.
+    P providers, if it rates. `Scaled` and `Levels` of `roletrust_env` make other actions of it.
 
     ## Observation Space
 

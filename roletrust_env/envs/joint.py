@@ -76,7 +76,11 @@ class JointAction:
         shape = self._slots[agent][0]
         try:
             action = np.asarray(action)
-        except (ValueError, TypeError, RuntimeError) as error:  # rows of many lengths, or a tensor that NumPy cannot have
+        except (
+            ValueError,
+            TypeError,
+            RuntimeError,
+        ) as error:  # ragged, or a tensor of no use to NumPy
             return f"the action of {agent!r} is no array: {error}; it must be numbers, of shape {shape}"
         if action.dtype.kind not in _NUMBERS:
             return f"the action of {agent!r} is no array of numbers but {action!r}; it must be one, of shape {shape}"

@@ -215,7 +215,10 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         like = self.task.game.like
         mask = mask if isinstance(mask, type(like)) else np.asarray(mask)
         if tuple(mask.shape) != (self.num_envs,) or not str(mask.dtype).endswith("bool") or not bool(mask.any()):
-            raise ValueError(f"reset_mask is {mask}; it must be boolean, ({self.num_envs},), and true somewhere")
+            raise ValueError(
+                f"reset_mask has shape {tuple(mask.shape)} and dtype {mask.dtype}; it must have shape "
+                f"({self.num_envs},), be boolean and true somewhere"
+            )
         if self._batch.state is None:
             raise RuntimeError("call reset() without a reset_mask first: no game has begun yet")
         return namespace(like).asarray(mask, device=like.device, copy=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import data_equivalence
 
 import roletrust_env
@@ -59,10 +60,13 @@ def vector(*entries: float) -> np.ndarray:
         pytest.param(swap("sp_0", vector(1.0000001)), ["'sp_0'", "1.0000001"], "[0, 1]", id="just too large"),
         pytest.param(swap("sp_0", vector(0, 0)), ["'sp_0'", "(2,)"], "(1,)", id="too long"),
         pytest.param(swap("sr_1", vector(0)), ["'sr_1'", "(1,)"], "(4,)", id="too short"),
-        pytest.param(swap("sr_1", np.zeros((1, 4))), ["'sr_1'", "(1, 4)"], "(4,)", id="two axes"),
-        pytest.param(swap("sp_0", np.float32(0.5)), ["'sp_0'"], "(1,)", id="a number"),
-        pytest.param(swap("sp_0", 0.5), ["'sp_0'"], "(1,)", id="a Python number"),
-        pytest.param(swap("sp_0", [0.5]), ["'sp_0'"], "(1,)", id="a list"),
+        pytest.param(swap("sr_1", np.zeros((2, 4))), ["'sr_1'", "(2, 4)"], "(4,)", id="two rows"),
+        pytest.param(swap("sr_0", 0.5), ["'sr_0'", "()"], "(4,)", id="a number for many"),
+        pytest.param(swap("sp_0", []), ["'sp_0'"], "(1,)", id="an empty list"),
+        pytest.param(swap("sr_0", [0.5, [0.5]]), ["'sr_0'", "no array"], "(4,)", id="rows of many lengths"),
+        pytest.param(swap("sr_0", [0, 0, 0, 1.5]), ["'sr_0'", "1.5"], "[0, 1]", id="a list, too large"),
+        pytest.param(swap("sp_0", torch.tensor(torch.nan)), ["'sp_0'", "nan"], "[0, 1]", id="a tensor, NaN"),
+        pytest.param(swap("sp_0", torch.ones(1, requires_grad=True)), ["'sp_0'", "detach"], "(1,)", id="a gradient"),
         pytest.param(swap("sp_0", None), ["'sp_0'", "no array"], "(1,)", id="None"),
         pytest.param(swap("sp_0", "good"), ["'sp_0'", "good"], "(1,)", id="a string"),
         pytest.param(swap("sp_0", np.array(["good"])), ["'sp_0'", "good"], "(1,)", id="an array of strings"),
@@ -99,6 +103,31 @@ def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
 
 
 @pytest.mark.parametrize(
+    "shaped",
+    [
+        np.squeeze,
+        lambda action: action[None],
+        np.ndarray.tolist,
+        torch.asarray,
+        lambda action: torch.asarray(action)[None],
+    ],
+    ids=["squeezed", "with an axis more", "list", "tensor", "tensor with an axis more"],
+)
+def test_an_action_of_the_right_size_is_taken(shaped: Callable) -> None:
+    """AgileRL squeezes (1,) to (); others hand over lists, or tensors as their networks make them."""
+    env, twin = started(), started()
+    actions = valid(env)
+    assert data_equivalence(env.step({agent: shaped(a) for agent, a in actions.items()}), twin.step(actions))
+
+
+def test_the_spaces_are_dictionaries_too_and_the_luck_can_be_shared() -> None:
+    env = started()
+    assert env.action_spaces == {agent: env.action_space(agent) for agent in env.possible_agents}
+    assert env.observation_spaces == {agent: env.observation_space(agent) for agent in env.possible_agents}
+    assert isinstance(env.np_random, np.random.Generator)
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ({"scenario": "paper3x3"}, ["scenario", "'paper3x3'", "did you mean 'paper-3x3'?", "crowd-10x10"]),
@@ -109,7 +138,6 @@ def test_numbers_of_any_precision_are_taken(dtype: type) -> None:
         ({"trust_model": "role-turst"}, ["trust model", "'role-turst'", "role-trust", "mean"]),
         ({"trust_model": 3}, ["trust", "3"]),
         ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
-        ({"lamb": 0.7}, ["lamb"]),
         ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
         ({"max_cycles": 0}, ["max_cycles", "0", "greater than"]),
         ({"agents": ({"role": "SR"},)}, ["agents", "nobody could rate anybody"]),
@@ -150,9 +178,9 @@ def test_order_is_enforced() -> None:
     actions = valid(env)
     *_, truncations, _ = env.step(actions)
     assert all(truncations.values())
-    for late in (actions, {}):
-        with pytest.raises(RuntimeError, match="over"):
-            env.step(late)
+    with pytest.raises(RuntimeError, match="over"):
+        env.step(actions)
+    assert env.step({}) == ({}, {}, {}, {}, {})  # SuperSuit's black_death_v3 takes it
     assert env.state_space.contains(env.state())
     env.reset()
     env.step(actions)

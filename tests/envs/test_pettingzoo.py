@@ -196,6 +196,17 @@ def test_aec_refuses_a_bad_action_at_once() -> None:
     assert np.array_equal(aec.state(), twin.state())
 
 
+def test_aec_takes_an_action_of_the_right_size() -> None:
+    aec, twin = roletrust_env.env(), roletrust_env.env()
+    for env in (aec, twin):
+        env.reset(seed=0)
+    for agent in twin.agents:
+        action = twin.action_space(agent).sample()
+        twin.step(action)
+        aec.step(action.tolist() if agent.startswith("sr") else action.squeeze())
+    assert np.array_equal(aec.state(), twin.state())
+
+
 def test_aec_plays_to_the_end_when_somebody_would_come_then() -> None:
     aec = roletrust_env.env(agents=[{"role": "SR"}, {"role": "SP"}, {"role": "SR", "joins": 2}], max_cycles=2)
     aec.reset(seed=0)

@@ -6,6 +6,7 @@ pytest.importorskip("stable_baselines3")
 import gymnasium
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from roletrust_env import Game, Policy, make_scenario, parallel_env
 from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
@@ -116,10 +117,51 @@ def test_sb3_finds_all_it_asks_for():
     assert env.get_attr("render_mode", [0, 2]) == [None, None]
     assert env.get_attr("render_mode", 1) == [None]
     assert env.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
-    for refused in (lambda: env.set_attr("x", 1), lambda: env.env_method("render")):
+    for refused in (lambda: env.set_attr("x", 1, [0]), lambda: env.env_method("reset"), lambda: env.env_method("step")):
         with pytest.raises(NotImplementedError, match="one batch"):
             refused()
     env.close()
+
+
+def test_its_slots_answer_as_those_of_sb3s_own():
+    """Who asks for the environments of a `DummyVecEnv` gets the same of it."""
+    env = provider()
+    own = DummyVecEnv([lambda: TASKS["RoleTrust/ProviderAttack-v0"](**SHORT)] * 4)
+    for name in ("spec", "render_mode", "observation_space"):
+        assert env.get_attr(name) == own.get_attr(name)
+        assert env.get_attr(name, [0, 2]) == own.get_attr(name, [0, 2])
+    for name, known in (("task", True), ("action_masks", False)):
+        assert env.has_attr(name) == own.has_attr(name) == known
+    for one in (env, own):
+        one.set_attr("phase", 3)
+        assert one.get_attr("phase", 1) == [3]
+        assert one.env_is_wrapped(VecNormalize) == [False] * 4
+        with pytest.raises(AttributeError):
+            one.env_method("no_such_method")
+        with pytest.raises(IndexError):
+            one.get_attr("spec", 4)
+    own.close()
+
+
+def test_lists_are_actions_too():
+    env, twin = provider(seed=0), provider(seed=0)
+    for one in (env, twin):
+        one.reset()
+    for actions in actions_of(env, 3):
+        assert (env.step(actions.tolist())[0] == twin.step(actions)[0]).all()
+    for bad in ([["0.5"]] * 4, [[None]] * 4, [[0.5], [0.5, 0.5], [0.5], [0.5]]):
+        with pytest.raises(ValueError, match="action"):
+            env.step(bad)
+
+
+@pytest.mark.filterwarnings("ignore:The environment is already wrapped with a `Monitor`")
+def test_wrappers_of_sb3_fit():
+    env = VecNormalize(VecFrameStack(VecMonitor(provider(seed=0)), 2))
+    assert env.reset().shape == (4, 20)
+    for actions in actions_of(provider(), 5):
+        *_, dones, infos = env.step(actions)
+    assert dones.all()
+    assert all(info["episode"]["l"] == 5 for info in infos)
 
 
 @pytest.mark.parametrize("task_id", TASKS)

@@ -1,0 +1,123 @@
+"""What the batched face refuses, and that refusing changes nothing."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.vector import AutoresetMode
+from slow_vector import GAMES
+from vector_cases import ENDS, RATER, acts, lies, same
+
+from roletrust_env.envs.vector import AttackVectorEnv
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"task_id": "RoleTrust/RaterAtack-v0"}, ["RoleTrust/RaterAtack-v0", RATER]),
+        ({"num_envs": 0}, ["num_envs", "0", "1 or more"]),
+        ({"num_envs": -3}, ["num_envs", "-3", "1 or more"]),
+        ({"num_envs": 2.5}, ["num_envs", "2.5"]),
+        ({"autoreset_mode": AutoresetMode.DISABLED}, ["autoreset_mode", "DISABLED", "NEXT_STEP", "SAME_STEP"]),
+        ({"autoreset_mode": "next"}, ["autoreset_mode", "'next'", "NEXT_STEP"]),
+        ({"compromised": ("sr_9",)}, ["compromised", "'sr_9'", "sr_0"]),
+        ({"compromised": ("sr_1", "sr_1")}, ["compromised", "'sr_1'", "twice"]),
+        ({"knowledge": "all"}, ["knowledge", "'all'", "black_box"]),
+        ({"max_episode_steps": 0}, ["max_episode_steps", "0", "1 or more"]),
+        ({"max_episode_steps": 2.5}, ["max_episode_steps", "2.5"]),
+        ({"autoreset_mode": "Disabled"}, ["autoreset_mode", "'Disabled'", "'NextStep'", "'SameStep'"]),
+        ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
+    ],
+    ids=str,
+)
+def test_bad_arguments_are_refused(arguments: dict, words: list[str]) -> None:
+    with pytest.raises(ValueError, match=words[0]) as error:
+        AttackVectorEnv(**{"task_id": RATER, "num_envs": 2} | arguments)
+    assert "\n" not in str(error.value)
+    assert all(word in str(error.value) for word in words), str(error.value)
+
+
+def test_no_games_are_refused_by_make_vec() -> None:
+    with pytest.raises(ValueError, match="num_envs is 0"):
+        gymnasium.make_vec(RATER, num_envs=0)
+
+
+def at_the_boundary(like: Any = None) -> AttackVectorEnv:
+    """Some games are to be restarted in the next step."""
+    batch = AttackVectorEnv(RATER, GAMES, like=like, **ENDS)
+    batch.reset(seed=4)
+    for actions in lies(GAMES, 40, 4):
+        *_, terminations, truncations, _ = batch.step(actions)
+        if terminations.any() and not (terminations | truncations).all():
+            return batch
+    raise AssertionError
+
+
+def spoilt(value: Any) -> np.ndarray:
+    actions = np.full((GAMES, 4), 0.5)
+    actions[-1, 2] = value
+    return actions
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        pytest.param(spoilt(np.nan), id="NaN"),
+        pytest.param(spoilt(np.inf), id="inf"),
+        pytest.param(spoilt(1.25), id="too large"),
+        pytest.param(spoilt(-0.25), id="too small"),
+        pytest.param(np.zeros((4, GAMES)), id="transposed"),
+        pytest.param(np.zeros((GAMES + 1, 4)), id="too many"),
+        pytest.param(np.zeros(4), id="of one game"),
+        pytest.param(0.5, id="a number"),
+        pytest.param(None, id="None"),
+        pytest.param("worst", id="a word"),
+    ],
+)
+@pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
+def test_bad_actions_are_refused_and_change_nothing(actions: Any, tensors: bool) -> None:
+    like = torch.zeros(()) if tensors else None
+    batch, twin = at_the_boundary(like), at_the_boundary(like)
+    with pytest.raises(ValueError, match="action") as error:
+        batch.step(actions)
+    assert "\n" not in str(error.value)
+    for good in lies(GAMES, 5, 4, 9):
+        for part, value in zip(batch.step(good)[:4], twin.step(good)[:4], strict=True):
+            assert np.array_equal(part, value)
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        pytest.param(np.full(GAMES + 1, True), id="too long"),
+        pytest.param(np.full((GAMES, 1), True), id="two axes"),
+        pytest.param(np.ones(GAMES), id="numbers"),
+        pytest.param(np.full(GAMES, False), id="nobody"),
+        pytest.param(True, id="a flag"),
+    ],
+)
+def test_a_bad_mask_is_refused_and_changes_nothing(mask: Any) -> None:
+    batch, twin = at_the_boundary(), at_the_boundary()
+    with pytest.raises(ValueError, match=rf"reset_mask.*\({GAMES},\)"):
+        batch.reset(seed=9, options={"reset_mask": mask})
+    for good in lies(GAMES, 5, 4, 9):
+        assert same(batch.step(good), twin.step(good))
+
+
+@pytest.mark.parametrize("seed", [[1] * GAMES, [None] * GAMES, (1, 2)], ids=str)
+def test_a_list_of_seeds_is_refused_and_changes_nothing(seed: Any) -> None:
+    batch, twin = at_the_boundary(), at_the_boundary()
+    with pytest.raises(ValueError, match="seed"):
+        batch.reset(seed=seed)
+    for good in lies(GAMES, 5, 4, 9):
+        assert same(batch.step(good), twin.step(good))
+
+
+def test_there_is_no_step_before_the_first_reset() -> None:
+    batch = AttackVectorEnv(RATER, 2)
+    with pytest.raises(RuntimeError, match=r"reset\(\)"):
+        batch.step(acts(batch, 1)[0])
+    with pytest.raises(RuntimeError, match=r"reset\(\)"):
+        batch.reset(options={"reset_mask": np.array([True, False])})
