@@ -7,7 +7,7 @@ from baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.game.policy import Policy
 from roletrust_env.registry import Registry
 
-registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers")
+registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
 registry.register("on-off", OnOff)
 registry.register("bad-mouthing", BadMouthing)
 

@@ -17,16 +17,20 @@ class Registry(Generic[Thing]):
     """Names and the factories that make the things they name.
 
     A name is found in the table itself or, failing that, among the entry points that installed packages declare under
-    `group`. An entry point is loaded only when its name is asked for, so a broken package harms nobody else.
+    `group`. An entry point is loaded only when its name is asked for, so a broken package harms nobody else. Who
+    registers or installs a factory answers for it, so it may be a function, and what it makes is checked; of a class
+    that is named by hand, see `own`, nothing is called before it is known to be one of the kind.
 
     Args:
         kind: what the things are called in error messages, for example `"trust model"`.
         group: the entry-point group, for example `"roletrust_env.trust_models"`.
+        base: the class or the runtime-checkable protocol of the things.
     """
 
-    def __init__(self, kind: str, group: str) -> None:
+    def __init__(self, kind: str, group: str, base: type[Any]) -> None:
         self.kind = kind
         self.group = group
+        self.base = base
         self._factories: dict[str, Callable[..., Thing]] = {}
 
     def register(self, name: str, factory: Callable[..., Thing]) -> None:
@@ -61,19 +65,37 @@ class Registry(Generic[Thing]):
         try:
             factory = plugins[name].load()
         except Exception as error:  # whatever a foreign package raises on import
-            raise ValueError(
-                f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be loaded: {error!r}"
-            ) from error
+            raise ValueError(f"{self.kind} {name!r} comes from {_trouble(plugins[name], error)}") from error
         if not callable(factory):
             raise ValueError(f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called")
         made: Callable[..., Thing] = factory
         return made
 
+    def own(self, module: str, name: str) -> "Registry[Thing]":
+        """A registry of one class, named by hand by the module that has it.
+
+        Importing the module runs what stands in it. Nothing in it is called here.
+
+        Raises:
+            ValueError: it cannot be loaded, or is not a class of the things of this registry.
+        """
+        text = f"{module}:{name}"
+        try:
+            found = EntryPoint(name, text, self.group).load()
+        except Exception as error:  # whatever a foreign module raises on import
+            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {error}") from error
+        if lacking := _lacking(found, self.base):
+            raise ValueError(f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {lacking}")
+        own: Registry[Thing] = Registry(self.kind, self.group, self.base)
+        own.register(name, found)
+        return own
+
     def make(self, name: str, **parameters: Any) -> Thing:
         """Make the thing of that name, with these parameters.
 
         Raises:
-            ValueError: the name is unknown, or the thing does not take these parameters.
+            ValueError: the name is unknown, the thing does not take these parameters, or what its factory makes is
+                something else.
         """
         factory = self.factory(name)
         signature = inspect.signature(factory)
@@ -82,9 +104,12 @@ class Registry(Generic[Thing]):
         except TypeError as error:
             raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
         try:
-            return factory(**parameters)
+            made = factory(**parameters)
         except ValidationError as error:
             raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
+        if isinstance(made, type) or not isinstance(made, self.base):
+            raise ValueError(f"{self.kind} {name!r} made {made!r}; it must make a {self.base.__name__}")
+        return made
 
     def describe(self) -> dict[str, str]:
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
@@ -95,3 +120,23 @@ class Registry(Generic[Thing]):
 
     def _plugins(self) -> dict[str, EntryPoint]:
         return {plugin.name: plugin for plugin in entry_points(group=self.group)}
+
+
+def _trouble(plugin: EntryPoint, error: Exception) -> str:
+    """Why a plug-in cannot be loaded, and what to install where it says so, as in `package.module:name [extra]`."""
+    whence = f"{plugin.module}:{plugin.attr}"
+    if isinstance(error, ModuleNotFoundError) and plugin.extras and plugin.dist:
+        wanted = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
+        return f"{whence!r}, which needs {error.name}: pip install {wanted!r}"
+    return f"{whence!r}, which cannot be loaded: {error!r}"
+
+
+def _lacking(found: Any, base: type[Any]) -> str:
+    """What something lacks to be a class of such things, in words; empty if nothing."""
+    kind = found if isinstance(found, type) else object
+    try:
+        return "" if issubclass(kind, base) else f"derived from {base.__name__}"
+    except TypeError:  # a protocol with attributes, which an instance may have and its class not
+        methods = [name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"]
+        fits = all(callable(getattr(kind, name, None)) for name in methods)
+        return "" if fits else f"with the methods {', '.join(methods)}"

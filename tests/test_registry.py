@@ -20,9 +20,14 @@ def box(size: int = 1) -> tuple[str, int]:
     return "box", size
 
 
+class Crate(tuple):
+    def __new__(cls, items: tuple[int, ...] = ()) -> "Crate":
+        return super().__new__(cls, items)
+
+
 @pytest.fixture
 def registry() -> Registry:
-    registry: Registry = Registry("thing", "roletrust_env.tests.things")
+    registry: Registry = Registry("thing", "roletrust_env.tests.things", tuple)
     registry.register("box", box)
     return registry
 
@@ -35,16 +40,16 @@ def clean(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, str], None]:
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Put a package with one module and one entry point, named like it, where Python finds packages."""
     monkeypatch.syspath_prepend(tmp_path)
 
-    def install(module: str, group: str, code: str) -> None:
+    def install(module: str, group: str, code: str, extras: str = "") -> None:
         (tmp_path / f"{module}.py").write_text(code)
         about = tmp_path / f"{module}-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text(f"[{group}]\n{module} = {module}:made\n")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{module} = {module}:made {extras}\n")
 
     return install
 
@@ -106,6 +111,30 @@ def test_a_broken_plug_in_harms_only_who_asks_for_it(registry: Registry, install
     assert "shattered" in registry.describe()
     with pytest.raises(ValueError, match="shattered"):
         registry.make("shattered")
+
+
+@pytest.mark.parametrize("code", ["def made(): return 3", "made = tuple[int]", "class made: pass"])
+def test_what_a_plug_in_makes_is_looked_at(registry: Registry, install: Callable, code: str) -> None:
+    install("changeling", registry.group, code)
+    with pytest.raises(ValueError, match=r"thing 'changeling' made .*; it must make a tuple"):
+        registry.make("changeling")
+
+
+def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(registry: Registry, install: Callable) -> None:
+    install("hungry", registry.group, "import no_such_food")
+    install("frugal", registry.group, "import no_such_food", extras="[food,drink]")
+    with pytest.raises(ValueError, match=r"'hungry:made', which cannot be loaded: .*no_such_food"):
+        registry.make("hungry")
+    with pytest.raises(ValueError, match=r"needs no_such_food: pip install 'frugal\[food,drink\]'$"):
+        registry.make("frugal")
+
+
+def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:
+    own = registry.own(__name__, "Crate")
+    assert own.make("Crate", items=(1, 2)) == (1, 2)
+    for name in ("box", "OnOff", "Path"):
+        with pytest.raises(ValueError, match=f":{name}' must make a tuple, so it must be a class derived from tuple"):
+            registry.own(__name__, name)
 
 
 @pytest.mark.usefixtures("clean")

@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
-from importlib.metadata import EntryPoint
 from typing import Any
 
 import baselines
@@ -96,8 +95,6 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         if "targets" in parameters:
             parameters["targets"] = _targets(parameters["targets"], roster.provider_names)
         policy = _made(registry, name, parameters, attacker)
-        if not isinstance(policy, Policy):
-            raise ValueError(f"--attack: {attacker!r} makes a {type(policy).__name__}; it must make a Policy")
         for agent in _agents(pattern.strip(), roster.names):
             if agent in policies:
                 raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
@@ -153,13 +150,7 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
-    try:
-        factory = EntryPoint(name, f"{module}:{name}", registry.group).load()
-    except Exception as error:  # whatever a foreign module raises on import
-        raise ValueError(f"{registry.kind} '{module}:{name}' cannot be loaded: {error}") from error
-    own: Registry[Any] = Registry(registry.kind, registry.group)
-    own.register(name, factory)
-    return own
+    return registry.own(module, name)
 
 
 def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:

@@ -56,7 +56,8 @@ def play(
         typer.Option(
             metavar="AGENT=NAME[:key=value,...]",
             help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
-            "NAME, also of a trust model, may be your own package.module:Class.",
+            "NAME, also of a trust model, may be your own package.module:Class, a Policy or a trust model; its module "
+            "is imported, which runs what stands in it.",
             show_default=False,
         ),
     ] = None,

@@ -76,7 +76,7 @@ def check_trust_model(model: TrustModel[Any], n_raters: int, n_providers: int, l
             raise ValueError(f"{what} of {model!r} is {trust[:, 0]}; a trust must lie in [0, 1]")
 
 
-registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models")
+registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models", TrustModel)
 
 
 def register_trust_model(name: str, factory: Any) -> None:

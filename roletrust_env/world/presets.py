@@ -14,7 +14,7 @@ from roletrust_env.world.scenario import (
     load_scenario,
 )
 
-registry: Registry[Scenario] = Registry("scenario", "roletrust_env.scenarios")
+registry: Registry[Scenario] = Registry("scenario", "roletrust_env.scenarios", Scenario)
 
 
 def register_scenario(scenario: Scenario) -> None:

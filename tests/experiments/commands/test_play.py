@@ -7,7 +7,6 @@ from typer.testing import CliRunner
 
 from baselines import BadMouthing
 from experiments.cli import app
-from experiments.commands.attacks import parse_attacks, parse_settings, parse_trust_model, parse_value
 from experiments.plots.curves import curve_figure
 from experiments.results.confidence import over_games, student_95
 from experiments.results.measures import MEASURES, damage, measured_since
@@ -204,7 +203,7 @@ def test_video(tmp_path):
         (["--trust-model", "mean", "--trust-model", "mean"], "twice"),
         (["--trust-model", "mine"], "'roletrust_env.trust_models'"),
         (["--trust-model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
-        (["--trust-model", "baselines:OnOff"], "lam"),
+        (["--trust-model", "baselines:OnOff"], "must make a TrustModel"),
         (["--attack", "sr_0=roletrust_env.trust:Mean"], "must make a Policy"),
         (["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"], "targets has 'sp_7'; the providers are sp_0"),
     ],
@@ -244,33 +243,6 @@ def test_version_and_help():
         result = run(command, "--help")
         assert result.exit_code == 0
         assert "Examples" in result.output
-
-
-def test_values():
-    assert parse_value("[0, [1]]") == (0, (1,))
-    assert parse_value("true") is True
-    assert parse_value("random") == "random"
-    assert parse_value("1\nother = 2") == "1\nother = 2"
-    assert parse_settings(['access={kind = "choice", providers = 2}'])["access"]["providers"] == 2
-
-
-def test_commas_inside_values_do_not_split():
-    policy = parse_attacks(["sr_0=bad-mouthing:targets=[0,1],lie=relative"], make_scenario("paper-3x3"))["sr_0"]
-    assert (policy.targets, policy.lie) == ((0, 1), "relative")
-
-
-@pytest.mark.parametrize("targets", ["[1,sp_2]", '["sp_1","sp_2"]', "[ sp_1, sp_2 ]", "[1,2]"])
-def test_targets_by_name(targets):
-    policy = parse_attacks([f"sr_0=bad-mouthing:targets={targets}"], make_scenario("paper-3x3"))["sr_0"]
-    assert policy.targets == (1, 2)
-    one = parse_attacks(["srsp_0=bad-mouthing:targets=srsp_3"], make_scenario("peers"))["srsp_0"]
-    assert one.targets == (3,)
-
-
-def test_trust_model_takes_the_scenarios_lam_unless_told():
-    scenario = make_scenario("paper-3x3").change(lam=0.7)
-    assert parse_trust_model("role-trust", scenario).lam == 0.7
-    assert parse_trust_model("role-trust:lam=0.6", scenario).lam == 0.6
 
 
 def test_students_interval():
