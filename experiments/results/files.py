@@ -5,6 +5,8 @@ import dataclasses
 import json
 import os
 import platform
+import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
@@ -42,7 +44,7 @@ def replacing(path: Path) -> Iterator[Path]:
         The path to write to, with the same suffix.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    temporary = unfinished(path)
     try:
         yield temporary
         os.replace(temporary, path)
@@ -50,18 +52,34 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def unfinished(path: Path) -> Path:
+    """What a file or folder is called until it is whole: hidden, and named after the process that writes it."""
+    return path.with_name(f".{path.stem}.{platform.node()}-{os.getpid()}{path.suffix}")
+
+
+def clear_unfinished(folder: Path) -> None:
+    """Remove what was left unfinished in a folder by processes of this machine that are no more."""
+    name = re.compile(rf"\..+\.{re.escape(platform.node())}-(\d+)(\.\w+)?")
+    for path in folder.glob(".*"):
+        found = name.fullmatch(path.name)
+        if found and not _alive(int(found[1])):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
 def prepare_folder(folder: Path) -> None:
-    """See now rather than after the work whether results can be written to a folder.
+    """See now rather than after the work whether results can be written to a folder; and tidy it up.
 
     Raises:
-        OSError: it cannot.
+        OSError: they cannot.
     """
-    made = not folder.exists()
-    with replacing(folder / "probe") as temporary:
-        temporary.touch()
-    (folder / "probe").unlink()
-    if made:  # it comes back with the first result
-        folder.rmdir()
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    clear_unfinished(folder)
+    probe = unfinished(folder / "probe")
+    probe.touch()
+    probe.unlink()
+    for path in made:  # they come back with the first result
+        path.rmdir()
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -108,6 +126,19 @@ def described(thing: Any) -> dict[str, Any]:
     """The class and the parameters of a model or policy."""
     parameters = dataclasses.asdict(thing) if dataclasses.is_dataclass(thing) and not isinstance(thing, type) else {}
     return {"class": f"{type(thing).__module__}.{type(thing).__qualname__}", "parameters": parameters}
+
+
+def _alive(process: int) -> bool:
+    """Whether a process runs; where that cannot be asked without harm, it is taken to."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # it is somebody else's
+        return True
+    return True
 
 
 def _cell(value: Any) -> str:

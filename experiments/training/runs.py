@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from experiments.results.files import replacing, write_json
+from experiments.results.files import clear_unfinished, prepare_folder, replacing, unfinished, write_json
 
 _KEPT = 2
 """Checkpoints that are kept: the last one, and the one to fall back to should it be damaged."""
@@ -56,6 +56,15 @@ class RunFolder:
             raise ValueError(f"{file} holds no run; begin anew with another --out")
         return config
 
+    def prepare(self) -> None:
+        """See that the run can be written, and remove what a killed one left unfinished.
+
+        Raises:
+            OSError: it cannot.
+        """
+        prepare_folder(self.path)
+        clear_unfinished(self._checkpoints)
+
     def begin(self, config: Mapping[str, Any]) -> None:
         """Say what the run is of."""
         write_json(self.path / "config.json", config)
@@ -63,9 +72,9 @@ class RunFolder:
     def save(self, checkpoint: Checkpoint) -> None:
         """Add a checkpoint: whole under its name, or not there. Older ones than the last two are removed."""
         self._checkpoints.mkdir(parents=True, exist_ok=True)
-        for left in self._checkpoints.glob(".new-*"):
-            shutil.rmtree(left)
-        new, final = self._checkpoints / f".new-{os.getpid()}", self._checkpoints / f"{checkpoint.steps:012d}"
+        final = self._checkpoints / f"{checkpoint.steps:012d}"
+        new = unfinished(final)
+        shutil.rmtree(new, ignore_errors=True)  # of an attempt of ours that failed
         new.mkdir()
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()}
         about = {"steps": checkpoint.steps, "sha256": digests, "notes": checkpoint.notes}

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli import app
-from experiments.results import claims, files
+from experiments.results import claims
 from experiments.results.recording import Curves
 from roletrust_env import make_scenario
 
@@ -121,18 +121,3 @@ def test_frames_without_hog(tmp_path):
     result = CliRunner().invoke(app, ["figures", "--service", "synthetic", "--frames", "0", "--out", str(tmp_path)])
     assert result.exit_code == 2
     assert "frames are for the service 'hog'" in result.stderr
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, error):
-    path = tmp_path / "table.csv"
-    files.write_csv(path, ["a"], [[1.0]])
-
-    def rows():
-        yield [2.0]
-        raise error
-
-    with pytest.raises(error):
-        files.write_csv(path, ["a"], rows())
-    assert path.read_text() == "a\n1.000000\n"
-    assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
