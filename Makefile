@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := results
 
-.PHONY: run test setup format pictures clean
+.PHONY: run test test-extras setup format pictures clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -14,6 +14,11 @@ test: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 -m extras
+
+# The wheel with each extra alone, in fresh environments; `make test` has it, too.
+test-extras: setup
+	$(BIN)/pytest -n 2 -m extras
 
 setup: $(VENV)/.ready
 

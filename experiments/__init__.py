@@ -1,6 +1,13 @@
 """What a person runs: the command line `roletrust` and the experiments behind it."""
 
-from importlib.util import find_spec
+import sys
 
-if find_spec("typer") is None:
-    raise ModuleNotFoundError("the command line needs more than the library: pip install 'roletrust-env[cli]'")
+
+def main() -> None:
+    """Run `roletrust`; without the extra `cli`, leave with 2 and one line that says what is needed."""
+    try:
+        from experiments.cli import main as run
+    except ModuleNotFoundError as error:
+        print(f"roletrust needs {error.name}: pip install 'roletrust-env[cli]'", file=sys.stderr)
+        raise SystemExit(2) from None
+    run()

@@ -115,7 +115,7 @@ class Registry(Generic[Thing]):
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
         described = {name: (inspect.getdoc(f) or "").partition("\n")[0] for name, f in self._factories.items()}
         for name, plugin in self._plugins().items():
-            described.setdefault(name, f"from {plugin.value}")
+            described.setdefault(name, f"from {plugin.module}:{plugin.attr}")
         return described
 
     def _plugins(self) -> dict[str, EntryPoint]:

@@ -28,6 +28,11 @@ def test_no_heavy_package_is_imported(statement: str) -> None:
     assert not heavy & modules
 
 
+def test_the_command_line_starts_with_its_own_extra() -> None:
+    others = {"torch", "cv2", "scipy", "cma", "safetensors", "stable_baselines3", "sb3_contrib", "mpe2", "vmas"}
+    assert not others & imported("import experiments.cli")
+
+
 def test_import_takes_less_than_half_a_second() -> None:
     """The quickest of three, in processor time: the clock would count what else the machine was doing."""
     code = "from time import process_time as now; start = now(); import roletrust_env; print(now() - start)"

@@ -14,12 +14,10 @@ from rich.table import Table
 
 from agents.ladder.known import HonestPlay, Learned
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
-from agents.learned.saved import load_attacker
-from agents.planning.optimum import Exact
-from agents.planning.planner import Planner
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from experiments.commands.attacks import parse_settings, parse_trust_model
 from experiments.commands.console import console
+from experiments.commands.extras import require
 from experiments.commands.task_options import (
     ScenarioOption,
     SettingsOption,
@@ -29,7 +27,7 @@ from experiments.commands.task_options import (
     find_task,
 )
 from experiments.plots.trajectory import Trajectory, watch
-from experiments.results.files import provenance, write_csv, write_figure, write_json
+from experiments.results.files import prepare_folder, provenance, write_csv, write_figure, write_json
 from experiments.results.ladder import HEADER, Row, cells, compared, plain, ranked
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
@@ -82,6 +80,11 @@ def ladder(
     [dim]# three colluders in a crowd, and what a trained attacker reaches there[/]
     [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --learned results/train[/]
     """
+    require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
+    from agents.learned.saved import load_attacker
+    from agents.planning.optimum import Exact
+    from agents.planning.planner import Planner
+
     task_id = find_task(task)
     defaults = TASKS[task_id].defaults
     rules = make_scenario(scenario or defaults["scenario"])
@@ -99,6 +102,7 @@ def ladder(
     for path in paths:
         load_attacker(path)  # what is broken is better known now than at the end
     rungs += [Learned(path, f"learned, {path.name}" if len(paths) > 1 else "learned") for path in paths]
+    prepare_folder(out)
     found, missing = climb([*rungs, Exact()], arguments, budget, seed, seeds)
     rows = ranked(found)
     scripted, best = compared(rows)

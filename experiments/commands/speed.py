@@ -17,12 +17,13 @@ from rich.progress import Progress
 from rich.table import Table
 
 from experiments.commands.console import console, progress_bar
-from experiments.results.files import provenance, write_csv, write_json
+from experiments.results.files import prepare_folder, provenance, write_csv, write_json
 from experiments.timing import contestants as timing
 from experiments.timing.contestants import Contestant, Spread, Timing, measure
 from roletrust_env import Game, make_scenario
 
 _PEERS = ("array-api-compat", "torch", "mpe2", "vmas")
+_EXTRAS = {"torch": "torch", "mpe2": "peers", "vmas": "peers"}
 
 
 class Plan(NamedTuple):
@@ -87,6 +88,8 @@ def speed(
     [dim]# everything, on two threads, with the results kept[/]
     [cyan]roletrust speed --threads 2 --out results/speed[/]
     """
+    if out is not None:
+        prepare_folder(out)
     plan = QUICK if quick else FULL
     with progress_bar() as progress, _torch_threads(threads):
         steps, skipped = _race(_players(plan, seed), plan, "Steps", progress)
@@ -138,7 +141,7 @@ def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) 
     contestants, skipped = [], []
     for package, make in entries:
         if importlib.util.find_spec(package) is None:
-            skipped.append(f"{package} is not installed")
+            skipped.append(f"{package} is not installed: pip install 'roletrust-env[{_EXTRAS[package]}]'")
         else:
             try:
                 contestants.append(make())

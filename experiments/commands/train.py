@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from agents.learned.cards import ModelCard, Price, TaskCard
 from experiments.commands.attacks import parse_settings
 from experiments.commands.console import console
+from experiments.commands.extras import require
 from experiments.commands.task_options import (
     ScenarioOption,
     SettingsOption,
@@ -25,6 +25,7 @@ from roletrust_env import Game, make_scenario
 from roletrust_env.envs.tasks import TASKS
 
 if TYPE_CHECKING:
+    from agents.learned.cards import ModelCard
     from agents.learned.saved import SavedAttacker
     from experiments.training.loop import Point, Report, Run
 
@@ -108,14 +109,14 @@ def train(
     [dim]# the attacker at play[/]
     [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
     """
-    try:
-        import torch
+    require("training", "train", "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard")
+    import torch
 
-        from experiments.training.learners import make_settings
-        from experiments.training.loop import Run, versions
-        from experiments.training.loop import train as learn
-    except ModuleNotFoundError as error:
-        raise ValueError(f"training needs {error.name}: pip install 'roletrust-env[train]'") from None
+    from agents.learned.cards import Price, TaskCard
+    from experiments.training.learners import make_settings
+    from experiments.training.loop import Run, versions
+    from experiments.training.loop import train as learn
+
     torch.set_num_threads(threads)
     folder, run = RunFolder(out), None
     config = folder.config()
@@ -158,6 +159,7 @@ def train(
         game = Game(run.scenario, run.trust_model.make())
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
         folder.begin({**about, **provenance(game, seed)})
+    folder.prepare()
     with _bar() as progress:
         name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
         job = progress.add_task(f"{name}, {run.algo}", total=run.steps, score="...")
@@ -172,7 +174,9 @@ def train(
     console.print(f"Written to {out}: attacker.json, attacker.safetensors, curve.csv, curve.png", soft_wrap=True)
 
 
-def _model_card(text: str, lam: float, initial: float) -> ModelCard:
+def _model_card(text: str, lam: float, initial: float) -> "ModelCard":
+    from agents.learned.cards import ModelCard
+
     name, _, rest = text.strip().partition(":")
     given = parse_settings([part for part in rest.split(",") if part.strip()], repr(text))
     return ModelCard(name=name, parameters={"lam": lam, "initial": initial, **given})

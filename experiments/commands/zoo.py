@@ -10,6 +10,7 @@ from rich.table import Table
 
 import agents
 from experiments.commands.console import console, errors, progress_bar
+from experiments.commands.extras import require
 from experiments.results.confidence import over_games
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def zoo(
     [dim]# one of them at play[/]
     [cyan]roletrust play --attack sp_2=learned:path=agents/zoo/provider-3x3[/]
     """
+    require("a trained attacker", "train", "safetensors")
     from agents.learned.saved import load_attacker
 
     known = sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())

@@ -1,0 +1,186 @@
+"""Each extra stands alone: the built wheel, in a fresh environment for each. Minutes: `make test-extras`."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+pytestmark = pytest.mark.extras
+
+HOUSE = Path(__file__).parent.parent
+FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
+COMMANDS = ("figures", "ladder", "list", "play", "speed", "train", "zoo")
+SHORT = ("--set", "max_cycles=8")
+ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
+
+
+class Run(NamedTuple):
+    """How a program ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+class Environment:
+    """A fresh virtual environment, and a folder to work in."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.folder = path, path / "work"
+        subprocess.run([sys.executable, "-m", "venv", "--without-pip", path], check=True)
+        self.folder.mkdir()
+
+    def install(self, what: str) -> None:
+        pip("install", "--no-compile", what, python=self.path / "bin" / "python")
+
+    def python(self, code: str) -> str:
+        run = self._run("python", "-c", code)
+        assert run.code == 0, run.err
+        return run.out
+
+    def roletrust(self, *arguments: object) -> str:
+        """What the command prints when all is well."""
+        run = self._run("roletrust", *arguments)
+        assert run.code == 0, run.err
+        return run.out
+
+    def refused(self, *arguments: object) -> str:
+        """The one line that it prints when something is missing; nothing is written."""
+        run = self._run("roletrust", *arguments)
+        assert (run.code, run.out, len(run.err.splitlines())) == (2, "", 1), run
+        assert not list(self.folder.iterdir())
+        return run.err
+
+    def _run(self, program: str, *arguments: object) -> Run:
+        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"COLUMNS": "120"}
+        command = [self.path / "bin" / program, *map(str, arguments)]
+        done = subprocess.run(command, cwd=self.folder, env=clean, capture_output=True, text=True)
+        return Run(done.returncode, done.stdout, done.stderr)
+
+
+def pip(command: str, *arguments: object, python: Path = Path(sys.executable)) -> None:
+    """Run pip, in the versions that are pinned."""
+    pinned = ("--constraint", HOUSE / "constraints.txt")
+    start = (sys.executable, "-m", "pip", "--python", python, "--quiet", "--disable-pip-version-check")
+    done = subprocess.run([*map(str, (*start, command, *pinned, *arguments))], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of the files that are here now, and of no older build."""
+    here = tmp_path_factory.mktemp("wheel")
+    try:
+        pip("download", "--retries=0", "--no-deps", "--dest", here, "typing-extensions")
+    except AssertionError as error:
+        pytest.skip(f"no package index can be reached to install from: {error}")
+    for name in FOLDERS:
+        shutil.copytree(HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(HOUSE / name, here / "house" / name)
+    pip("wheel", "--no-deps", "--wheel-dir", here, here / "house")
+    (built,) = here.glob("roletrust_env-*.whl")
+    return built
+
+
+@pytest.fixture
+def fresh(wheel: Path, tmp_path: Path) -> Iterator[Callable[..., Environment]]:
+    """Makes the environment of some extras; it goes after the test, for it is large."""
+
+    def make(extras: str = "") -> Environment:
+        environment = Environment(tmp_path / "environment")
+        environment.install(f"{wheel}[{extras}]" if extras else str(wheel))
+        return environment
+
+    yield make
+    shutil.rmtree(tmp_path)
+
+
+def test_the_wheel_holds_every_file(wheel: Path) -> None:
+    held = set(zipfile.ZipFile(wheel).namelist())
+    for folder in FOLDERS:
+        files = [path for path in (HOUSE / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        assert {str(path.relative_to(HOUSE)) for path in files} <= held
+
+
+def test_the_library_alone(fresh: Callable[..., Environment]) -> None:
+    alone = fresh()
+    played = """
+import gymnasium, roletrust_env
+from baselines import BadMouthing
+env = roletrust_env.parallel_env("open-system", max_cycles=3)
+env.reset(seed=0)
+env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+task = gymnasium.make("RoleTrust/RaterAttack-v0", max_cycles=3)
+task.reset(seed=0)
+print(task.step(task.action_space.sample())[1] >= 0)
+"""
+    assert alone.python(played) == "True\n"
+    for arguments in ([], ["--help"], ["play"]):
+        assert "pip install 'roletrust-env[cli]'" in alone.refused(*arguments)
+
+
+def test_cli(fresh: Callable[..., Environment]) -> None:
+    cli = fresh("cli")
+    for needed, arguments in (
+        ("train", ["train", "ProviderAttack"]),
+        ("train", ["ladder", "ProviderAttack"]),
+        ("train", ["zoo"]),
+        ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
+        ("vision", ["play", "paper-3x3-hog"]),
+        ("vision", ["figures"]),
+    ):
+        assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
+    assert all(command in cli.roletrust("--help") for command in COMMANDS)
+    for command in COMMANDS:
+        assert "Examples" in cli.roletrust(command, "--help")
+    listed = cli.roletrust("list")
+    assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
+    assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2, "--video")
+    assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
+
+
+def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
+    both = fresh("cli,vision")
+    assert "not ok" not in both.roletrust("figures")
+    assert "paper-3x3-hog" in both.roletrust("play", "paper-3x3-hog", "--set", "max_cycles=2", "--video")
+
+
+def test_vision(fresh: Callable[..., Environment]) -> None:
+    seen = """
+import roletrust_env
+env = roletrust_env.parallel_env("paper-3x3-hog", max_cycles=3)
+env.reset(seed=0)
+for _ in range(2):
+    _, _, _, _, infos = env.step({agent: env.action_space(agent).high for agent in env.agents})
+print(infos["sp_0"]["trust"] > 0.5)
+"""
+    assert fresh("vision").python(seen) == "True\n"
+
+
+def test_torch(fresh: Callable[..., Environment]) -> None:
+    tensors = """
+import torch
+from roletrust_env import Cast, Game, make_scenario, record
+game = Game(make_scenario("paper-3x3").change(max_cycles=3), like=torch.zeros(()))
+print(*record(Cast(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
+"""
+    assert fresh("torch").python(tensors) == "3 3 2\n"
+
+
+def test_train(fresh: Callable[..., Environment]) -> None:
+    train = fresh("train")
+    certain = (*SHORT, "--set", "noise=0", "--set", "perturbations=[]")
+    small = [f"--learner={setting}" for setting in ("games=8", "n_steps=8", "batch_size=32", "n_epochs=1")]
+    assert "Written to mine" in train.roletrust(
+        "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
+    )
+    assert "exact" in train.roletrust("ladder", "ProviderAttack", *certain, "--budget", 5000, "--learned", "mine")
+    assert "provider-3x3" in train.roletrust("zoo", "--games", 2)
+    assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
