@@ -4,14 +4,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
 from baselines import BadMouthing, OnOff
 from experiments.commands.console import console, progress_bar
 from experiments.results import claims
 from experiments.results.files import cast_list, prepare_folder, provenance, write_csv, write_figure, write_json
+from experiments.results.footage import loop_note, looped_s
 from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, Policy, State, make_scenario
 
@@ -43,10 +46,13 @@ def figures(
         typer.Option(
             metavar="PATH_OR_NUMBER",
             help="A video file, an image folder or a camera number to look at, in place of the rendered scene: 120 s "
-            "of video, or 240 images, one a round. All three cameras look at the same picture.",
+            "of video, or 240 images, one a round; less with --loop. All three cameras look at the same picture.",
             show_default=False,
         ),
     ] = None,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Show --frames again from the start where they end before the run does.")
+    ] = False,
     seed: Annotated[
         int,
         typer.Option(
@@ -63,7 +69,8 @@ def figures(
     Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/],
     and [green]montage.png[/] with what the cameras saw.
     The state after round r, counted from 0, stands at time (r + 1) x 0.5 s.
-    With --frames, rows whose bounds only hold for the rendered scene say n/a.
+    With --frames, rows whose bounds only hold for the rendered scene say n/a; without a person in clear view
+    none applies, and the table is left out.
 
     [bold]Examples[/]
 
@@ -73,19 +80,22 @@ def figures(
     [dim]# with your own video, two minutes long[/]
     [cyan]roletrust figures --frames walk.mp4 --out results/walk[/]
 
-    [dim]# with less footage: 40 rounds are 20 s of video, or 40 images[/]
+    [dim]# with less footage, shown over and over[/]
+    [cyan]roletrust figures --frames walk.mp4 --loop --out results/walk[/]
+
+    [dim]# or for fewer rounds: 40 are 20 s of video, or 40 images[/]
     [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
     [dim]# no camera, a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
-    game = Game(scenario.change(frames=frames) if frames is not None else scenario)
+    game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
-    papers, stills, rounds = _papers(game.scenario.period_s), _Stills(game), []
+    papers, sight, rounds = _papers(game.scenario.period_s), _Sight(game), []
     with progress_bar() as progress:
         for paper in papers:
-            watch = stills.watch if service == "hog" and paper.number == 3 else lambda state: None
+            watch = sight.watch if service == "hog" and paper.number == 3 else lambda state: None
             cast = Cast(game, paper.policies)
             rounds.append(record(cast, seed, progress, f"Figure {paper.number}", watch=watch))
     found = [
@@ -93,20 +103,19 @@ def figures(
         for paper, curves in zip(papers, rounds, strict=True)
         for claim in paper.check(curves, game.scenario, paper.attack)
     ]
+    seen = None
     if frames is not None:
+        calm = claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF)
+        seen = _Footage(looped_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
         found = claims.for_given_frames(found)
-    written = _write(out, game, seed, papers, rounds, stills, found)
-    console.print(_table(found, service))
-    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF))
-    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, _BAD_MOUTHING))
-    console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
-    console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
-    console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
-    if any(claim.ok is None for claim in found):
-        console.print(
-            "[dim]n/a: the bound is that of the rendered scene; in these frames the person is not in clear view "
-            "throughout (calm), or is still recognised when the picture is blurred (dips)[/]"
-        )
+    written = _write(out, game, seed, papers, rounds, sight, found, seen)
+    if seen is None or seen.in_clear_view:
+        console.print(_table(found, service))
+        _explain(found, game, rounds)
+    else:
+        console.print(seen.in_words(), soft_wrap=True)
+    if note := loop_note(game):
+        console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
@@ -140,18 +149,42 @@ def _papers(period_s: float) -> tuple[_Paper, _Paper]:
     )
 
 
-class _Stills:
-    """Keeps what the cameras saw at the moments of the montage."""
+class _Footage(NamedTuple):
+    """What given frames were like.
+
+    Attributes:
+        looped_s: how long they are if they were shown over and over, seconds; None if not.
+        probability: of a person being seen, in the calm rounds of Figure 3, on average.
+        in_clear_view: whether the person is, so that the paper's levels apply.
+    """
+
+    looped_s: float | None
+    probability: float
+    in_clear_view: bool
+
+    def in_words(self) -> str:
+        """Why the paper's levels do not apply."""
+        seen = "saw nobody in these frames" if self.probability < 0.5 else "did not see a person in every frame"
+        return (
+            f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} while all "
+            "was calm. So the paper's levels, which are those of a person in clear view, do not apply."
+        )
+
+
+class _Sight:
+    """Keeps what the cameras saw at the moments of the montage, and how sure the raters were, round by round."""
 
     def __init__(self, game: Game) -> None:
         self.taken: list[Any] = []
+        self.sure: list[float] = []
         self._camera: Any = game.service
         self._period_s = game.scenario.period_s
 
     def watch(self, state: State) -> None:
-        """Keep the frames of the round just played, if it is one of the moments."""
+        """Keep the probability of a person in the round just played, and the frames if it is one of the moments."""
         from experiments.plots.paper import Still
 
+        self.sure.append(float(state.service.mean()))
         time_s = (int(state.round[0]) - 1) * self._period_s
         if time_s in _MOMENTS_S:
             perceived = state.service[..., 0].mean(axis=0)
@@ -164,8 +197,9 @@ def _write(
     seed: int,
     papers: tuple[_Paper, _Paper],
     rounds: list[Curves],
-    stills: _Stills,
+    sight: _Sight,
     found: list[claims.Claim],
+    seen: _Footage | None,
 ) -> list[str]:
     """Write all files and return their names."""
     from experiments.plots.paper import montage_figure, paper_figure
@@ -176,12 +210,12 @@ def _write(
         name = f"figure{paper.number}"
         write_csv(out / f"{name}.csv", _HEADER, rows)
         drawn = paper_figure(
-            paper.title, paper.attacker, paper.label, curves, game.scenario, paper.attack, paper.levels
+            paper.title, paper.attacker, paper.label, curves, game.scenario, paper.attack, paper.levels, loop_note(game)
         )
         write_figure(out / f"{name}.png", drawn)
         written += [f"{name}.csv", f"{name}.png"]
-    if stills.taken:
-        write_figure(out / "montage.png", montage_figure(stills.taken))
+    if sight.taken:
+        write_figure(out / "montage.png", montage_figure(sight.taken))
         written.append("montage.png")
     written.append("results.json")
     results = {
@@ -190,11 +224,26 @@ def _write(
         **provenance(game, seed),
         "attackers": {f"figure {paper.number}": cast_list(paper.policies) for paper in papers},
         "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
+        **({"footage": seen._asdict()} if seen else {}),
         "claims": [claim._asdict() for claim in found],
         "files": written,
     }
     write_json(out / "results.json", results)
     return written
+
+
+def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> None:
+    """Say what the rows of the table are."""
+    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF))
+    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, _BAD_MOUTHING))
+    console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
+    console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
+    console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
+    if any(claim.ok is None for claim in found):
+        console.print(
+            "[dim]n/a: the bound is that of the rendered scene; in these frames the person is still recognised when "
+            "the picture is blurred[/]"
+        )
 
 
 def _table(found: list[claims.Claim], service: str) -> Table:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from baselines.window import WindowedAttack
 from experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
 from experiments.results.confidence import Floats, mean_where, over_games
+from experiments.results.footage import loop_note
 from experiments.results.recording import Curves
 from roletrust_env import Game, Policy
 
@@ -68,6 +69,8 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
     figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     games = curves.trust.shape[-1]
     notes = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
+    if looped := loop_note(game):
+        notes.append(looped)
     if any(faints):
         notes.append("faint: more than half are absent")
     if notes:

@@ -38,6 +38,7 @@ def paper_figure(
     scenario: Scenario,
     attack: Window,
     levels: Sequence[float] = (),
+    note: str | None = None,
 ) -> Figure:
     """The trust of raters above that of providers, against seconds.
 
@@ -49,6 +50,7 @@ def paper_figure(
         scenario: for its perturbations.
         attack: when it is on.
         levels: of ToR that the paper reads off its figure under the attack.
+        note: to be read below, on the frames that were seen.
     """
     figure = Figure(figsize=(9.6, 5.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -78,6 +80,8 @@ def paper_figure(
     lower.set_xlabel("time (s)", color=INK)
     lower.set_xticks(np.arange(0, curves.time_s[-1] + 1, 10))
     figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    if note:
+        figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
 
 

@@ -1,15 +1,19 @@
 """A game as a video."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from rich.progress import Progress
 
 from experiments.results.files import replacing
 from roletrust_env import Game, Player, Policy, parallel_env
 
 _FRAMES_PER_S = 8
+
+Picture = npt.NDArray[np.uint8]
 
 
 def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: int, progress: Progress) -> None:
@@ -25,6 +29,9 @@ def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: i
         attackers: who attacks, and how; all others are honest.
         seed: of all luck.
         progress: where to show how far it is.
+
+    Raises:
+        OSError: a file cannot be written.
     """
     import imageio.v2 as imageio
 
@@ -35,17 +42,31 @@ def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: i
         agent: Player(attackers.get(agent, Policy()), agent, game.layout, one)
         for agent, one in zip(environment.possible_agents, seeds, strict=True)
     }
-    with replacing(path) as temporary:
-        film = imageio.get_writer(temporary, fps=_FRAMES_PER_S, macro_block_size=1, quality=8)
-        try:
-            for _ in progress.track(range(game.scenario.max_cycles), description="Filming"):
-                if not environment.agents:
-                    break
-                seen, *_ = environment.step({agent: players[agent](seen[agent]) for agent in environment.agents})
-                picture = np.asarray(environment.render())
-                film.append_data(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])  # H.264 wants it even
-        finally:
-            film.close()
-            environment.close()
+    with closing(environment), _filming(path) as film:
+        for _ in progress.track(range(game.scenario.max_cycles), description="Filming"):
+            if not environment.agents:
+                break
+            seen, *_ = environment.step({agent: players[agent](seen[agent]) for agent in environment.agents})
+            picture = np.asarray(environment.render(), np.uint8)
+            film(picture)
     with replacing(path.with_suffix(".png")) as temporary:
         imageio.imwrite(temporary, picture)
+
+
+@contextmanager
+def _filming(path: Path) -> Iterator[Callable[[Picture], None]]:
+    """Adds pictures to a film. ffmpeg itself is quiet: one error says what goes wrong, and names the file."""
+    import imageio.v2 as imageio
+
+    def add(picture: Picture) -> None:
+        try:
+            film.append_data(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])  # H.264 wants it even
+        except (OSError, RuntimeError) as error:  # ffmpeg stopped, or there is none
+            raise OSError(f"{path} cannot be written, ffmpeg failed: {str(error).partition(chr(10))[0]}") from None
+
+    with replacing(path) as temporary:
+        film = imageio.get_writer(temporary, fps=_FRAMES_PER_S, macro_block_size=1, quality=8, ffmpeg_log_level="quiet")
+        try:
+            yield add
+        finally:
+            film.close()

@@ -75,14 +75,18 @@ def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> li
     ]
 
 
+def in_clear_view(found: Sequence[Claim]) -> bool:
+    """Whether calm trust says that there is a person in clear view throughout."""
+    return all(claim.ok for claim in found if claim.what == _CALM)
+
+
 def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
     """The claims as far as they apply to given frames; they are calibrated to the rendered scene.
 
-    The levels are those of a person in clear view: where calm trust says that there is none, none applies. And the
-    fast target is a blur over the frames, in which a person may be recognised still: then there is no dip to see.
+    The levels are those of a person in clear view: where there is none, none applies. And the fast target is a blur
+    over the frames, in which a person may be recognised still: then there is no dip to see.
     """
-    clear = all(claim.ok for claim in found if claim.what == _CALM)
-    if not clear:
+    if not in_clear_view(found):
         return [claim._replace(ok=None) for claim in found]
     return [claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim for claim in found]
 

@@ -189,6 +189,8 @@ class Scenario(_Frozen):
     """`synthetic`: perceived quality is a number. `hog`: a people detector looks at camera frames."""
     frames: str | int | None = None
     """For `hog`: a video file, an image folder or a camera number; None renders a scene, the same for every seed."""
+    playback: Literal["once", "loop"] = "once"
+    """Of a video or image folder: `once`, and it must last as long as the game; `loop`: again and again."""
     ratings: RatingChannel = RatingChannel()
     """How many ratings get lost or come late: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
@@ -223,6 +225,8 @@ class Scenario(_Frozen):
             raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
+        if self.playback == "loop" and not isinstance(self.frames, str):
+            raise ValueError(f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}")
         return self
 
     def _somebody_rates(self, round: int) -> bool:

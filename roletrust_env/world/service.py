@@ -66,4 +66,5 @@ def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
         period_s=scenario.period_s,
         max_cycles=scenario.max_cycles,
         frames=scenario.frames,
+        loop=scenario.playback == "loop",
     )

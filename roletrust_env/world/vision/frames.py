@@ -1,5 +1,6 @@
 """Where frames come from: the rendered scene, a video file, a folder of images, or a camera."""
 
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,10 +14,13 @@ from roletrust_env.world.vision.camera import FRAME_HEIGHT, Frame
 from roletrust_env.world.vision.degrade import motion_kernel
 from roletrust_env.world.vision.scene import RenderedScene
 
-__all__ = ["FrameSource", "FramesError", "ImageFolder", "LiveCamera", "VideoFile", "open_frames"]
+__all__ = ["FrameSource", "FramesError", "ImageFolder", "LiveCamera", "Recorded", "VideoFile", "open_frames"]
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 """What counts as an image in a folder, in lower case."""
+
+# OpenCV reads it when it opens its first video: what is wrong is said by our own errors, and not by ffmpeg's as well.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 _MIN_ASPECT = 0.45  # width over height; in a narrower frame the detector's window does not fit
 _ROUNDING_S = 1e-6
@@ -43,8 +47,11 @@ class FrameSource(Protocol):
         ...
 
 
-class _Recorded:
+class Recorded:
     """Frames that were not rendered: resized, and blurred sideways as a whole where the target moves fast."""
+
+    looped_s: float | None = None
+    """How long a recording is that is shown over and over, seconds; None if it lasts as long as the run."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -76,30 +83,34 @@ class _Recorded:
         return np.asarray(cv2.cvtColor(resized, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-class VideoFile(_Recorded):
+class VideoFile(Recorded):
     """Frames of a video, by its own clock.
 
     Args:
         path: of the video.
         duration_s: how long the run is, seconds.
+        loop: whether a video that is shorter begins again where it ends.
 
     Raises:
-        FramesError: the video cannot be opened, or is shorter than the run.
+        FramesError: the video cannot be opened, or is shorter than the run and not looped.
     """
 
-    def __init__(self, path: Path, duration_s: float) -> None:
+    def __init__(self, path: Path, duration_s: float, loop: bool = False) -> None:
         super().__init__(f"video {path}")
-        self._path = path
+        self._path, self._loop = path, loop
         self._open()
         self._fps = self._capture.get(cv2.CAP_PROP_FPS)
         if not self._fps > 0:
             raise FramesError(f"{self._name} gives no frame rate; a constant frame rate is needed")
         self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less where the format has none
-        if 0 < self._count / self._fps < duration_s - _ROUNDING_S:
-            raise FramesError(
-                f"{self._name} lasts {self._count / self._fps:.1f} s and ends before the run, "
-                f"which lasts {duration_s:.1f} s; use a longer video or a shorter run"
-            )
+        length_s = self._count / self._fps
+        if 0 < length_s < duration_s - _ROUNDING_S:
+            if not loop:
+                raise FramesError(
+                    f"{self._name} lasts {length_s:.1f} s and ends before the run, "
+                    f"which lasts {duration_s:.1f} s; use a longer video or a shorter run, or loop it"
+                )
+            self.looped_s = length_s
 
     def _open(self) -> None:
         with _quiet():
@@ -112,50 +123,67 @@ class VideoFile(_Recorded):
         # Read in order, from the start again if need be: seeking is inexact in many formats, and then what is
         # seen would depend on the order of the calls.
         index = int(time_s * self._fps + _ROUNDING_S)
-        if self._count > 0 and index == self._count:
+        if self._count > 0 and self._loop:
+            index %= self._count
+        elif self._count > 0 and index == self._count:
             index -= 1  # the last instant of a video that is just as long as the run
-        if index < self._next:
+        if index < self._next - 1:
             self._open()
         while self._next <= index:
             if not self._capture.grab():
-                raise FramesError(
-                    f"{self._name} ends after {self._next} frames ({self._next / self._fps:.1f} s), "
-                    f"but the run needs a frame at {time_s:.1f} s; use a longer video or a shorter run"
-                )
+                return self._end(time_s)
             self._next += 1
         decoded, picture = self._capture.retrieve()
         if not decoded:
             raise FramesError(f"{self._name}: frame {index} cannot be decoded")
         return np.asarray(picture, np.uint8)
 
+    def _end(self, time_s: float) -> Frame:
+        """The frame at a time, where the video turned out to end before."""
+        length_s = self._next / self._fps
+        if self._next == 0 or not self._loop:
+            promised = f" of {self._count}" if self._count > self._next else ""
+            raise FramesError(
+                f"{self._name} ends after {self._next}{promised} frames ({length_s:.1f} s), "
+                f"but the run needs a frame at {time_s:.1f} s; use a whole video, or a shorter run"
+            )
+        self._count, self.looped_s = self._next, length_s
+        self._open()
+        return self._read(time_s)
 
-class ImageFolder(_Recorded):
+
+class ImageFolder(Recorded):
     """The images of a folder in the order of their names, one for each round.
 
     Args:
         path: of the folder.
         duration_s: how long the run is, seconds.
         period_s: how long a round is, seconds.
+        loop: whether fewer images than rounds begin again where they end.
 
     Raises:
-        FramesError: the folder holds no images, or fewer than the run has rounds.
+        FramesError: the folder holds no images, or fewer than the run has rounds and does not loop.
     """
 
-    def __init__(self, path: Path, duration_s: float, period_s: float) -> None:
+    def __init__(self, path: Path, duration_s: float, period_s: float, loop: bool = False) -> None:
         super().__init__(f"image folder {path}")
-        self._period_s = period_s
+        self._period_s, self._loop = period_s, loop
         self._images = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
         needed = round(duration_s / period_s)
         if not self._images:
             raise FramesError(f"{self._name} holds no images; allowed are {', '.join(IMAGE_SUFFIXES)}")
         if len(self._images) < needed:
-            raise FramesError(
-                f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
-                f"which has {needed} rounds; use more images or a shorter run"
-            )
+            if not loop:
+                raise FramesError(
+                    f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
+                    f"which has {needed} rounds; use more images or a shorter run, or loop it"
+                )
+            self.looped_s = len(self._images) * period_s
 
     def _read(self, time_s: float) -> Frame:
         index = round(time_s / self._period_s)
+        if self._loop:
+            index %= len(self._images)
         if index >= len(self._images):
             raise FramesError(f"{self._name} holds {len(self._images)} images, but round {index} needs one more")
         with _quiet():
@@ -165,7 +193,7 @@ class ImageFolder(_Recorded):
         return np.asarray(picture, np.uint8)
 
 
-class LiveCamera(_Recorded):
+class LiveCamera(Recorded):
     """Frames of a camera of this machine, in real time: a round that comes early waits for its moment.
 
     It is the one source that never shows the same again.
@@ -199,7 +227,9 @@ class LiveCamera(_Recorded):
         return np.asarray(picture, np.uint8)
 
 
-def open_frames(source: str | Path | int | None, *, duration_s: float, period_s: float, seed: int = 0) -> FrameSource:
+def open_frames(
+    source: str | Path | int | None, *, duration_s: float, period_s: float, seed: int = 0, loop: bool = False
+) -> FrameSource:
     """Opens a source of frames, and checks up front that it lasts as long as the run where that can be known.
 
     Args:
@@ -208,23 +238,28 @@ def open_frames(source: str | Path | int | None, *, duration_s: float, period_s:
         duration_s: how long the run is, seconds.
         period_s: how long a round is, seconds.
         seed: of the rendered scene.
+        loop: whether a video or a folder that is shorter than the run begins again where it ends.
 
     Raises:
-        FramesError: there is no such thing, it cannot be opened, or it ends before the run.
+        FramesError: there is no such thing, it cannot be opened, it ends before the run, or it has no end to loop at.
     """
+    path = Path(str(source))
+    live = isinstance(source, int) or (not path.exists() and str(source).isdecimal())
+    if loop and (source is None or live):
+        what = "the rendered scene" if source is None else f"camera {source}"
+        raise FramesError(f"{what} cannot be looped, it has no end; a video and a folder of images can")
     if source is None:
         return RenderedScene(seed)
-    path = Path(str(source))
-    if isinstance(source, int) or (not path.exists() and str(source).isdecimal()):
+    if live:
         return LiveCamera(int(source))  # type: ignore[arg-type]
     if path.is_dir():
-        return ImageFolder(path, duration_s, period_s)
+        return ImageFolder(path, duration_s, period_s, loop)
     if not path.exists():
         raise FramesError(
             f"frames {str(source)!r} do not exist; "
             "allowed are a video file, a folder of images, and the number of a camera"
         )
-    return VideoFile(path, duration_s)
+    return VideoFile(path, duration_s, loop)
 
 
 @contextmanager

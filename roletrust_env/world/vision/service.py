@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
 from roletrust_env.world.vision.degrade import degrade, received
 from roletrust_env.world.vision.detector import best_margin, probability, view
-from roletrust_env.world.vision.frames import open_frames
+from roletrust_env.world.vision.frames import Recorded, open_frames
 
 __all__ = ["HogService"]
 
@@ -26,8 +26,9 @@ class HogService:
         n_raters: number of raters S.
         n_providers: number of providers P, each with a camera.
         period_s: length of a round, seconds.
-        max_cycles: number of rounds of a run; a recording must last as long.
+        max_cycles: number of rounds of a run; a recording must last as long, unless it is looped.
         frames: none for the rendered scene; a path or camera number that all providers share; or one for each.
+        loop: whether a recording that is shorter than the run begins again where it ends.
         seed: of the rendered scene and the sensor noise of bad providers.
 
     Attributes:
@@ -46,6 +47,7 @@ class HogService:
         period_s: float,
         max_cycles: int,
         frames: str | Path | int | Sequence[str] | None = None,
+        loop: bool = False,
         seed: int = 0,
     ) -> None:
         self._shape = (n_raters, n_providers)
@@ -53,15 +55,21 @@ class HogService:
         self._seed = seed
         duration_s = period_s * max_cycles
         if frames is None or isinstance(frames, str | Path | int):
-            shared = open_frames(frames, duration_s=duration_s, period_s=period_s, seed=seed)
+            shared = open_frames(frames, duration_s=duration_s, period_s=period_s, seed=seed, loop=loop)
             self._sources = [shared] * n_providers
         elif len(frames) != n_providers:
             raise ValueError(
                 f"frames names {len(frames)} sources; allowed are one for all, or {n_providers}, one per provider"
             )
         else:
-            self._sources = [open_frames(one, duration_s=duration_s, period_s=period_s) for one in frames]
+            self._sources = [open_frames(one, duration_s=duration_s, period_s=period_s, loop=loop) for one in frames]
         self.latest: Frame = np.zeros((n_providers, FRAME_HEIGHT, FRAME_WIDTH, 3), np.uint8)
+
+    @property
+    def looped_s(self) -> float | None:
+        """How long the shortest recording is that is shown over and over, seconds; None if none is."""
+        lengths = [source.looped_s for source in self._sources if isinstance(source, Recorded)]
+        return min((length for length in lengths if length is not None), default=None)
 
     def perceive(
         self, quality: ArrayLike, strength: ArrayLike, round: ArrayLike, noise: ArrayLike

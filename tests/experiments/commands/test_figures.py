@@ -1,14 +1,17 @@
 import csv
 import json
 
+import imageio.v2 as imageio
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from experiments.cli import app
+from experiments.plots import paper
 from experiments.results import claims
 from experiments.results.recording import Curves
 from roletrust_env import make_scenario
+from roletrust_env.world.vision import HogService
 
 HEADER = ["time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3"]
 
@@ -115,6 +118,49 @@ def test_frames_that_do_not_exist(tmp_path):
     assert "no.mp4" in result.stderr
     assert "Traceback" not in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def walk(tmp_path):
+    """A folder of four images."""
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    for k in range(4):
+        imageio.imwrite(folder / f"{k}.png", np.full((36, 48, 3), 20 * k, np.uint8))
+    return folder
+
+
+@pytest.mark.parametrize(("sure", "seen"), [(0.02, False), (0.99, True)])
+def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, sure, seen):
+    monkeypatch.setattr(HogService, "perceive", lambda self, *given: np.full(given[-1].shape, sure))
+    captions = []
+    draw = paper.paper_figure
+    monkeypatch.setattr(paper, "paper_figure", lambda *given: captions.append(given[-1]) or draw(*given))
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["figures", "--frames", str(walk), "--loop", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    results = json.loads((out / "results.json").read_text())
+    assert results["scenario"]["playback"] == "loop"
+    assert results["footage"]["looped_s"] == 2.0
+    assert results["footage"]["in_clear_view"] is seen
+    assert captions == ["the frames of walk, 2 s, are looped"] * 2
+    said = " ".join(result.output.split())
+    assert captions[0] in said
+    assert ("saw nobody in these frames: the mean probability of a person was 0.02" in said) is not seen
+    assert ("calm: min of all" in said) is seen
+    assert "n/a" not in said.split("n/a: the bound")[0] or seen
+
+
+def test_frames_that_are_too_few_say_that_they_can_be_looped(tmp_path, walk):
+    result = CliRunner().invoke(app, ["figures", "--frames", str(walk), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "use more images or a shorter run, or loop it" in result.stderr
+
+
+def test_there_is_nothing_to_loop_without_frames(tmp_path):
+    result = CliRunner().invoke(app, ["figures", "--loop", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "playback is 'loop', for a video or a folder of images; frames is None" in result.stderr
 
 
 def test_frames_without_hog(tmp_path):

@@ -1,6 +1,9 @@
+import subprocess
+import sys
 import time
 
 import cv2
+import imageio.v2 as imageio
 import numpy as np
 import pytest
 
@@ -25,8 +28,8 @@ def write_images(folder, count):
     return folder
 
 
-def opened(source, duration_s=2.0, period_s=0.5):
-    return open_frames(source, duration_s=duration_s, period_s=period_s)
+def opened(source, duration_s=2.0, period_s=0.5, loop=False):
+    return open_frames(source, duration_s=duration_s, period_s=period_s, loop=loop)
 
 
 def test_a_video_is_read_by_its_own_clock_in_any_order(tmp_path):
@@ -51,7 +54,9 @@ def test_a_video_that_lied_about_its_length_is_refused_where_it_ends(tmp_path):
     path = write_video(tmp_path / "walk.avi", 3.0)
     source = opened(path)
     source._count = 1000  # what a broken header would promise
-    with pytest.raises(FramesError, match=r"ends after 30 frames \(3\.0 s\), but the run needs a frame at 5\.0 s"):
+    with pytest.raises(
+        FramesError, match=r"ends after 30 of 1000 frames \(3\.0 s\), but the run needs a frame at 5\.0 s"
+    ):
         source.frame(0, 5.0, 0.0)
 
 
@@ -60,6 +65,63 @@ def test_a_file_that_is_no_video(tmp_path):
     path.write_text("not a video")
     with pytest.raises(FramesError, match=r"walk\.mp4 cannot be opened"):
         opened(path)
+
+
+def test_a_broken_video_is_one_error_and_no_line_of_ffmpeg(tmp_path):
+    # In a process of its own: what OpenCV and ffmpeg say goes past Python, and how much is settled once.
+    whole = tmp_path / "whole.mp4"
+    with imageio.get_writer(whole, fps=FPS, macro_block_size=1, ffmpeg_log_level="quiet") as film:
+        for k in range(30):
+            film.append_data(np.random.default_rng(k).integers(0, 256, (240, 320, 3), dtype=np.uint8))
+    data = bytearray(whole.read_bytes())
+    (tmp_path / "cut.mp4").write_bytes(data[: len(data) // 2])
+    at = slice(len(data) // 3, len(data) // 3 + 20_000)
+    data[at] = np.random.default_rng(0).bytes(20_000)
+    (tmp_path / "bad.mp4").write_bytes(data)
+    code = (
+        "import sys\nfrom roletrust_env.world.vision import FramesError, open_frames\n"
+        "try:\n    source = open_frames(sys.argv[1], duration_s=3.0, period_s=0.1)\n"
+        "    for k in range(30): source.frame(0, 0.1 * k, 0.0)\n"
+        "except FramesError as error: print(error)"
+    )
+    for name, said in (("cut.mp4", "cannot be opened"), ("bad.mp4", "of 30 frames"), ("whole.mp4", "")):
+        run = subprocess.run([sys.executable, "-c", code, tmp_path / name], capture_output=True, text=True, check=True)
+        assert run.stderr == ""
+        assert (said in run.stdout and name in run.stdout) if said else run.stdout == ""
+
+
+def test_a_video_that_is_looped_begins_again(tmp_path):
+    path = write_video(tmp_path / "walk.avi", 1.0)
+    source = opened(path, loop=True)
+    assert source.looped_s == 1.0
+    for time_s in (0.0, 0.9, 1.0, 1.9, 0.3, 7.5):
+        assert source.frame(0, time_s, 0.0).mean() == pytest.approx(5 * FPS * (time_s % 1), abs=4)
+    longer = opened(path, duration_s=0.5, loop=True)
+    assert longer.looped_s is None
+    liar = opened(path, loop=True)
+    liar._count = 1000
+    assert liar.frame(0, 1.2, 0.0).mean() == pytest.approx(10, abs=4)
+    assert liar.looped_s == 1.0
+
+
+def test_a_frame_that_is_due_twice_is_not_looked_for_from_the_start(tmp_path, monkeypatch):
+    source = opened(write_video(tmp_path / "walk.avi", 3.0), duration_s=1.0, period_s=0.05)
+    seen = source.frame(0, 1.0, 0.0)
+    monkeypatch.setattr(source, "_open", None)
+    np.testing.assert_array_equal(source.frame(0, 1.05, 0.0), seen)
+
+
+def test_an_image_folder_that_is_looped_begins_again(tmp_path):
+    source = opened(write_images(tmp_path, 3), loop=True)
+    assert source.looped_s == 1.5
+    for k in (2, 3, 10):
+        np.testing.assert_allclose(source.frame(1, 0.5 * k, 0.0).mean((0, 1)), (10 * (k % 3), 0, 0), atol=1)
+
+
+@pytest.mark.parametrize(("source", "named"), [(None, "the rendered scene"), (3, "camera 3"), ("3", "camera 3")])
+def test_what_has_no_end_is_not_looped(source, named):
+    with pytest.raises(FramesError, match=f"{named} cannot be looped"):
+        opened(source, loop=True)
 
 
 def test_an_image_folder_gives_one_image_a_round_in_rgb(tmp_path):

@@ -1,0 +1,34 @@
+"""A game as a video."""
+
+import json
+
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from experiments.results import files
+
+
+def play(out, *arguments):
+    return CliRunner().invoke(app, ["play", "--set", "max_cycles=12", *arguments, "--video", "--out", str(out)])
+
+
+def test_ffmpeg_says_nothing_where_all_is_well(tmp_path, capfd):
+    assert play(tmp_path).exit_code == 0
+    assert "play.mp4" in json.dumps([path.name for path in tmp_path.iterdir()])
+    assert capfd.readouterr().err == ""
+
+
+def test_a_film_that_cannot_be_written_is_one_error_that_names_it(tmp_path, monkeypatch, capfd):
+    def to_a_full_disk(path):
+        temporary = path.with_name(f".unfinished{path.suffix}")
+        if path.suffix == ".mp4":
+            temporary.symlink_to("/dev/full")
+        return temporary
+
+    monkeypatch.setattr(files, "unfinished", to_a_full_disk)
+    result = play(tmp_path)
+    assert result.exit_code == 2
+    assert f"{tmp_path / 'play.mp4'} cannot be written, ffmpeg failed" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert capfd.readouterr().err == ""
+    assert not list(tmp_path.glob("*.mp4"))
