@@ -38,7 +38,8 @@ class Outcome(NamedTuple):
     Attributes:
         reward: the objective less the weighted cost.
         objective: of the round, in [0, 1].
-        cost: the trust gap between honest and compromised agents beyond the tolerance, in [0, 1], unweighted.
+        cost: how far each compromised agent's trust is below that of the honest ones, beyond the tolerance; the mean
+            over the agents, in [0, 1], unweighted.
         caught: whether all its agents are gone for good, cut off or left.
         over: whether the game has reached its length.
     """
@@ -61,8 +62,11 @@ class AttackTask:
             `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
             quality delivered: bad service sold on good trust;
             `"promote"`, the same for the accomplices.
-        stealth: the price of being told apart: the gap in mean trust between the honest and the compromised agents of
-            a role, the larger one if the attacker has both roles. None is free.
+        stealth: the price of being told apart. The gap of a compromised agent is the mean trust of the honest agents of
+            its role that are there, less its own trust; of an agent with both roles the larger one. It costs what is
+            beyond the tolerance, and the cost is the mean over the compromised agents: none hides behind another. All
+            of them count, there or not, by the trust that is published: who is gone stays as far apart as it went. A
+            role without honest agents has no gap. None is free.
         knowledge: what it sees, see `observe`.
         others: agent's name -> policy of agents that are not compromised; those not named play honestly.
         accomplices: names of the providers that `"promote"` is for, compromised or not.
@@ -105,6 +109,9 @@ class AttackTask:
         self._honest_raters = _places(honest, roster.rater_names)
         self._honest_providers = _places(honest, roster.provider_names)
         self._agents = _places(self.compromised, roster.names)
+        roles = [name for axis in (roster.rater_names, roster.provider_names) for name in compromised if name in axis]
+        self._first_role = [roles.index(name) for name in compromised]
+        self._last_role = [len(roles) - 1 - roles[::-1].index(name) for name in compromised]
         self._sellers = _places(accomplices, roster.provider_names) if objective == "promote" else self._providers
         if not (self._honest_providers if objective == "damage" else self._sellers):
             whom = {"damage": "an honest provider", "exploit": "a compromised provider", "promote": "an accomplice"}
@@ -197,16 +204,19 @@ class AttackTask:
         )
 
     def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:
-        """The larger trust gap of the attacker's roles, as far as it is beyond the tolerance."""
-        cost = 0 * top[0]
+        """The mean over the compromised agents of the larger gap of its roles, as far as it is beyond the tolerance."""
+        xp, gaps = namespace(top), []
         for trust, honest, mine, present in (
             (tor, self._honest_raters, self._raters, raters),
             (top, self._honest_providers, self._providers, providers),
         ):
-            if honest and mine:
-                gap = _mean(trust, honest, present) - _mean(trust, mine, None) - self.stealth.tolerance
-                cost = namespace(cost).where(gap > cost, gap, cost)
-        return cost
+            if mine:
+                own = trust[mine, ...]
+                gaps.append(_mean(trust, honest, present) - own - self.stealth.tolerance if honest else 0 * own)
+        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
+        if self._first_role != self._last_role:  # somebody has both
+            gap = xp.maximum(gap[self._first_role, ...], gap[self._last_role, ...])
+        return xp.where(gap > 0, gap, 0 * gap).mean(axis=0)
 
 
 def make_task(

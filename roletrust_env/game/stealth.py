@@ -11,11 +11,11 @@ from roletrust_env.ranges import Share
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class Stealth:
-    """The price of being told apart by one's trust.
+    """The price of being told apart by one's trust; `AttackTask` says what it is paid for.
 
     Attributes:
         weight: of the cost in the reward, 0 or more.
-        tolerance: the trust gap that costs nothing, in [0, 1].
+        tolerance: the trust gap of an agent that costs nothing, in [0, 1].
     """
 
     weight: NonNegativeFloat = 0.0

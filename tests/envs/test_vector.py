@@ -1,7 +1,6 @@
 """The batched face against single games: one, many, both ways to restart them, and torch."""
 
 import copy
-from typing import Any
 
 import gymnasium
 import numpy as np

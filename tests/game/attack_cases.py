@@ -79,8 +79,8 @@ def make(scenario: Scenario, case: dict[str, Any], like: Any = None, **changes: 
     return AttackTask(Game(scenario, like=like), arguments.pop("compromised"), **arguments)
 
 
-def rng(seed: int = 0) -> Random:
-    return Random(np.random.default_rng(seed))
+def rng(seed: int = 0, like: Any = None) -> Random:
+    return Random(np.random.default_rng(seed), like)
 
 
 def each(function: Callable, *trees: Any) -> Any:

@@ -1,17 +1,14 @@
-"""The attacker's side of a game against slow formulas, in one game, in a batch and in torch; what it may see."""
+"""The attacker's side of a game against slow formulas: outcomes, actions, exact optima, bad input."""
 
-from collections.abc import Iterator
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from attack_cases import (
     CASES,
     EVERY_ACCESS,
     EVERY_CASE,
-    LEVELS,
     STEALTH,
     assert_close,
     busy,
@@ -24,7 +21,7 @@ from attack_cases import (
 
 from agents.planning.exact import optimal_provider, optimal_rater
 from baselines import BadMouthing, OnOff
-from roletrust_env import Actions, Game, Noise, Random, Scenario, make_scenario
+from roletrust_env import Actions, Game, Scenario, make_scenario
 from roletrust_env.game.attack import AttackTask
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
@@ -55,11 +52,14 @@ def slow_outcome(task: AttackTask, case: dict[str, Any], state: Any) -> dict[str
             j = roster.provider_names.index(k)
             gains.append(top[k] * (1 - state.quality[j]) if state.awaiting[:, j].any() else 0.0)
         objective = mean(gains)
-    cost, stealth = 0.0, case.get("stealth", Stealth())
-    for trust in (tor, top):
-        others, own = [trust[k] for k in honest if k in trust], [trust[k] for k in mine if k in trust]
-        if others and own:
-            cost = max(cost, mean(others) - mean(own) - stealth.tolerance)
+    stealth, costs = case.get("stealth", Stealth()), []
+    for k in mine:  # there or not
+        costs.append(0.0)
+        for trust in (tor, top):
+            others = [trust[j] for j in honest if j in trust]
+            if others and k in trust:
+                costs[-1] = max(costs[-1], mean(others) - trust[k] - stealth.tolerance)
+    cost = fmean(costs)
     return {
         "reward": objective - stealth.weight * cost,
         "objective": objective,
@@ -105,6 +105,26 @@ def test_the_paper_world_by_hand() -> None:
     assert outcome.objective == pytest.approx(1 - 0.282, abs=1e-3)
     assert outcome.cost == pytest.approx(honest - liar - 0.1, abs=1e-9)
     assert outcome.reward == pytest.approx(outcome.objective - 2 * outcome.cost)
+
+
+def test_nobody_hides_behind_another() -> None:
+    """Of four raters one rates 0 for ever and its accomplice is honest: the cost is the liar's own, shared by two."""
+    scenario = Scenario(agents=[{"role": "SR", "count": 4}, {"role": "SP"}], max_cycles=60)
+    task = make(scenario, {"compromised": ("sr_2", "sr_3"), "stealth": Stealth(2.0, 0.1)})
+    *_, (_, _, outcome) = play(task, actions=[np.array([1.0, 0.0])] * 60)
+    honest, liar = 1 - 0.25**0.5, 1 - 0.75**0.5
+    assert outcome.cost == pytest.approx((honest - liar - 0.1) / 2, abs=1e-9)
+
+
+def test_who_is_gone_stays_as_far_apart_as_it_went() -> None:
+    """A rater that lied until it left goes on costing what it cost; the honest one beside it costs nothing."""
+    agents = [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SR"}, {"role": "SR", "leaves": 5}]
+    scenario = Scenario(agents=agents, max_cycles=40)
+    task = make(scenario, {"compromised": ("sr_2", "sr_3"), "stealth": Stealth(2.0, 0.1)})
+    rounds = list(play(task, actions=[np.array([1.0, 0.0])] * 40))
+    left = task.game.published(rounds[-1][1].game)[0][3]
+    assert [task.game.published(after.game)[0][3] for _, after, _ in rounds[6:]] == [left] * 34
+    assert rounds[-1][2].cost == pytest.approx((1 - left - 0.1) / 2, abs=1e-9)  # the honest are trusted again
 
 
 def test_exploit_pays_for_the_trust_at_which_the_service_is_sold() -> None:
@@ -226,132 +246,6 @@ def test_a_step_leaves_its_inputs_alone() -> None:
         task.observe(state)
         each(np.testing.assert_array_equal, (state, action, noise), before)
         state = after
-
-
-# --- batches and backends ---------------------------------------------------------------------------
-
-
-class Luck:
-    """Noise of the start and of every round, and what random scripted agents would draw, for a batch or one of it."""
-
-    def __init__(self, task: AttackTask, seed: int, batch: tuple[int, ...]) -> None:
-        random, rounds = rng(seed), range(task.game.scenario.max_cycles)
-        self.start = task.game.draw(random, batch, start=True)
-        self.rounds = [task.game.draw(random, batch) for _ in rounds]
-        self.actions = deeds(task, seed, batch)
-
-
-def trajectory(
-    task: AttackTask, start: Noise, rounds: list[Noise], actions: list[Any], random: Random
-) -> Iterator[tuple[Any, Any]]:
-    state = task.start(start, random)
-    yield task.observe(state), None
-    for noise, action in zip(rounds, actions, strict=True):
-        state, outcome = task.step(state, action, noise, random)
-        yield task.observe(state), outcome
-
-
-class Slice(Random):
-    """What one game of a batch draws, while the whole batch draws from the same generator."""
-
-    def __init__(self, seed: int, e: int, games: int) -> None:
-        super().__init__(np.random.default_rng(seed))
-        self.e, self.games = e, games
-
-    def uniform(self, shape: Any) -> Any:
-        return super().uniform((*shape, self.games))[..., self.e]
-
-
-@EVERY_ACCESS
-@pytest.mark.parametrize("name", ["colluders among other attackers", "dual"])
-def test_a_batch_of_1024_is_its_games_one_by_one(access: str, name: str) -> None:
-    """For twenty of them, with the luck of the batch; the random scripted agents' own luck included."""
-    task = make(busy(access), CASES[name], knowledge="white_box")
-    luck = Luck(task, 0, (1024,))
-    together = list(trajectory(task, luck.start, luck.rounds, luck.actions, rng(7)))
-    few = [0, 1023, *np.random.default_rng(1).choice(range(1, 1023), 18, replace=False).tolist()]
-    for e in few:
-
-        def one(array: Any, e: int = e) -> Any:
-            return array[..., e]
-
-        rounds = [each(one, noise) for noise in luck.rounds]
-        alone = trajectory(task, each(one, luck.start), rounds, [a[..., e] for a in luck.actions], Slice(7, e, 1024))
-        for whole, single in zip(together, alone, strict=True):
-            assert_close(single, each(one, whole))
-    outcomes = [outcome for _, outcome in together[1:]]
-    assert np.unique(outcomes[-1].caught).tolist() == ([False, True] if name == "dual" else [False])
-    assert np.all(outcomes[-1].over)
-    assert np.unique(outcomes[-1].reward).size > 500
-
-
-@pytest.mark.parametrize("batch", [(), (5,), (2, 3)], ids=str)
-@EVERY_CASE
-def test_torch_agrees_with_numpy(case: dict, batch: tuple[int, ...]) -> None:
-    case = {**case, "others": {name: p for name, p in case.get("others", {}).items() if name != "sp_2"}}
-    scenario = busy("softmax")
-    luck = Luck(make(scenario, case), 1, batch)
-    for knowledge in LEVELS:
-        task = make(scenario, case, knowledge=knowledge)
-        tensors = make(scenario, case, like=torch.zeros((), dtype=torch.float64), knowledge=knowledge)
-        rounds = [each(torch.asarray, noise) for noise in luck.rounds]
-        actions = [torch.asarray(action) for action in luck.actions]
-        played = trajectory(
-            tensors, each(torch.asarray, luck.start), rounds, actions, Random(np.random.default_rng(), torch.zeros(()))
-        )
-        expected = trajectory(task, luck.start, luck.rounds, luck.actions, rng())
-        for (observation, outcome), (seen, result) in zip(played, expected, strict=True):
-            assert isinstance(observation, torch.Tensor)
-            assert_close((observation, outcome), (seen, result))
-            if outcome is not None:
-                assert all(isinstance(part, torch.Tensor) for part in outcome)
-                assert [part.shape for part in outcome] == [batch] * 5
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
-@EVERY_CASE
-def test_precision_stays(case: dict, dtype: type, tensors: bool) -> None:
-    def cast(array: Any) -> Any:
-        array = np.asarray(array, dtype)
-        return torch.asarray(array) if tensors else array
-
-    case = {**case, "others": {}}
-    luck = Luck(make(busy(), case), 1, (3,))
-    task = make(busy(), case, like=cast(0.0), knowledge="white_box")
-    random = Random(np.random.default_rng(), torch.zeros(())) if tensors else rng()
-    rounds = [each(cast, noise) for noise in luck.rounds]
-    for seen, outcome in trajectory(task, each(cast, luck.start), rounds, [cast(a) for a in luck.actions], random):
-        numbers = [seen] if outcome is None else [seen, outcome.reward, outcome.objective, outcome.cost]
-        assert {number.dtype for number in numbers} == {cast(0.0).dtype}
-        if outcome is not None:
-            assert {str(outcome.caught.dtype), str(outcome.over.dtype)} <= {"bool", "torch.bool"}
-            assert np.all((np.asarray(outcome.objective) >= 0) & (np.asarray(outcome.objective) <= 1))
-            assert np.all((np.asarray(outcome.cost) >= 0) & (np.asarray(outcome.cost) <= 1))
-
-
-def test_gradients_reach_the_actions() -> None:
-    """A planner climbs them: through the ratings and through the price of stealth."""
-    scenario = make_scenario("paper-3x3").change(noise=0.0, max_cycles=3)
-    like = torch.zeros((), dtype=torch.float64)
-    slopes = []
-    for weight in (0.0, 2.0):
-        task = make(scenario, {"compromised": ("sr_0",), "stealth": Stealth(weight, 0.0)}, like=like)
-        luck = Luck(make(scenario, {"compromised": ("sr_0",)}), 0, (2,))
-        actions = torch.full((3, 3, 2), 0.6, dtype=torch.float64, requires_grad=True)
-        rounds = [each(torch.asarray, noise) for noise in luck.rounds]
-        played = trajectory(
-            task,
-            each(torch.asarray, luck.start),
-            rounds,
-            list(actions),
-            Random(np.random.default_rng(), torch.zeros(())),
-        )
-        sum(outcome.reward.sum() for _, outcome in played if outcome is not None).backward()
-        slopes.append(actions.grad)
-    assert all(torch.isfinite(slope).all() for slope in slopes)
-    assert torch.all(slopes[0][1:] != 0)  # nothing to rate in the first round
-    assert torch.all(slopes[1][1:] > slopes[0][1:])  # nearer to the truth is cheaper
 
 
 # --- exact optima -----------------------------------------------------------------------------------
