@@ -126,7 +126,7 @@ class Normalised(BaseFeaturesExtractor):
 
 def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
     """A learner that has not learned anything yet."""
-    mean, variance = _statistics(env)
+    mean, variance = _statistics(env, seed)
     shape: dict[str, Any] = {
         "net_arch": list(settings.hidden),
         "features_extractor_class": Normalised,
@@ -157,9 +157,10 @@ def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> 
     return PPO("MlpPolicy", env, policy_kwargs=shape, **common)
 
 
-def _statistics(env: AttackVecEnv) -> tuple[Floats, Floats]:
+def _statistics(env: AttackVecEnv, seed: int) -> tuple[Floats, Floats]:
     """Mean and variance of each entry of the observations of a whole game played at random."""
     rng, shape = np.random.default_rng(0), (env.num_envs, *(env.action_space.shape or ()))
+    env.seed(seed)  # or the luck of these games, and so the same run, would be another one each time
     rows = [np.asarray(env.reset())]
     for _ in range(min(env.task.game.scenario.max_cycles, 500)):
         observation, *_ = env.step(rng.uniform(-1, 1, shape).astype(np.float32))
