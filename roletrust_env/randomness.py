@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from roletrust_env import counter
 from roletrust_env.arrays import Array, namespace
 
-Dealt = TypeVar("Dealt")
+Dealt = TypeVar("Dealt", covariant=True)
 Keys = npt.NDArray[np.uint32]
 
 STREAMS = 8
@@ -18,6 +18,18 @@ STREAMS = 8
 
 _AHEAD = 64
 """Rounds whose keys are made at once."""
+
+
+class Dealer(Protocol[Dealt]):
+    """What makes the luck of rounds of their keys."""
+
+    def ahead(self, batch: tuple[int, ...]) -> int:
+        """Of how many rounds it is best made at once."""
+        ...
+
+    def of_rounds(self, keys: Keys, batch: tuple[int, ...]) -> Sequence[Dealt]:
+        """The luck of R rounds, whose keys are (R, STREAMS, 4), for a batch of this shape."""
+        ...
 
 
 class Random:
@@ -40,7 +52,7 @@ class Random:
         self._key = generator.integers(0, 2**32, 4, dtype=np.uint32)
         self._rounds = self._calls = 0
         self._keys: tuple[int, Keys] = (0, np.empty((0, STREAMS, 4), np.uint32))
-        self._hand: tuple[int, Any, Sequence[Any]] = (0, None, ())
+        self._hand: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
 
     def round_key(self) -> Array:
         """The key of the next round, which `Game.luck` turns into its luck: words, (STREAMS, 4)."""
@@ -51,22 +63,16 @@ class Random:
         self._rounds += 1
         return self._on_device(key)
 
-    def deal(
-        self, luck: Callable[[Keys, tuple[int, ...]], Sequence[Dealt]], batch: tuple[int, ...], ahead: int
-    ) -> Dealt:
-        """The luck of the next round, on NumPy, where arrays are so small that some rounds are best made at once.
-
-        Args:
-            luck: makes that of R rounds of their keys, (R, STREAMS, 4), for a batch.
-            batch: its shape.
-            ahead: R.
-        """
+    def deal(self, luck: "Dealer[Dealt]", batch: tuple[int, ...]) -> Dealt:
+        """The luck of the next round, on NumPy, where arrays may be so small that many rounds are best made at once."""
         first, whose, hand = self._hand
-        if whose != (luck, batch) or not 0 <= self._rounds - first < len(hand):
-            hand = luck(self._round_keys(self._rounds, ahead), batch)
-            self._hand = first, _, _ = self._rounds, (luck, batch), hand
-        dealt: Dealt = hand[self._rounds - first]
+        at = self._rounds - first
+        if whose[0] is not luck or whose[1] != batch or not 0 <= at < len(hand):
+            ahead = min(luck.ahead(batch), 16 + self._rounds)  # fewer at first, since many a game is short
+            hand = luck.of_rounds(self._round_keys(self._rounds, ahead), batch)
+            self._hand, at = (self._rounds, (luck, batch), hand), 0
         self._rounds += 1
+        dealt: Dealt = hand[at]
         return dealt
 
     def uniform(self, shape: Sequence[int]) -> Array:

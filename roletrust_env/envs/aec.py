@@ -7,7 +7,8 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
-from roletrust_env.envs.parallel import Vector, parallel_env
+from roletrust_env.envs.observer import Vector
+from roletrust_env.envs.parallel import parallel_env
 from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario

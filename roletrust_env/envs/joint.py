@@ -29,6 +29,7 @@ class JointAction:
             size = (agent in provides) + roster.n_providers * (agent in rates)
             self._slots[agent] = ((size,), slice(self._size, self._size + size))
             self._size += size
+        self._sizes = [shape[0] for shape, _ in self._slots.values()]
 
     def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Actions:
         """The joint action; that of absent agents is 0.
@@ -40,22 +41,37 @@ class JointAction:
         Raises:
             ValueError: an action is missing, of an absent agent, of the wrong size, NaN or outside [0, 1].
         """
-        joint = np.zeros(self._size)
         try:
-            for agent in agents:
-                shape, place = self._slots[agent]
-                action = actions[agent]
-                if action.shape != shape or action.dtype.kind not in _NUMBERS:
-                    raise ValueError
-                joint[place] = action
-        except (KeyError, AttributeError, ValueError, TypeError):
+            joint = self._joined(actions, agents)
+        except (KeyError, AttributeError, ValueError, TypeError, RuntimeError):
             if complaint := self._complaint(actions, agents):
                 raise ValueError(complaint) from None
-            for agent in agents:  # lists, tensors, or of another shape
-                joint[self._slots[agent][1]] = np.asarray(actions[agent]).reshape(-1)
+            joint = self._placed({agent: np.asarray(actions[agent]).reshape(-1) for agent in agents})
         if len(actions) != len(agents) or not (joint.min() >= 0 and joint.max() <= 1):
             raise ValueError(self._complaint(actions, agents))
         return self._split(joint)
+
+    def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
+        """The actions in one vector, without a look at each as long as all is well."""
+        if len(agents) < len(self._sizes):
+            return self._placed({agent: actions[agent] for agent in agents})
+        parts = [actions[agent] for agent in agents]
+        if [len(part) for part in parts] != self._sizes:
+            raise ValueError
+        joint = np.concatenate(parts, dtype=np.float64)  # refuses what is no number
+        if joint.ndim > 1:
+            raise ValueError
+        return joint
+
+    def _placed(self, actions: Mapping[str, Any]) -> npt.NDArray[np.float64]:
+        """The actions of some agents, and 0 for the others."""
+        joint = np.zeros(self._size)
+        for agent, action in actions.items():
+            shape, place = self._slots[agent]
+            if action.shape != shape or action.dtype.kind not in _NUMBERS:
+                raise ValueError
+            joint[place] = action
+        return joint
 
     def _complaint(self, actions: Any, agents: Sequence[str]) -> str | None:
         """What is wrong with the actions, and what is allowed; None if nothing is."""

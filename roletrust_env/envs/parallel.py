@@ -12,6 +12,7 @@ from pettingzoo import ParallelEnv
 
 from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.joint import JointAction
+from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
@@ -21,7 +22,6 @@ from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import CUT_OFF, LEFT
 
 _FATES = {LEFT: "left", CUT_OFF: "cut off"}
-Vector = npt.NDArray[np.float32]
 
 
 class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
@@ -139,7 +139,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             self.observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
             self.action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
         self._joint = JointAction(self.game.roster)
-        self._seen = self._places()  # where, in the vector of everything, the entries of its observation stand
+        self._observer = Observer(self.game)
         self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
@@ -185,7 +185,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         present = self.game.present(self._state)
         self.agents = [a for i, a in enumerate(self.possible_agents) if present is None or present[i]]
         self._spectator.follow(self._state)
-        return self._observe(self._state, self.agents), self._inform(self._state, self.agents)
+        return self._observer.observe(self._state, self.agents), self._inform(self._state, self.agents)
 
     def step(
         self, actions: Mapping[str, Vector]
@@ -229,7 +229,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         truncations = {a: over and not gone for a, gone in terminations.items()}
         self.agents = [] if over else list(staying)
         self._spectator.follow(state)
-        observations, infos = self._observe(state, agents), self._inform(state, agents)
+        observations, infos = self._observer.observe(state, agents), self._inform(state, agents)
         return observations, reward, terminations, truncations, infos
 
     def state(self) -> Vector:
@@ -250,25 +250,6 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self._spectator.close()
-
-    def _observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
-        everything = self.game.summary(state)
-        if n_both := self.game.roster.n_both:
-            everything = np.concatenate([everything, self.game.agent_trust(state)[-n_both:]])
-        everything = everything.astype(np.float32)
-        return {agent: everything[self._seen[agent]] for agent in agents}
-
-    def _places(self) -> dict[str, npt.NDArray[np.intp]]:
-        """Each agent's observation as places in `Game.summary`, with the ToA of the SR+SP agents after it."""
-        roster, toa = self.game.roster, self.game.summary_size
-        of_raters, of_providers = self.layout.places(roster.n_agents)
-        provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
-        rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
-        both = [agent for agent in roster.names if agent in provider and agent in rater]
-        seen = {**provider, **rater}
-        return seen | {
-            agent: np.concatenate([[toa + i], provider[agent], rater[agent]]) for i, agent in enumerate(both)
-        }
 
     def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         roster, game = self.game.roster, self.game

@@ -59,6 +59,7 @@ class Game:
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
+        self._on_numpy = isinstance(like, np.ndarray)
         self._luck = Luck(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
@@ -92,10 +93,9 @@ class Game:
             batch: shape of the batch.
             start: whether this is for `start`, which alone scatters the agents.
         """
-        ahead = self._luck.ahead(batch)
-        if start or ahead == 1:
-            return self.luck(random.round_key(), batch, start=start)
-        return random.deal(self._luck.of_rounds, batch, ahead)
+        if self._on_numpy and not (start and self._luck.scatters):
+            return random.deal(self._luck, batch)
+        return self.luck(random.round_key(), batch, start=start)
 
     def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
         """The luck of one round, or of the start, as a function of its key: what `draw` draws.

@@ -1,6 +1,7 @@
 """The luck of a game: which random numbers a round of a scenario takes, and how a key becomes them."""
 
 from collections.abc import Callable
+from itertools import repeat
 from math import prod
 
 import numpy as np
@@ -11,7 +12,7 @@ from roletrust_env.game.state import Noise
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, InRange, Scenario
 
-_AHEAD = 64
+_AHEAD = 256
 """Rounds of a single small game whose luck is made at once."""
 
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
@@ -26,6 +27,9 @@ class Luck:
         roster: its agents.
         changes: whether anybody joins, leaves or is cut off.
         like: an array of the library, dtype and device to work with.
+
+    Attributes:
+        scatters: whether the start takes luck of its own, to place the agents.
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array) -> None:
@@ -42,13 +46,12 @@ class Luck:
             "position": (counter.uniform, (n, 2)) if moves else None,
         }
         self._wanted = {name: kind for name, kind in wanted.items() if kind is not None}
+        self.scatters = moves
         self._like = like
         self._cells = sum(prod(shape) for _, shape in self._wanted.values())
 
     def ahead(self, batch: tuple[int, ...]) -> int:
-        """Of how many rounds the luck is best made at once: of more than one where arrays are small, on NumPy."""
-        if not isinstance(self._like, np.ndarray):
-            return 1
+        """Of how many rounds the luck is best made at once: of more than one where arrays are small."""
         return max(1, min(_AHEAD, 4 * counter.BLOCK // max(1, self._cells * prod(batch))))
 
     def of_round(self, key: Array, batch: tuple[int, ...], start: bool) -> Noise:
@@ -64,6 +67,8 @@ class Luck:
     def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
         """The luck of some rounds, R of them, on NumPy; the keys are (R, STREAMS, 4)."""
         rounds, games = len(keys), prod(batch)
+        if rounds == 1:
+            return [self.of_round(keys[0], batch, False)]
         numbers = np.tile(counter.whole(self._like, games), rounds)
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
@@ -72,8 +77,8 @@ class Luck:
                 kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch), len(shape), 0
             )
 
-        luck = self._noise(made, False)
-        return [Noise(*(None if part is None else part[r] for part in luck)) for r in range(rounds)]
+        parts = (repeat(None, rounds) if part is None else part for part in self._noise(made, False))
+        return [Noise(*luck) for luck in zip(*parts, strict=True)]
 
     def _noise(self, made: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
         return Noise(

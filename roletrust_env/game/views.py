@@ -130,14 +130,16 @@ class Layout:
         parts = [field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)]
         return namespace(view.trust).concat(parts)
 
-    def places(self, n_agents: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Where the entries of the raters' observations, (K, S), and of the providers', (K, P), are in `Game.summary`.
+    def places(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Where the entries of the raters' observations, (K, S), and of the providers', (K, P), are in a vector.
 
-        A single game is observed faster entry by entry than field by field.
+        The vector has the clock, ToR (S), ToP (P), the value of the next services (P), delivered quality (P), perceived
+        quality, what awaits a rating, ratings and where they arrived (S x P each). A single game is observed faster
+        entry by entry than field by field.
         """
         s, p = self.n_raters, self.n_providers
-        sizes = (1, s, p, p, p, n_agents, *[s * p] * 4)
-        clock, tor, top, value, quality, _, *grids = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+        sizes = (1, s, p, p, p, *[s * p] * 4)
+        clock, tor, top, value, quality, *grids = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
         provider, rater = look(clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids))
         # The place of the clock is 0, as a share of the game's length too.
         return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)

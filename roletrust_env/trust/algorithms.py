@@ -6,7 +6,7 @@ run on NumPy and on torch alike, change none of their inputs, and follow the dty
 
 import math
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import reduce
 from typing import NamedTuple
 
@@ -199,7 +199,8 @@ def rater_quality(notes: Notes, root: Root | None = None) -> Array:
         below = notes.weigh(notes.values - best)
         return _nearness(notes, below - below.sum(axis=0) / (notes.received + _TINY), root)
     parts = [notes.of_raters(some) for some in blocks]
-    average = _total(part.weigh(part.values - best).sum(axis=0) for part in parts) / (notes.received + _TINY)
+    below = reduce(operator.add, (part.weigh(part.values - best).sum(axis=0) for part in parts))
+    average = below / (notes.received + _TINY)
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
@@ -217,19 +218,24 @@ def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Arr
         last_ratings: the note that i gave j last, shape (S, P, ...).
         elapsed: dt, see `provider_trust`; None where it is 1 everywhere.
     """
+    if len(blocks := notes.blocks()) == 1:
+        worth = _worth(notes.values, tor, last_ratings, elapsed)
+    else:
+        worth = reduce(
+            operator.add,
+            (
+                _worth(notes.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
+                for some in blocks
+            ),
+        )
+    return worth / (notes.received + _TINY)
 
-    def worth(some: slice) -> Array:
-        values = notes.values[some]
-        steady = _sinc(abs(values - last_ratings[some]))
-        rho = _sinc(1.0 - values) * (steady if elapsed is None else steady ** elapsed[some])
-        return (rho * tor[some, None, ...] * values).sum(axis=0)
 
-    return _total(map(worth, notes.blocks())) / (notes.received + _TINY)
-
-
-def _total(parts: Iterable[Array]) -> Array:
-    """The sum, which of a single part is that part."""
-    return reduce(operator.add, parts)
+def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+    """The sum over raters of rho * ToR * f, shape (P, ...)."""
+    steady = _sinc(abs(values - last_ratings))
+    rho = _sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
+    return (rho * tor[:, None, ...] * values).sum(axis=0)
 
 
 def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
@@ -268,7 +274,7 @@ def _sinc(x: Array) -> Array:
     The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
     """
     xp = namespace(x)
-    if x.dtype == xp.float32 and compiling(x):
+    if compiling(x) and x.dtype == xp.float32:
         return _sinc_polynomial(x)
     angle = math.pi * x + _TINY
     return abs(xp.sin(angle)) / angle

@@ -86,8 +86,9 @@ class Roster:
 
     def agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
         """An array over agents, (N, ...), of one over raters, one over providers and one over SR+SP agents."""
-        sr, sp = of_raters[: self._count["SR"]], of_providers[: self._count["SP"]]
-        parts = [sr, sp] if of_both is None else [sr, sp, of_both]
+        parts = [of_raters, of_providers]
+        if of_both is not None:
+            parts = [of_raters[: self._count["SR"]], of_providers[: self._count["SP"]], of_both]
         return namespace(of_raters).concat(parts)
 
     def both(self, of_raters_or_providers: Array) -> Array:

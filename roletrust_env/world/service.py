@@ -45,7 +45,9 @@ class SyntheticService:
 
     def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
         """See `Service.perceive`."""
-        deviation = self._deviation.reshape(self._deviation.shape + (1,) * (noise.ndim - 2))
+        deviation = self._deviation
+        if noise.ndim > 2:
+            deviation = deviation.reshape(deviation.shape + (1,) * (noise.ndim - 2))
         return (quality * (1 - strength) + deviation * noise).clip(*self._bounds)
 
 

@@ -1,0 +1,56 @@
+"""What the agents of a PettingZoo game observe, read off its state in one go."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.game.game import Game
+from roletrust_env.game.state import State
+
+Vector = npt.NDArray[np.float32]
+
+
+class Observer:
+    """Makes the observations of single agents: all that anybody sees is written down once, and looked up for each.
+
+    Args:
+        game: whose states are observed.
+    """
+
+    def __init__(self, game: Game) -> None:
+        roster = game.roster
+        s, p = roster.n_raters, roster.n_providers
+        self._game = game
+        sizes = (1, s, p, p, p, s * p, s * p, s * p, s * p, roster.n_both)
+        self._everything = np.zeros(sum(sizes), np.float32)
+        self._fields = np.split(self._everything, np.cumsum(sizes)[:-1])  # views
+        of_raters, of_providers = game.layout.places()
+        provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
+        rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
+        toa = len(self._everything) - roster.n_both
+        seen: dict[str, list[npt.NDArray[np.intp]]] = {agent: [] for agent in roster.names}
+        for i, agent in enumerate(agent for agent in roster.names if agent in provider and agent in rater):
+            seen[agent].append(np.asarray([toa + i]))
+        for agent, places in [*provider.items(), *rater.items()]:
+            seen[agent].append(places)
+        self._places = np.concatenate([part for parts in seen.values() for part in parts])
+        ends = np.cumsum([sum(map(len, parts)) for parts in seen.values()]).tolist()
+        starts = [0, *ends[:-1]]
+        self._slices = {agent: slice(a, b) for agent, a, b in zip(seen, starts, ends, strict=True)}
+
+    def observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
+        """The observation of each of some agents in a state of one game, new arrays."""
+        game, fields = self._game, self._fields
+        fields[0][0] = state.round / game.scenario.max_cycles
+        fields[1][:], fields[2][:] = game.published(state)
+        fields[3][:] = state.value
+        fields[4][:] = state.quality
+        fields[5][:] = state.service.reshape(-1)
+        fields[6][:] = state.awaiting.reshape(-1)
+        fields[7][:] = state.ratings.reshape(-1)
+        fields[8][:] = state.rated.reshape(-1)
+        if game.roster.n_both:
+            fields[9][:] = game.agent_trust(state)[-game.roster.n_both :]
+        seen = self._everything[self._places]
+        return {agent: seen[self._slices[agent]] for agent in agents}
