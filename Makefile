@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := results
 
-.PHONY: run test test-extras setup format pictures clean
+.PHONY: run test test-extras test-clients setup format pictures clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -19,6 +19,10 @@ test: setup
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
 	$(BIN)/pytest -n 2 -m extras
+
+# Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
+test-clients: setup
+	$(BIN)/python -m experiments.clients
 
 setup: $(VENV)/.ready
 

@@ -244,6 +244,7 @@ def test_pictures_leave_matplotlibs_settings_alone():
     import matplotlib
     from matplotlib import _pylab_helpers
 
+    matplotlib.get_backend()  # which is found when first asked for
     before = matplotlib.rcParams.copy()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

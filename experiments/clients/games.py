@@ -1,0 +1,19 @@
+"""What the clients play."""
+
+from roletrust_env import make_scenario, scenarios
+from roletrust_env.envs import tasks
+
+TASKS = [f"roletrust_env:{task_id}" for task_id in tasks.TASKS]
+"""The attack tasks, by names that a process knows which has not imported them."""
+
+TASK = TASKS[0]
+"""One of them."""
+
+OPEN = "open-system"
+"""A scenario in which agents come and go."""
+
+
+def closed() -> list[str]:
+    """The scenarios in which everybody is there from the first round to the last."""
+    found = {name: make_scenario(name) for name in scenarios()}
+    return [name for name, it in found.items() if it.admission is None and not any(group.open for group in it.agents)]

@@ -1,0 +1,100 @@
+"""`make test-clients`: how it reports, and those clients that are installed here anyway."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from experiments.clients.__main__ import CLIENTS, main, read, try_client
+from experiments.clients.inside import main as inside
+
+HOUSE = Path(__file__).parents[2]
+
+
+def passes() -> None:
+    """It passes."""
+
+
+def fails() -> None:
+    """It fails."""
+    raise OSError("the client is ill")
+
+
+@pytest.fixture
+def client(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """One whose second check fails."""
+    module = ModuleType("experiments.clients.ill")
+    module.CHECKS = (passes, fails, passes)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    return module
+
+
+def test_a_report_tells_versions_and_every_check(client, tmp_path, capsys):
+    inside("ill", str(tmp_path / "report"), ["pettingzoo"])
+    versions, checks = read(tmp_path / "report")
+    assert set(versions) == {"pettingzoo"}
+    assert [(check.what, check.passed) for check in checks] == [
+        ("It passes.", True),
+        ("It fails.", False),
+        ("It passes.", True),
+    ]
+    assert "the client is ill" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("step", ["venv", "checks"])
+def test_what_did_not_come_to_an_end_has_failed(monkeypatch, tmp_path, step):
+    """Such as an installation, or a check that takes the process down."""
+
+    def run(command: list[str], **_: object) -> None:
+        if "experiments.clients.inside" in command:
+            (tmp_path / "minari.json").write_text('{"minari": "9.9"}\n["All is well.", true, 1.0]\n')
+        if step in command or (step == "checks" and "experiments.clients.inside" in command):
+            raise subprocess.CalledProcessError(-11, command)
+
+    monkeypatch.setattr("experiments.clients.__main__._BUILD", tmp_path)
+    monkeypatch.setattr("subprocess.run", run)
+    versions, [*passed, failure] = try_client("minari")
+    assert not failure.passed
+    assert failure.what.startswith(step)
+    assert (versions, [check.what for check in passed]) == (
+        ({"minari": "9.9"}, ["All is well."]) if step == "checks" else ({}, [])
+    )
+
+
+@pytest.mark.parametrize(("passed", "code"), [(True, 0), (False, 1)])
+def test_the_exit_code_says_whether_all_passed(monkeypatch, tmp_path, capsys, passed, code):
+    report = tmp_path / "report"
+    report.write_text(
+        '{"torchrl": "9.9"}\n'
+        + json.dumps(["All is well.", True, 1.0])
+        + "\n"
+        + json.dumps(["So is this.", passed, 2.0])
+    )
+    monkeypatch.setattr("experiments.clients.__main__.try_client", lambda name: read(report))
+    assert main(["torchrl"]) == code
+    said = capsys.readouterr().out
+    assert "torchrl 9.9" in said
+    assert ("FAILED" in said) == (not passed)
+
+
+def test_an_unknown_client_is_refused(capsys):
+    assert main(["torchlr"]) == 2
+    assert "'torchlr'" in capsys.readouterr().err
+
+
+def test_every_client_has_a_file_and_a_word_in_the_readme():
+    readme = (HOUSE / "README.md").read_text().lower()
+    folder = HOUSE / "experiments" / "clients"
+    assert {path.stem for path in folder.glob("*.py")} == {*CLIENTS, "__init__", "__main__", "games", "inside"}
+    assert all(name in readme for name in CLIENTS)
+
+
+@pytest.mark.parametrize("check", ["wrappers", "vectors"])
+def test_supersuit_finds_what_it_needs(check):
+    pytest.importorskip("supersuit")
+    from experiments.clients import supersuit
+
+    getattr(supersuit, check)()
