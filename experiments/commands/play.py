@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -15,7 +15,6 @@ from rich.table import Table
 
 from experiments.commands.attacks import changed, parse_attacks, parse_settings, parse_trust_model
 from experiments.commands.console import console, progress_bar
-from experiments.results.confidence import over_games
 from experiments.results.files import (
     cast_list,
     described,
@@ -25,22 +24,13 @@ from experiments.results.files import (
     write_figure,
     write_json,
 )
-from experiments.results.measures import MEASURES, Estimate, Group, damage, measure, measured_since
+from experiments.results.games import HEADER, Played, foresee, play_games, rows
+from experiments.results.machine import check_memory, in_bytes, in_time
+from experiments.results.measures import MEASURES, Estimate, measured_since
 from experiments.results.names import attacks_in_words
-from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, Policy, make_scenario
 
-_HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
-
-
-class _Played(NamedTuple):
-    """One trust model's games."""
-
-    model: str
-    game: Game
-    curves: Curves
-    groups: list[Group]
-    damage: dict[str, Estimate]
+_LONG_S = 60.0  # from how many seconds on a run's time is told beforehand
 
 
 def play(
@@ -125,18 +115,11 @@ def play(
     if not force:
         _check_folder(out, config)
     prepare_folder(out)
-    since = measured_since(attackers, rules.max_cycles)
-    played = []
+    _say_what_it_takes(list(casts.values()), attackers, games)
     with progress_bar() as progress:
-        for text, cast in casts.items():
-            game = cast.game
-            curves = record(cast, seed, progress, f"Playing, {text}", games=games)
-            lost = {}
-            if attackers and not isinstance(rules.frames, int):  # a live camera shows nothing twice
-                twin = record(Cast(game, {}), seed, progress, f"Playing, {text}, all honest", games=games)
-                lost = damage(game.roster, curves, twin, attackers)
-            groups = measure(game.roster, curves, attackers, since)
-            played.append(_Played(text, game, curves, groups, lost))
+        played = [
+            play_games(text, cast, attackers, games=games, seed=seed, progress=progress) for text, cast in casts.items()
+        ]
         written = _write(out, config, played, attackers)
         for one_played in played if video else ():
             from experiments.plots.video import write_video
@@ -145,9 +128,20 @@ def play(
             write_video(out / f"{name}.mp4", one_played.game, attackers, seed, progress)
             written += [f"{name}.mp4", f"{name}.png"]
     console.print(_table(title, played, games))
-    for note in _notes(played, games, since, attackers):
+    for note in _notes(played, games, attackers):
         console.print(f"[dim]{note}[/]")
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def _say_what_it_takes(casts: Sequence[Cast], attackers: Mapping[str, Policy], games: int) -> None:
+    """Refuse more games than the memory holds, and say how long many will take."""
+    if games == 1 or isinstance(casts[0].game.scenario.frames, int):  # a live camera cannot be tried out
+        return
+    each = foresee(casts, attackers)
+    time = in_time(games * each.seconds)
+    check_memory("--games", games, each.memory, f" and {time}")
+    if games * each.seconds > _LONG_S:
+        console.print(f"[dim]This takes about {time} and {in_bytes(games * each.memory)} of memory.[/]")
 
 
 def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
@@ -170,12 +164,12 @@ def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
 
 
 def _write(
-    out: Path, config: Mapping[str, Any], played: Sequence[_Played], attackers: Mapping[str, Policy]
+    out: Path, config: Mapping[str, Any], played: Sequence[Played], attackers: Mapping[str, Policy]
 ) -> list[str]:
     """Write all files but videos, and return their names."""
     from experiments.plots.curves import curve_figure
 
-    write_csv(out / "curves.csv", _HEADER, [row for one in played for row in _rows(one)])
+    write_csv(out / "curves.csv", HEADER, [row for one in played for row in rows(one)])
     written = ["curves.csv"]
     for one in played:
         name = f"{_file('curves', one.model, played)}.png"
@@ -197,23 +191,7 @@ def _write(
     return [*written, "results.json"]
 
 
-def _rows(played: _Played) -> list[tuple[Any, ...]]:
-    """One row for each agent, trust and round: the mean over the games in which it was present, and its interval."""
-    roster, curves, rows = played.game.roster, played.curves, []
-    tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
-    if roster.n_both:
-        first = roster.n_agents - roster.n_both
-        tables.append(("ToA", roster.names[first:], curves.trust[:, first:]))
-    for trust, names, values in tables:
-        mean, half, games = over_games(values)
-        for i, name in enumerate(names):
-            columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
-            table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
-            rows += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
-    return rows
-
-
-def _table(title: str, played: Sequence[_Played], games: int) -> Table:
+def _table(title: str, played: Sequence[Played], games: int) -> Table:
     table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     table.padding = (0, 1, 0, 0)  # it fits into 80 columns
     table.add_column("agents")
@@ -234,9 +212,10 @@ def _table(title: str, played: Sequence[_Played], games: int) -> Table:
     return table
 
 
-def _notes(played: Sequence[_Played], games: int, since: int, attackers: Mapping[str, Policy]) -> list[str]:
+def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]) -> list[str]:
     """What the numbers of the table are."""
-    start = (since + 1) * played[0].game.scenario.period_s
+    rules = played[0].game.scenario
+    start = (measured_since(attackers, rules.max_cycles) + 1) * rules.period_s
     past = "the attack is on, the first rounds are past" if attackers else "the first rounds are past"
     notes = [
         f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
@@ -264,7 +243,7 @@ def _plain(estimate: Estimate) -> dict[str, float | None]:
     return {"mean": mean, "half_95": half}
 
 
-def _file(stem: str, model: str, played: Sequence[_Played]) -> str:
+def _file(stem: str, model: str, played: Sequence[Played]) -> str:
     """The name of a file that there is one of for each model."""
     return stem if len(played) == 1 else f"{stem}-{_slug(model)}"
 

@@ -1,5 +1,6 @@
 """Means over games, and how sure they are."""
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -7,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+
+_MANY, _NORMAL_95 = 1000, 1.959963984540054  # degrees of freedom, and Student's quantile for infinitely many
 
 
 class Mean(NamedTuple):
@@ -29,8 +32,9 @@ def over_games(values: Floats) -> Mean:
     squares = np.where(there, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.sqrt(squares / (n - 1) / n)
-    quantile = np.array([student_95(k - 1) for k in range(values.shape[-1] + 1)])
-    return Mean(mean, np.where(n > 1, quantile[n] * error, np.nan), n)
+    counts, which = np.unique(n, return_inverse=True)
+    quantile = np.array([student_95(int(k) - 1) for k in counts])[which].reshape(n.shape)
+    return Mean(mean, np.where(n > 1, quantile * error, np.nan), n)
 
 
 def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
@@ -41,10 +45,12 @@ def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
     return total
 
 
+@functools.cache
 def student_95(freedom: int) -> float:
     """The t with P(|T| < t) = 0.95 for Student's distribution; NaN without a degree of freedom.
 
-    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1).
+    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1). For many
+    degrees it is too narrow a peak for a sum; there the first terms of the series in 1 / freedom are exact to 1e-8.
 
     Example:
         >>> [round(student_95(k), 3) for k in (1, 4, 30)]
@@ -52,6 +58,9 @@ def student_95(freedom: int) -> float:
     """
     if freedom < 1:
         return math.nan
+    if freedom > _MANY:
+        z = _NORMAL_95
+        return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
     angle = np.linspace(0, math.pi / 2, 20_001)
     density = np.cos(angle) ** (freedom - 1)
     area = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from rich.progress import Progress
 
-from roletrust_env import Cast, Random, State
+from roletrust_env import Cast, Game, Random, State
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,6 +29,13 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
+
+
+def kept_bytes(game: Game) -> int:
+    """The memory that the `Curves` of each game take."""
+    roster = game.roster
+    columns = roster.n_raters + roster.n_providers + 2 * roster.n_agents
+    return columns * game.scenario.max_cycles * np.dtype(np.float64).itemsize
 
 
 def record(

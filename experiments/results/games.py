@@ -1,0 +1,71 @@
+"""Many games of one scenario under some trust models: what they would take, what came of them, and that as a table."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rich.progress import Progress
+
+from experiments.results.confidence import over_games
+from experiments.results.machine import Cost, try_out
+from experiments.results.measures import Estimate, Group, damage, measure, measured_since
+from experiments.results.recording import Curves, kept_bytes, record
+from roletrust_env import Cast, Game, Policy
+from roletrust_env.game import rollout
+
+HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
+
+
+class Played(NamedTuple):
+    """One trust model's games."""
+
+    model: str
+    game: Game
+    curves: Curves
+    groups: list[Group]
+    damage: dict[str, Estimate]
+
+
+def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
+    """Whether the games are played again with everyone honest: a live camera shows nothing twice."""
+    return bool(attackers) and not isinstance(game.scenario.frames, int)
+
+
+def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:
+    """What every game takes, under all the models: bytes at the worst moment, and seconds to the end.
+
+    The curves of all models are kept to the end. Besides there are those of the games without the attack, and while
+    the last games are recorded, their rows, of which the curves are made.
+    """
+    game, twin = casts[0].game, has_twin(casts[0].game, attackers)
+    trial = try_out(lambda games: rollout.play(casts[0], game.random(0), (games,)), game)
+    memory = kept_bytes(game) * (len(casts) + twin + 1) + trial.memory
+    return Cost(memory, trial.seconds * game.scenario.max_cycles * len(casts) * (1 + twin))
+
+
+def play_games(
+    model: str, cast: Cast, attackers: Mapping[str, Policy], *, games: int, seed: int, progress: Progress
+) -> Played:
+    """Play under one trust model, with the attack and once more without, and measure it."""
+    game, lost = cast.game, {}
+    curves = record(cast, seed, progress, f"Playing, {model}", games=games)
+    if has_twin(game, attackers):
+        twin = record(Cast(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
+        lost = damage(game.roster, curves, twin, attackers)
+    groups = measure(game.roster, curves, attackers, measured_since(attackers, game.scenario.max_cycles))
+    return Played(model, game, curves, groups, lost)
+
+
+def rows(played: Played) -> list[tuple[Any, ...]]:
+    """One row for each agent, trust and round: the mean over the games in which it was present, and its interval."""
+    roster, curves, found = played.game.roster, played.curves, []
+    tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
+    if roster.n_both:
+        first = roster.n_agents - roster.n_both
+        tables.append(("ToA", roster.names[first:], curves.trust[:, first:]))
+    for trust, names, values in tables:
+        mean, half, games = over_games(values)
+        for i, name in enumerate(names):
+            columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
+            table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
+            found += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
+    return found

@@ -1,0 +1,124 @@
+"""What a run would take of this machine, said before it starts."""
+
+import os
+import re
+import tracemalloc
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+from roletrust_env import Game
+
+_SHARE = 0.8
+"""Of the free memory; the rest is for all that is not counted here."""
+
+_ROUNDS, _CELLS = 2, 50_000  # of a trial: rounds, and ratings of a round
+
+
+class Cost(NamedTuple):
+    """What every further game takes.
+
+    Attributes:
+        memory: bytes at the worst moment of a round.
+        seconds: for a round.
+    """
+
+    memory: float
+    seconds: float
+
+
+def try_out(rounds: Callable[[int], Iterator[object]], game: Game) -> Cost:
+    """Play two rounds of a few games and of some more; the difference is what a game takes in a large batch.
+
+    Args:
+        rounds: plays that many games, round by round.
+        game: that is played.
+    """
+    many = 2 if game.scenario.service == "hog" else max(2, _CELLS // (game.roster.n_raters * game.roster.n_providers))
+    _trace(rounds, 1)  # what is loaded and made but once
+    (few_memory, few_seconds), (memory, seconds) = (_trace(rounds, games) for games in (many // 2, many))
+    more = many - many // 2
+    return Cost(max(0.0, memory - few_memory) / more, max(0.0, seconds - few_seconds) / more / _ROUNDS)
+
+
+def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
+    """See whether a run fits into the memory.
+
+    Args:
+        option: that says how large it is.
+        number: as it is given.
+        each: bytes that one more of it takes.
+        hint: what else it would take, in words.
+
+    Raises:
+        ValueError: it does not fit; it says what it would take, and about how large a run fits.
+    """
+    free = _SHARE * available()
+    if number * each > free:
+        fits = int(free / each)
+        fits -= fits % 10 ** max(0, len(str(fits)) - 2)  # two digits
+        raise ValueError(
+            f"{option} {number:,} would take about {in_bytes(number * each)} of memory{hint}; "
+            f"{in_bytes(free)} can be had, enough for about {fits:,}"
+        )
+
+
+def available() -> float:
+    """Bytes of memory that can be had: as Linux has it, else all of the machine's; no limit where neither is known."""
+    try:
+        free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        free = float("inf")
+    if found := re.search(r"MemAvailable: *(\d+) kB", _read("/proc/meminfo")):
+        free = 1024.0 * int(found[1])
+    limit = _read("/sys/fs/cgroup/memory.max").strip()  # of a container; or the word max
+    return min(free, float(limit)) if limit.isdecimal() else free
+
+
+def in_bytes(size: float) -> str:
+    """A size for people.
+
+    Example:
+        >>> in_bytes(3.26e12), in_bytes(21e6)
+        ('3.3 TB', '21 MB')
+    """
+    unit, of = next(((unit, of) for unit, of in (("TB", 1e12), ("GB", 1e9)) if size >= of), ("MB", 1e6))
+    return f"{_two_digits(size / of)} {unit}"
+
+
+def in_time(seconds: float) -> str:
+    """A time for people.
+
+    Example:
+        >>> in_time(90), in_time(8000), in_time(3e7)
+        ('90 seconds', '2.2 hours', '350 days')
+    """
+    units = (("days", 86_400), ("hours", 3600), ("minutes", 60))
+    unit, of = next(((unit, of) for unit, of in units if seconds >= 2 * of), ("seconds", 1))
+    return f"{_two_digits(seconds / of)} {unit}"
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.1f}".removesuffix(".0") if value < 10 else f"{float(f'{value:.1e}'):,.0f}"
+
+
+def _trace(rounds: Callable[[int], Iterator[object]], games: int) -> tuple[int, float]:
+    """The most memory at once, and the time, of a trial."""
+    tracemalloc.start()
+    try:
+        began = perf_counter()
+        for _ in islice(rounds(games), _ROUNDS):
+            pass
+        return tracemalloc.get_traced_memory()[1], perf_counter() - began
+    finally:
+        tracemalloc.stop()
+
+
+def _read(path: str) -> str:
+    """A file of the kernel's; empty where there is none."""
+    try:
+        return Path(path).read_text()
+    except OSError:
+        return ""
