@@ -40,12 +40,14 @@ class Attempt(NamedTuple):
         rounds: that were used.
         words: what the attacker is, in a few words.
         seconds: that it took, if it was long ago; None if just now.
+        bound: mean reward per round that no attack exceeds; None if none is known.
     """
 
     attacker: Attacker
     rounds: int
     words: str
     seconds: float | None = None
+    bound: float | None = None
 
 
 class Counter:
@@ -96,6 +98,7 @@ class Finding:
         cost: the same of the unweighted cost of being told apart, (G,).
         rounds: game rounds that the rung used.
         seconds: that the search took, by the clock on the wall; the measurement is not counted.
+        bound: mean reward per round that no attack exceeds, if one is known.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Finding:
     cost: Array
     rounds: int
     seconds: float
+    bound: float | None
 
 
 def find(rung: Rung, arguments: Arguments, *, budget: int, seed: int, games: int, tell: Tell) -> Finding:
@@ -127,7 +131,8 @@ def find(rung: Rung, arguments: Arguments, *, budget: int, seed: int, games: int
     task = exact_task(arguments)
     parts = measure(task, attempt.attacker, seed, (1, games), HELD_OUT)
     scores, objective, cost = (part[0] for part in parts)
-    return Finding(rung.name, attempt.attacker, attempt.words, scores, objective, cost, attempt.rounds, seconds)
+    found = (attempt.words, scores, objective, cost, attempt.rounds, seconds, attempt.bound)
+    return Finding(rung.name, attempt.attacker, *found)
 
 
 def exact_task(arguments: Arguments) -> AttackTask:

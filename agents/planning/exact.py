@@ -119,14 +119,28 @@ class Damage:
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
         """Decision t is the lie of round t + 1. See `agents.planning.grid.Task.step`."""
-        keep, share, n = 1 - self.lam, self.share, t + 1
-        unrest = self.lam * action + keep * state
-        trusted = 1 - (1 - self.initial) * keep**n
-        honest, attacker = trusted - share**0.5 * unrest, trusted - (1 - share) ** 0.5 * unrest
-        lie, step = 1 - action**2, action**2 - last**2
-        quality = (1 - share) * honest + share * np.sinc(1 - lie) * np.sinc(step) * attacker * lie
-        penalty = self.weight * np.maximum(0, honest - attacker - self.tolerance)
-        return -(1 - keep ** (self.rounds - n)) * quality - penalty, unrest
+        unrest = self.lam * action + (1 - self.lam) * state
+        return self.pay(t + 1, unrest, counted(action, last)), unrest
+
+    def pay(self, n: Array | int, unrest: Array, counts: Array | float) -> Array:
+        """What round n brings with E[n] = `unrest`, if a note of the attacker counts its ToR times `counts`."""
+        honest, attacker = self.trust(n, unrest)
+        quality = (1 - self.share) * honest + self.share * attacker * counts
+        return -self.lasting(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
+
+    def trust(self, n: Array | int, unrest: Array) -> tuple[Array, Array]:
+        """ToR of the honest raters and of the attackers in round n."""
+        trusted = 1 - (1 - self.initial) * (1 - self.lam) ** n
+        return trusted - self.share**0.5 * unrest, trusted - (1 - self.share) ** 0.5 * unrest
+
+    def lasting(self, n: Array | int) -> Array:
+        """What the QoP of round n counts in the sum of ToP over the game."""
+        return 1 - (1 - self.lam) ** (self.rounds - n)
+
+
+def counted(action: Array, last: Array) -> Array:
+    """What a note x counts after the note before, rho x, in [0, 1]; both given as sqrt(1 - x)."""
+    return np.sinc(action**2) * np.sinc(action**2 - last**2) * (1 - action**2)
 
 
 def optimal_provider(scenario: Scenario, *, levels: int = 200, points: int = 200) -> Optimum:
@@ -160,8 +174,7 @@ def optimal_rater(
 ) -> Optimum:
     """The best that some raters can do under `damage` with stealth, by one lie about all providers; see `Damage`.
 
-    Lies that differ from provider to provider are left out, and can do more: on paper-3x3, 200 rounds, to rate one
-    provider 0 and the others 1, and the other way round in the next round, scores 0.488, against 0.481 here.
+    Lies that differ from provider to provider do more; see `agents.planning.bracket`.
 
     Args:
         scenario: without luck, see `check_certain`.
@@ -177,6 +190,13 @@ def optimal_rater(
     Raises:
         ValueError: the scenario leaves something to chance, or an argument is outside its range.
     """
+    task = damage_of(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
+    found = solve(task, levels=levels, points=points)
+    return _optimum(found, scenario, np.append(1.0, 1 - found.actions**2))
+
+
+def damage_of(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
+    """The task of raters in a scenario. Arguments and errors as for `optimal_rater`."""
     check_certain(scenario)
     raters = sum(group.count for group in scenario.agents if group.role == "SR")
     if not isinstance(compromised, int) or not 1 <= compromised < raters:
@@ -184,10 +204,7 @@ def optimal_rater(
     for name, value in (("weight", weight), ("tolerance", tolerance)):
         if not 0 <= value < np.inf:
             raise ValueError(f"{name} is {value!r}; it must be a finite number, 0 or more")
-    share = compromised / raters
-    task = Damage(scenario.lam, scenario.initial_trust, scenario.max_cycles, share, weight, tolerance)
-    found = solve(task, levels=levels, points=points)
-    return _optimum(found, scenario, np.append(1.0, 1 - found.actions**2))
+    return Damage(scenario.lam, scenario.initial_trust, scenario.max_cycles, compromised / raters, weight, tolerance)
 
 
 def check_certain(scenario: Scenario) -> None:

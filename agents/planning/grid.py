@@ -10,7 +10,9 @@ greedily by V with the exact f, on finer actions, and a gradient search polishes
 one that was reached, and never better than the optimum.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Protocol
 
@@ -93,7 +95,7 @@ def solve(task: Task, *, levels: int, points: int) -> Solution:
     for coarser in (4, 2, 1):
         table = backward(task, levels // coarser, points // coarser)
         values.append(start_value(task, table))
-    actions = polish(task, forward(task, table))
+    actions = polish(partial(total, task), forward(task, table))
     return Solution(float(total(task, actions)), actions, tuple(values), perf_counter() - began)
 
 
@@ -151,20 +153,24 @@ def total(task: Task, actions: Array) -> Array:
     return score
 
 
-def polish(task: Task, actions: Array) -> Array:
-    """Climb from a sequence of actions to the top of its hill, by L-BFGS-B (Byrd et al., 1995).
+def polish(score: Callable[[Array], Array], actions: Array) -> Array:
+    """Climb from some actions to the top of their hill, by L-BFGS-B (Byrd et al., 1995).
 
     The derivatives are complex steps (Squire and Trapp, 1998): exact, and all D of them are one batch.
+
+    Args:
+        score: of actions of shape (D, ...), the last axes being a batch; analytic but for kinks.
+        actions: to begin with, (D,), in [0, 1].
     """
     tiny = 1e-30j * np.eye(len(actions))
 
     def descent(x: Array) -> tuple[float, Array]:
-        score = total(task, x[:, None] + tiny)
-        return -float(score[0].real), -score.imag / 1e-30
+        found = score(x[:, None] + tiny)
+        return -float(found[0].real), -found.imag / 1e-30
 
     if not len(actions):
         return actions
     # Where the task has a kink the search would never quite settle; the rest would be worth about 1e-7 of a score.
     stop = {"ftol": 1e-12, "gtol": 1e-10, "maxfun": 500}
     found = minimize(descent, actions, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * len(actions), options=stop).x
-    return max(actions, found, key=lambda x: float(total(task, x)))
+    return max(actions, found, key=lambda x: float(score(x)))

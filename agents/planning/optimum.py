@@ -1,26 +1,22 @@
-"""The rung at the top of the ladder: the exact optimum, where one is known."""
+"""The rungs at the top of the ladder, which play no games: the exact optimum, and what is known of a rater's."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import numpy as np
 
 from agents.ladder.players import OpenLoop
 from agents.ladder.rungs import Arguments, Attempt, Tell, UnsuitableError, exact_task
-from agents.planning.exact import Optimum, optimal_provider, optimal_rater
+from agents.planning.bracket import Bracket, bracket_rater
+from agents.planning.exact import Optimum, optimal_provider
 from roletrust_env.game.attack import AttackTask
 from roletrust_env.trust import RoleTrust
-
-if TYPE_CHECKING:
-    pass
+from roletrust_env.world.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Exact:
-    """The optimum by dynamic programming, which plays no games: `agents.planning.exact` says for which tasks.
-
-    That of raters is the best *one lie about all providers*; lies that differ between providers can do a little more.
-    """
+    """The optimum of one provider under `exploit` by dynamic programming: `agents.planning.exact` says where."""
 
     name: str = "exact"
 
@@ -28,14 +24,39 @@ class Exact:
         """See `Rung.attack`."""
         task = exact_task(arguments)
         _check_model(task)
+        agents = task.compromised
+        if task.objective != "exploit" or len(agents) > 1 or agents[0] not in task.game.roster.provider_names:
+            raise UnsuitableError("an exact optimum is known for one provider under exploit")
+        if task.stealth.weight:
+            raise UnsuitableError("the optimum of a provider is known without a price of stealth only")
         try:
-            provider = _is_provider(task)
-            best = _provider(task) if provider else _rater(task)
+            best = _provider(task.game.scenario)
         except ValueError as error:
             raise UnsuitableError(str(error)) from None
-        what = "quality by dynamic programming" if provider else "one lie for all providers, by dynamic programming"
-        actions = np.repeat(best.actions[:, None], task.action_size, axis=1)
-        return Attempt(OpenLoop(actions), 0, f"{what}; grid error {best.error:.1e}")
+        words = f"quality by dynamic programming; grid error {best.error:.1e}"
+        return Attempt(OpenLoop(best.actions[:, None]), 0, words, bound=best.score)
+
+
+@dataclass(frozen=True)
+class BestKnown:
+    """The best that is known of raters under `damage`, and for one rater a bound: see `agents.planning.bracket`."""
+
+    name: str = "best known"
+
+    def attack(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> Attempt:
+        """See `Rung.attack`."""
+        task = exact_task(arguments)
+        _check_model(task)
+        agents, price = task.compromised, task.stealth
+        if task.objective != "damage" or any(agent in task.game.roster.provider_names for agent in agents):
+            raise UnsuitableError("the best is known of raters under damage")
+        try:
+            best = _raters(task.game.scenario, len(agents), price.weight, price.tolerance)
+        except ValueError as error:
+            raise UnsuitableError(str(error)) from None
+        proof = "" if best.bound is None else f"; no attack scores more than {best.bound:.5f}, which is proven"
+        actions = np.tile(best.lies, (1, len(agents)))
+        return Attempt(OpenLoop(actions), 0, f"two lies in each round, planned{proof}", bound=best.bound)
 
 
 def _check_model(task: AttackTask) -> None:
@@ -47,24 +68,14 @@ def _check_model(task: AttackTask) -> None:
         raise UnsuitableError("there are other attackers")
 
 
-def _is_provider(task: AttackTask) -> bool:
-    """Whether the exact optimum asked for is that of a provider, and not that of raters."""
-    roster, agents = task.game.roster, task.compromised
-    if task.objective == "exploit" and len(agents) == 1 and agents[0] in roster.provider_names:
-        if task.stealth.weight:
-            raise UnsuitableError("the optimum of a provider is known without a price of stealth only")
-        return True
-    if task.objective == "damage" and all(agent not in roster.provider_names for agent in agents):
-        return False
-    raise UnsuitableError("an optimum is known for one provider under exploit, and for raters under damage")
+# Luck has no part in them: the runs of a ladder share one result.
 
 
-def _provider(task: AttackTask) -> Optimum:
-    return optimal_provider(task.game.scenario)
+@lru_cache(maxsize=1)
+def _provider(scenario: Scenario) -> Optimum:
+    return optimal_provider(scenario)
 
 
-def _rater(task: AttackTask) -> Optimum:
-    price = task.stealth
-    return optimal_rater(
-        task.game.scenario, compromised=len(task.compromised), weight=price.weight, tolerance=price.tolerance
-    )
+@lru_cache(maxsize=1)
+def _raters(scenario: Scenario, compromised: int, weight: float, tolerance: float) -> Bracket:
+    return bracket_rater(scenario, compromised=compromised, weight=weight, tolerance=tolerance)

@@ -24,7 +24,8 @@ class Observer:
         self._game = game
         sizes = (1, s, p, p, p, s * p, s * p, s * p, s * p, roster.n_both)
         self._everything = np.zeros(sum(sizes), np.float32)
-        self._fields = np.split(self._everything, np.cumsum(sizes)[:-1])  # views
+        last = np.cumsum(sizes).tolist()
+        self._fields = [slice(a, b) for a, b in zip([0, *last[:-1]], last, strict=True)]
         of_raters, of_providers = game.layout.places()
         provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
         rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
@@ -41,16 +42,16 @@ class Observer:
 
     def observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         """The observation of each of some agents in a state of one game, new arrays."""
-        game, fields = self._game, self._fields
-        fields[0][0] = state.round / game.scenario.max_cycles
-        fields[1][:], fields[2][:] = game.published(state)
-        fields[3][:] = state.value
-        fields[4][:] = state.quality
-        fields[5][:] = state.service.reshape(-1)
-        fields[6][:] = state.awaiting.reshape(-1)
-        fields[7][:] = state.ratings.reshape(-1)
-        fields[8][:] = state.rated.reshape(-1)
+        game, everything, fields = self._game, self._everything, self._fields
+        everything[0] = state.round / game.scenario.max_cycles
+        everything[fields[1]], everything[fields[2]] = game.published(state)
+        everything[fields[3]] = state.value
+        everything[fields[4]] = state.quality
+        everything[fields[5]] = state.service.reshape(-1)
+        everything[fields[6]] = state.awaiting.reshape(-1)
+        everything[fields[7]] = state.ratings.reshape(-1)
+        everything[fields[8]] = state.rated.reshape(-1)
         if game.roster.n_both:
-            fields[9][:] = game.agent_trust(state)[-game.roster.n_both :]
-        seen = self._everything[self._places]
+            everything[fields[9]] = game.agent_trust(state)[-game.roster.n_both :]
+        seen = everything[self._places]
         return {agent: seen[self._slices[agent]] for agent in agents}
