@@ -103,9 +103,9 @@ def test_attackers_are_marked(name):
 
 
 def test_absent_agents_look_different():
-    game = play("open-system", 60, {"sp_1": OnOff()})
+    game = play("open-system", 45, {"sp_1": OnOff()})
     scene = scene_of(game)
-    assert set(scene.raters.fates + scene.providers.fates) == {"", "waiting", "cut off"}
+    assert set(scene.raters.fates + scene.providers.fates) == {"", "waiting", "left", "cut off"}
     everyone = scene._replace(raters=scene.raters._replace(fates=("",) * len(scene.raters.fates)))
     canvas = Canvas(game.game.scenario)
     canvas.draw(scene, game._spectator.curves)
@@ -129,7 +129,7 @@ def test_rendering_only_reads():
             game._state.ratings,
             game._state.trust,
             game._spectator.curves,
-            game._random.generator.bit_generator.state,
+            vars(game._random),
         ]
         return repr([game._state, leaves, game.agents])
 
