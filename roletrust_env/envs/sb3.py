@@ -62,8 +62,9 @@ class AttackVecEnv(Slots):
 
     def _play(self, actions: Floats) -> Step:
         outcome = self._batch.step(actions.T, self._random)
-        details = {"objective": outcome.objective, "cost": outcome.cost}
-        return Step(outcome.reward, outcome.caught, outcome.over & ~outcome.caught, details)
+        each = zip(outcome.objective.tolist(), outcome.cost.tolist(), strict=True)
+        infos = [{"objective": objective, "cost": cost} for objective, cost in each]
+        return Step(outcome.reward, outcome.caught, outcome.over & ~outcome.caught, infos)
 
     def _observe(self) -> Floats:
         return np.array(self._batch.observe().T, np.float32, order="C")
@@ -159,7 +160,7 @@ class RoleVecEnv(Slots):
         noise = game.draw(self._random, (self._games,))
         self._state, rewards = game.step(self._state, Actions(quality, ratings), noise)
         over = np.full(self.num_envs, int(self._state.round[0]) >= game.scenario.max_cycles)
-        return Step(rewards[self._rows].reshape(-1), np.zeros_like(over), over, {})
+        return Step(rewards[self._rows].reshape(-1), np.zeros_like(over), over, [{} for _ in range(self.num_envs)])
 
     def _observe(self) -> Floats:
         if self._state is None:

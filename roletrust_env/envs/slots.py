@@ -1,7 +1,7 @@
 """What the faces for Stable-Baselines3 have in common: a `VecEnv` whose slots are one batch."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -23,12 +23,12 @@ Flags = npt.NDArray[np.bool_]
 
 
 class Step(NamedTuple):
-    """What a round brought each slot, and what its info says."""
+    """What a round brought each slot, and its info."""
 
     rewards: Floats
     terminated: Flags
     truncated: Flags
-    details: Mapping[str, Floats]
+    infos: list[dict[str, Any]]
 
 
 class Slots(VecEnv):
@@ -124,9 +124,7 @@ class Slots(VecEnv):
         step = self._play(actions)
         self._returns += step.rewards
         self._lengths += 1
-        names = list(step.details)
-        rows = zip(*(values.tolist() for values in step.details.values()), strict=True)
-        infos = [dict(zip(names, row, strict=True)) for row in rows] if names else [{} for _ in range(self.num_envs)]
+        infos = step.infos
         observation = self._observe()
         dones: Flags = step.terminated | step.truncated
         if dones.any():

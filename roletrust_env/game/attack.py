@@ -16,6 +16,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.stealth import Stealth, make_stealth
+from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
@@ -164,11 +165,8 @@ class AttackTask:
         game, the trust model's own memory included: every array of `State`, flattened, in its order.
         """
         game = self.game
-        by_role = dict(zip(("sr", "sp", "srsp"), game.observations(state.game), strict=True))
-        seen = []
-        for name in self.compromised:
-            role, index = name.split("_")
-            seen.append(by_role[role][:, int(index), ...])
+        views = game.views(state.game)
+        seen = [self._seen(name, state.game, *views) for name in self.compromised]
         if self.knowledge != "black_box":
             seen += game.published(state.game)
         if self.knowledge == "white_box":
@@ -176,6 +174,19 @@ class AttackTask:
             xp = namespace(state.game.ratings)
             seen += [xp.astype(leaf, dtype).reshape(-1, *batch) for leaf in leaves(state.game)]
         return namespace(seen[0]).concat(seen)
+
+    def _seen(self, name: str, state: State, providers: ProviderView, raters: RaterView) -> Array:
+        """The observation of one of its agents, of what all providers and all raters see."""
+        roster, layout = self.game.roster, self.game.layout
+        provider = view_of(providers, roster.provider_names.index(name)) if name in roster.provider_names else None
+        rater = view_of(raters, roster.rater_names.index(name)) if name in roster.rater_names else None
+        if provider is not None and rater is not None:
+            trust = self.game.agent_trust(state)[roster.names.index(name)]
+            return layout.flatten_both(AgentView(trust, provider, rater))
+        if provider is not None:
+            return layout.flatten(provider)
+        assert rater is not None  # every agent has a role
+        return layout.flatten(rater)
 
     def own_action(self, actions: Actions) -> Array:
         """What the compromised agents do among all agents' actions, as an action of the task, (A, ...)."""

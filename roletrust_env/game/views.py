@@ -5,7 +5,7 @@ shape (...) if it is one number, (P, ...) if there is one per provider, (S, ...)
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +95,12 @@ def look(
     published = over(top[:, None, ...], (*top.shape[:1], *tor.shape))
     provider = ProviderView(over(round, top.shape), top, value, quality, ratings, rated)
     return provider, RaterView(over(round, tor.shape), tor, published, *of_each_rater)
+
+
+def view_of(views: View, place: int) -> View:
+    """What one agent sees of what all of its role see, as from `look`."""
+    at: tuple[Any, ...] = (..., place, *[slice(None)] * (views.trust.ndim - 1))
+    return type(views)(*(field[at] for field in views))
 
 
 @dataclass(frozen=True)
