@@ -163,20 +163,20 @@ def _targets(steps: Sequence[Timing], ratings: Sequence[Timing]) -> list[Target]
         what = f"{ours}{f' of {games:,}' * (games > 1)} / {peer}"
         return Target(what, bound, True, a.times_faster(b) if a and b else None)
 
-    def steady(name: str) -> Target:
-        a, b = rated.get((name, 3000)), rated.get((name, 30))
-        return Target(f"{name}, 3,000 x 3,000 / 30 x 30", 2.0, False, a.times_dearer(b) if a and b else None)
+    def steady(name: str, side: int, bound: float) -> Target:
+        a, b = rated.get((name, 3000)), rated.get((name, side))
+        return Target(f"{name}, 3,000 x 3,000 / {side} x {side}", bound, False, a.times_dearer(b) if a and b else None)
 
     tasks = played.get(("attack task batch", 1024))
     million = Spread.of(rate / 1e6 for rate in tasks.env_steps()) if tasks else None
 
     return [
         Target("attack task batch of 1,024, million env-steps/s", 1.0, True, million),
-        faster("one environment", "mpe2 simple_adversary", 1, 4.0),
-        faster("NumPy batch", "VMAS simple_spread", 1024, 5.0),
-        faster("compiled torch batch", "VMAS simple_spread", 8192, 10.0),
-        steady("trust model"),
-        steady("whole round"),
+        faster("one environment", "mpe2 simple_adversary", 1, 7.0),
+        faster("NumPy batch", "VMAS simple_spread", 1024, 12.0),
+        faster("compiled torch batch", "VMAS simple_spread", 8192, 20.0),
+        steady("trust model", 300, 1.5),
+        steady("whole round", 30, 2.0),
     ]
 
 

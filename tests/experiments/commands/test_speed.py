@@ -46,7 +46,7 @@ def test_the_command_prints_its_tables_and_writes_its_files(monkeypatch, tmp_pat
     assert about["machine"]["cores"] >= 1
     assert about["torch_threads"] == 1
     assert {"numpy", "torch"} <= about["packages"].keys()
-    assert [t["bound"] for t in about["targets"]] == [1, 4, 5, 10, 2, 2]
+    assert [t["bound"] for t in about["targets"]] == [1, 7, 12, 20, 1.5, 2]
 
 
 def test_a_peer_that_is_not_installed_is_named_and_not_promised(monkeypatch):
