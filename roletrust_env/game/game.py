@@ -204,7 +204,8 @@ class Game:
             transit=transit,
             full=self._everyone,
         )
-        return after, self._rewards(tor, top, counts, self._costs * state.value * quality)
+        costs = self._costs * quality if self._values is None else self._costs * state.value * quality
+        return after, self._rewards(tor, top, counts, costs)
 
     def published(self, state: State) -> tuple[Array, Array]:
         """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
