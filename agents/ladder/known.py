@@ -1,6 +1,7 @@
 """Rungs that search nothing: honest play at the foot of the ladder, and saved attackers."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,12 @@ from roletrust_env.randomness import Random
 
 if TYPE_CHECKING:
     from agents.learned.network import Network
+
+_OF_A_RUN: Any = {
+    **dict.fromkeys(("observation", "score", "weights_sha256"), True),
+    "training": {"seed", "seconds", "rounds"},
+}
+"""In what the cards of two runs of one training may differ."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,38 @@ class Learned:
                 f"this task has {seen} and {task.action_size}"
             )
         words = f"{card.training.algorithm} on {card.task.id}, {card.task.knowledge}"
-        return Attempt(mind, card.training.steps, words, card.training.seconds)
+        return Attempt(mind, card.training.rounds or card.training.steps, words, card.training.seconds)
+
+
+def learned_rungs(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
+    """The runs of one training, one for each seed, as rungs.
+
+    Args:
+        folder: of one run, whose seed may then be any, or with a folder for each run, see `roletrust train --runs`.
+        seeds: that the runs must have.
+        name: in tables.
+
+    Raises:
+        ValueError: a file is refused, the runs do not have these seeds, or they differ in more than their seed.
+    """
+    from agents.learned.saved import load_attacker
+
+    if len(seeds) == 1:
+        load_attacker(folder)
+        return [Learned(folder, name)]
+    found, trainings = {}, set()
+    for path in sorted(file.parent for file in folder.glob("*/attacker.json")):
+        card = load_attacker(path).card
+        found[card.training.seed] = path
+        trainings.add(card.model_dump_json(exclude=_OF_A_RUN))
+    if sorted(found) != list(seeds):
+        told = ", ".join(map(str, sorted(found))) or "none"
+        raise ValueError(
+            f"{folder} holds runs of the seeds {told}; this ladder has the seeds {', '.join(map(str, seeds))}"
+        )
+    if len(trainings) > 1:
+        raise ValueError(f"the runs in {folder} differ in more than their seed; they are not one rung")
+    return [Learned(found[seed], name) for seed in seeds]
 
 
 def _knowing(task: AttackTask, knowledge: Knowledge) -> AttackTask:

@@ -76,6 +76,9 @@ class TrainingCard(_Part):
 
     algorithm: Annotated[str, Field(max_length=100)]
     steps: Count
+    """Rounds that it learned from, of all games together."""
+    rounds: Count = 0
+    """All that were played: also those that observations are normalised by, and those that the best was chosen by."""
     seed: Count
     seconds: Annotated[float, Field(ge=0, le=1e9)]
     settings: Annotated[dict[Name, Plain], Field(max_length=100)] = {}

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from agents.ladder.known import HonestPlay, Learned
+from agents.ladder.known import HonestPlay, learned_rungs
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from experiments.commands.attacks import parse_settings, parse_trust_model
@@ -28,7 +28,7 @@ from experiments.commands.task_options import (
 )
 from experiments.plots.trajectory import Trajectory, watch
 from experiments.results.files import prepare_folder, provenance, write_csv, write_figure, write_json
-from experiments.results.ladder import HEADER, Row, cells, compared, plain, ranked
+from experiments.results.ladder import HEADER, Row, compared, lines, ranked, summary, top, wins
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
 
@@ -46,25 +46,32 @@ def ladder(
     budget: Annotated[
         int, typer.Option(min=1, help="Rounds x games that each searcher and the planner may play.")
     ] = 2_000_000,
-    seeds: Annotated[int, typer.Option(min=2, help="Held-out games in which each attack is measured.")] = 100,
+    games: Annotated[int, typer.Option(min=2, help="Held-out games in which each attack is measured.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same scores.")] = 0,
+    runs: Annotated[int, typer.Option(min=1, help="How often all is done, with this seed and the ones after it.")] = 1,
     learned: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DIR", help="A folder of `roletrust train`; repeat for more.", show_default=False),
+        typer.Option(
+            metavar="DIR",
+            help="A folder of `roletrust train`, with as many runs and the same seeds; repeat for more.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/ladder"),
 ) -> None:
     r"""Climb from [bold]honest play to the best possible attack[/] on a task, and see what it does.
 
     Each rung looks for an attack with the same budget of game rounds; then all are measured in the same
-    held-out games. The score is the mean reward per round, with its 95% confidence interval.
-    Its [bold]share[/] is 0 for honest play and 1 for the exact optimum, or the best found where none is known.
+    held-out games. The score is the mean reward per round, with its 95% confidence interval: over the runs,
+    or over the games of a single run. Its [bold]share[/] is 0 for honest play and 1 for the exact optimum,
+    for a bound that is proven, or for the best found where neither is known.
 
     scripted: on-off and bad-mouthing, as in the paper and the best of a grid.
     random search, CMA-ES: over the scripted attackers' parameters.
     white-box planner: follows the gradient through the game. learned: --learned.
-    exact: dynamic programming, for one provider (exploit, no stealth) or raters with one lie
-    for all providers (damage), and only where nothing is left to chance.
+    exact: dynamic programming, for one provider (exploit, no stealth), where nothing is left to chance.
+    best known: lies that are planned, for raters (damage), where nothing is left to chance; for one rater
+    with a bound that no attack exceeds.
 
     Written: [green]ladder.png ladder.csv ladder.json[/], and [green]trajectories.csv[/] of the best attack and
     the scripted one.
@@ -77,12 +84,12 @@ def ladder(
     [dim]# a rater that must not be told apart[/]
     [cyan]roletrust ladder RaterAttack --stealth-weight 2 --set noise=0 --set 'perturbations=\[]'[/]
 
-    [dim]# three colluders in a crowd, and what a trained attacker reaches there[/]
-    [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --learned results/train[/]
+    [dim]# three colluders in a crowd, and what learning reaches there, five times over[/]
+    [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
+    [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned results/colluders[/]
     """
     require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
-    from agents.learned.saved import load_attacker
-    from agents.planning.optimum import Exact
+    from agents.planning.optimum import BestKnown, Exact
     from agents.planning.planner import Planner
 
     task_id = find_task(task)
@@ -97,86 +104,135 @@ def ladder(
         "compromised": tuple(compromised or defaults["compromised"]),
         "stealth": {"weight": stealth_weight, "tolerance": stealth_tolerance},
     }
-    rungs: list[Rung] = [HonestPlay(), PaperAttacks(), Grid(), RandomSearch(), CmaEs(), Planner()]
+    searches: list[Rung] = [HonestPlay(), PaperAttacks(), Grid(), RandomSearch(), CmaEs(), Planner()]
     paths = learned or []
-    for path in paths:
-        load_attacker(path)  # what is broken is better known now than at the end
-    rungs += [Learned(path, f"learned, {path.name}" if len(paths) > 1 else "learned") for path in paths]
+    # What is broken is better known now than at the end.
+    trained = [
+        learned_rungs(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
+        for path in paths
+    ]
     prepare_folder(out)
-    found, missing = climb([*rungs, Exact()], arguments, budget, seed, seeds)
+    ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(runs)]
+    found, missing = climb(ladders, arguments, budget, seed, games)
     rows = ranked(found)
-    scripted, best = compared(rows)
-    trajectories = [watch(arguments, row.finding, seed) for row in (scripted, best)]
+    trajectories = [
+        watch(arguments, row.runs[row.best], seed + row.best, _run_name(row, seed)) for row in compared(rows)
+    ]
     about = f"{task_id.removeprefix('RoleTrust/')}, {rules.name}, {defaults['objective']}"
     if stealth_weight:
         about += f" less {stealth_weight:g} x gap over {stealth_tolerance:g}"
-    game = exact_task(arguments).game
     results = {
         "command": "roletrust ladder",
         "task": task_id,
-        **provenance(game, seed),
+        **provenance(exact_task(arguments).game, seed),
+        "runs": runs,
         "compromised": list(arguments["compromised"]),
         "objective": defaults["objective"],
         "stealth": arguments["stealth"],
         "budget": budget,
-        "held_out_games": seeds,
-        "rungs": [dict(zip(HEADER, plain(cells(row)), strict=True)) for row in rows],
+        "held_out_games": games,
+        "share_1": dict(zip(("score", "is"), top(rows), strict=True)),
+        "rungs": summary(rows, seed),
         "not_applicable": missing,
     }
-    _write(out, about, rows, trajectories, results)
-    console.print(_table(about, rows))
-    for row in rows:
-        console.print(f"[dim]{escape(row.finding.name)}: {escape(row.finding.words)}[/]", soft_wrap=True)
-    for name, why in missing.items():
-        console.print(f"[dim]{escape(name)}: {escape(why)}[/]", soft_wrap=True)
-    if any(row.finding.name == "exact" and row.share < best.share for row in rows):
-        console.print("[dim]above 1: the exact optimum is that of one lie for all providers[/]", soft_wrap=True)
+    _write(out, about, rows, seed, trajectories, results)
+    _print(about, rows, seed, budget, missing)
     console.print(f"Written to {out}: ladder.png, ladder.csv, ladder.json, trajectories.csv", soft_wrap=True)
 
 
 def climb(
-    rungs: Sequence[Rung], arguments: Arguments, budget: int, seed: int, seeds: int
-) -> tuple[list[Finding], dict[str, str]]:
-    """What the rungs find, and why some do not apply."""
+    ladders: Sequence[Sequence[Rung]], arguments: Arguments, budget: int, seed: int, games: int
+) -> tuple[list[list[Finding]], dict[str, str]]:
+    """What the rungs find.
+
+    Args:
+        ladders: the same rungs for each run.
+        arguments: of the task.
+        budget: of each search.
+        seed: of the first run; each run has the next one.
+        games: held-out games in which each attack is measured.
+
+    Returns:
+        For each rung what it found in each run, and why some do not apply.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     found, missing = [], {}
     with Progress(*columns, console=console, transient=True) as progress:
-        for rung in rungs:
-            job = progress.add_task(rung.name, total=budget)
+        for rungs in zip(*ladders, strict=True):
+            job = progress.add_task(rungs[0].name, total=budget * len(rungs))
+            tell = lambda rounds, job=job: progress.advance(job, rounds)  # noqa: E731
             try:
-                tell = lambda rounds, job=job: progress.advance(job, rounds)  # noqa: E731
-                found.append(find(rung, arguments, budget=budget, seed=seed, games=seeds, tell=tell))
+                found.append(
+                    [
+                        find(rung, arguments, budget=budget, seed=run, games=games, tell=tell)
+                        for run, rung in enumerate(rungs, start=seed)
+                    ]
+                )
             except UnsuitableError as error:
-                missing[rung.name] = str(error)
-            progress.update(job, completed=budget)
+                missing[rungs[0].name] = str(error)
+            progress.update(job, completed=budget * len(rungs))
     return found, missing
 
 
 def _write(
-    out: Path, about: str, rows: Sequence[Row], trajectories: Sequence[Trajectory], results: dict[str, Any]
+    out: Path, about: str, rows: Sequence[Row], seed: int, trajectories: Sequence[Trajectory], results: dict[str, Any]
 ) -> None:
     from experiments.plots.ladder import ladder_figure
 
-    write_csv(out / "ladder.csv", HEADER, [cells(row) for row in rows])
+    write_csv(out / "ladder.csv", HEADER, lines(rows, seed))
     write_csv(out / "trajectories.csv", Trajectory.header, [line for t in trajectories for line in t.lines()])
     write_figure(out / "ladder.png", ladder_figure(about, rows, trajectories))
     write_json(out / "ladder.json", results)
 
 
+def _run_name(row: Row, seed: int) -> str:
+    """What to call the best run of a rung, the first run having this seed."""
+    return f"{row.name}, seed {seed + row.best}" if len(row.runs) > 1 and row.runs[0].rounds else row.name
+
+
+def _print(about: str, rows: Sequence[Row], seed: int, budget: int, missing: dict[str, str]) -> None:
+    runs = len(rows[0].runs)
+    console.print(_table(about, rows))
+    if runs > 1:
+        console.print(_wins(rows))
+    for row in rows:
+        over = f"; more than the budget of {budget:,} rounds" if max(run.rounds for run in row.runs) > budget else ""
+        console.print(
+            f"[dim]{escape(_run_name(row, seed))}: {escape(row.runs[row.best].words)}{over}[/]", soft_wrap=True
+        )
+    for name, why in missing.items():
+        console.print(f"[dim]{escape(name)}: {escape(why)}[/]", soft_wrap=True)
+
+
 def _table(about: str, rows: Sequence[Row]) -> Table:
-    top = "the exact optimum" if any(row.finding.name == "exact" for row in rows) else "the best that was found"
+    runs = len(rows[0].runs)
     table = Table(title=about, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.caption = f"share: 0 is honest play, 1 is {top}; ± half the 95% interval, rounded up"
+    score, what = top(rows)
+    over = f"over {runs} runs" if runs > 1 else "over the held-out games"
+    table.caption = f"share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up"
     table.caption_justify = "left"
     table.add_column("rung", no_wrap=True)
     for name in ("score", "share", "rounds", "seconds"):
         table.add_column(name, justify="right", no_wrap=True)
     best = max(row.score for row in rows)
     for row in rows:
-        score = f"{row.score:.4f}" + (f"±{ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
+        mean = f"{row.score:.4f}" + (f"±{ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
         share = "" if np.isnan(row.share) else f"{row.share:.3f}"
-        found = row.finding
-        rounds = f"{found.rounds:,}" if found.rounds else "-"
+        rounds = max(run.rounds for run in row.runs)
+        seconds = float(np.mean([run.seconds for run in row.runs]))
         style = "bold dark_orange3" if row.score == best else None
-        table.add_row(found.name, score, share, rounds, f"{found.seconds:.1f}", style=style)
+        table.add_row(row.name, mean, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}", style=style)
+    return table
+
+
+def _wins(rows: Sequence[Row]) -> Table:
+    """Who beat whom."""
+    title = f"In how many of {len(rows[0].runs)} runs, seed by seed, the row scored more than the column"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("rung", no_wrap=True)
+    for number in range(1, len(rows) + 1):
+        table.add_column(str(number), justify="right")
+    for number, (row, counts) in enumerate(zip(rows, wins(rows), strict=True), start=1):
+        beaten = ["" if k + 1 == number else str(count) for k, count in enumerate(counts)]
+        table.add_row(f"{number} {row.name}", *beaten)
     return table

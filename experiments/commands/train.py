@@ -66,6 +66,10 @@ def train(
         int | None, typer.Option(min=1, help="Rounds to train for, of all games together; tuned if left out.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck, that of the learner included.")] = 0,
+    runs: Annotated[
+        int,
+        typer.Option(min=1, help="How often it is trained, with this seed and the ones after it, in folders seed-..."),
+    ] = 1,
     out: Annotated[Path, typer.Option(help="Folder of the run; it is made if need be.")] = _OUT,
     scenario: ScenarioOption = None,
     settings: SettingsOption = None,
@@ -93,7 +97,7 @@ def train(
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
     TensorBoard. The score is the mean reward per round in held-out games. A run that was stopped, however it was,
-    goes on with [cyan]--resume --out DIR[/].
+    goes on with [cyan]--resume --out DIR[/]; the same seed on the same machine learns the same to the last bit.
 
     [bold]Examples[/]
 
@@ -106,6 +110,9 @@ def train(
     [dim]# go on with it[/]
     [cyan]roletrust train --resume --out results/rater[/]
 
+    [dim]# five seeds, for one rung of a ladder[/]
+    [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
+
     [dim]# the attacker at play[/]
     [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
     """
@@ -114,12 +121,10 @@ def train(
 
     from agents.learned.cards import Price, TaskCard
     from experiments.training.learners import make_settings
-    from experiments.training.loop import Run, versions
-    from experiments.training.loop import train as learn
+    from experiments.training.loop import Run
 
     torch.set_num_threads(threads)
-    folder, run = RunFolder(out), None
-    config = folder.config()
+    run = None
     if task is not None:
         task_id = find_task(task)
         changes = parse_settings(learner or [], "--learner")
@@ -144,34 +149,58 @@ def train(
             trust_model=_model_card(trust_model, rules.lam, rules.initial_trust),
             scenario=rules,
         )
-    if config is not None:
-        found = Run.read(config.get("run"))
-        if not resume:
-            raise ValueError(f"{out} holds a run; go on with it by --resume, or choose another --out")
-        if run is not None and run != found:
-            raise ValueError(f"{out} holds another run, see its config.json; leave the task out to go on with that one")
-        run = found
-    elif run is None:
-        raise ValueError(
-            f"there is no run in {out} to go on with; name a task to begin one" if resume else "name a task"
-        )
-    else:
+    asked = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
+    folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
+    for one, folder in [(_which(*pair, resume), pair[1]) for pair in zip(asked, folders, strict=True)]:
+        _train(one, folder)
+
+
+def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
+    """The run to train in a folder: what is asked for, or what the folder holds.
+
+    Raises:
+        ValueError: there is none and none is asked for, or there is one that is not to be gone on with.
+    """
+    from experiments.training.loop import Run
+
+    config, out = folder.config(), folder.path
+    if config is None:
+        if asked is None:
+            raise ValueError(
+                f"there is no run in {out} to go on with; name a task to begin one" if resume else "name a task"
+            )
+        return asked
+    found = Run.read(config.get("run"))
+    if not resume:
+        raise ValueError(f"{out} holds a run; go on with it by --resume, or choose another --out")
+    if asked is not None and asked != found:
+        raise ValueError(f"{out} holds another run, see its config.json; leave the task out to go on with that one")
+    return found
+
+
+def _train(run: "Run", folder: RunFolder) -> None:
+    """Train a run, or go on with it."""
+    from experiments.training.loop import train as learn
+    from experiments.training.loop import versions
+
+    if folder.config() is None:
         game = Game(run.scenario, run.trust_model.make())
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
-        folder.begin({**about, **provenance(game, seed)})
+        folder.begin({**about, **provenance(game, run.seed)})
     folder.prepare()
     with _bar() as progress:
         name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
-        job = progress.add_task(f"{name}, {run.algo}", total=run.steps, score="...")
+        job = progress.add_task(f"{name}, {run.algo}, seed {run.seed}", total=run.steps, score="...")
         attacker, curve = learn(run, folder, lambda report: _show(progress, job, report))
-    _write(out, run, attacker, curve)
+    _write(folder.path, run, attacker, curve)
     score = attacker.card.score
     console.print(
-        f"[bold]{name}[/], {run.algo}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} held-out games, "
-        f"honest play {score.honest:.4f}; {attacker.card.training.seconds:.0f} s",
+        f"[bold]{name}[/], {run.algo}, seed {run.seed}: score {score.mean:.4f} ± {score.half_95:.4f} in {score.games} "
+        f"held-out games, honest play {score.honest:.4f}; {attacker.card.training.seconds:.0f} s",
         soft_wrap=True,
     )
-    console.print(f"Written to {out}: attacker.json, attacker.safetensors, curve.csv, curve.png", soft_wrap=True)
+    written = "attacker.json, attacker.safetensors, curve.csv, curve.png"
+    console.print(f"Written to {folder.path}: {written}", soft_wrap=True)
 
 
 def _model_card(text: str, lam: float, initial: float) -> "ModelCard":

@@ -22,7 +22,7 @@ _MAPS = 3
 """Raters whose ratings get a map; more would be a picture of its own."""
 
 _FEW = 3  # up to as many ratings of a rater get a line each
-_COLOURS = {"honest play": HONEST[0], "exact": INK}
+_COLOURS = {"honest play": HONEST[0], "exact": INK, "best known": INK}
 _OTHERS = "#9CA3AF"
 
 
@@ -59,26 +59,35 @@ def ladder_figure(about: str, rows: "Sequence[Row]", trajectories: Sequence[Traj
 
 
 def _bars(axes: Axes, rows: "Sequence[Row]") -> None:
-    """One bar for each rung, from honest play at the foot up."""
+    """One bar for each rung, from honest play at the foot up, and a point for each of its runs."""
     scores = [row.score for row in rows]
-    best = max(row.score for row in rows if row.finding.name != "exact")
+    best = max(row.score for row in rows if row.name not in _COLOURS)
     low, high = min(0.0, *scores), max(0.0, *scores)
     # A script that is far below honest play would squeeze all others together; its number says where it is.
     low = max(low, -0.25 * high)
     for place, row in enumerate(rows):
-        name = row.finding.name
-        colour = _COLOURS.get(name, ATTACKER if row.score == best else _OTHERS)
+        colour = _COLOURS.get(row.name, ATTACKER if row.score == best else _OTHERS)
         axes.barh(place, max(row.score, low), color=colour, height=0.66, zorder=2)
         if row.score < low:
             axes.text(low, place, " ◂", va="center", fontsize=9, color="white")
         elif row.half > 0:
             axes.errorbar(row.score, place, xerr=row.half, color=INK, capsize=2.5, linewidth=1, zorder=3)
+        if len(row.runs) > 1 and row.score >= low:
+            points: Any = {"s": 13, "color": "white", "edgecolors": INK, "linewidths": 0.7, "zorder": 4}
+            axes.scatter(row.scores, [place - 0.2] * len(row.runs), **points)
         share = "" if np.isnan(row.share) else f"   share {row.share:.3f}"
         number = f"{row.score:.4f}" + (f" ± {ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
-        axes.text(max(row.score, 0) + 0.012 * (high - low), place, number + share, va="center", fontsize=9.5, color=INK)
-    axes.set_yticks(range(len(rows)), [row.finding.name for row in rows], color=INK)
+        end = max(0.0, row.score + row.half, *row.scores)
+        axes.text(end + 0.012 * (high - low), place, number + share, va="center", fontsize=9.5, color=INK)
+    axes.set_yticks(range(len(rows)), [row.name for row in rows], color=INK)
     axes.set_xlim(low * 1.02, low + (high - low) * 1.42)
-    axes.set_xlabel("score: mean reward per round, in its 95% interval", color=INK)
+    runs = len(rows[0].runs)
+    over = (
+        f"and the 95% interval of the mean over {runs} runs, which are the points"
+        if runs > 1
+        else "in its 95% interval"
+    )
+    axes.set_xlabel(f"score: mean reward per round, {over}", color=INK)
     axes.axvline(0, color=QUIET, linewidth=0.8)
     axes.grid(axis="x", color="#E5E7EB", linewidth=0.8)
     axes.set_axisbelow(True)
@@ -88,21 +97,27 @@ def _bars(axes: Axes, rows: "Sequence[Row]") -> None:
 
 
 def _actions(axes: Axes, trajectory: Trajectory) -> None:
-    """What the attacker does: a line for each quality; each rating, or their mean and their range."""
+    """What the attacker does: a line for each quality; each rating, or their mean."""
     tidy(axes, "what it does")
-    for k, (name, values) in enumerate(trajectory.quality.items()):
-        _step(axes, values, f"quality of {name}", ATTACKERS[k % len(ATTACKERS)], 1.8)
+    colours = _agents(trajectory)
+    for name, values in trajectory.quality.items():
+        _step(axes, values, f"quality of {name}", colours[name], 1.8)
     for name, values in trajectory.ratings.items():
-        colour = ATTACKERS[len(axes.lines) % len(ATTACKERS)]
         if np.ptp(values[1:], axis=1).max() < 1e-9:
-            _step(axes, values[:, 0], f"rating of all by {name}", colour, 1.8)
+            _step(axes, values[:, 0], f"rating of all by {name}", colours[name], 1.8)
             continue
         if len(trajectory.ratings) == 1 and values.shape[1] <= _FEW:
             for j in range(values.shape[1]):
                 # The later, the thinner, so that equal ones are seen inside each other.
                 _step(axes, values[:, j], f"rating {j + 1} by {name}", ATTACKERS[j], 4.2 - 1.5 * j)
             continue
-        _step(axes, values.mean(axis=1), f"mean rating by {name}", colour, 1.6)
+        _step(axes, values.mean(axis=1), f"mean rating by {name}", colours[name], 1.6)
+
+
+def _agents(trajectory: Trajectory) -> dict[str, str]:
+    """The colour of each compromised agent."""
+    names = dict.fromkeys((*trajectory.quality, *trajectory.ratings))
+    return {name: ATTACKERS[k % len(ATTACKERS)] for k, name in enumerate(names)}
 
 
 def _legend(axes: Axes) -> None:
@@ -112,7 +127,7 @@ def _legend(axes: Axes) -> None:
     legend = axes.legend(
         loc="lower left",
         bbox_to_anchor=(-0.01, 0.99),
-        ncols=4,
+        ncols=5,
         frameon=False,
         labelcolor=INK,
         handlelength=1.3,
@@ -145,15 +160,18 @@ def _is_many(trajectories: Sequence[Trajectory], values: Floats) -> bool:
 
 
 def _trust(axes: Axes, trajectory: Trajectory) -> None:
-    """Trust of the attacker's agents, and of the honest ones."""
-    tidy(axes, "mean trust")
-    for kind, dashes in (("ToR", "-"), ("ToP", (0, (4, 1.5)))):
-        for group, label, colour in (
-            (trajectory.honest, "honest", HONEST[0]),
-            (trajectory.mine, "attacker", ATTACKER),
-        ):
-            if kind in group:
-                axes.plot(group[kind][:_SHOWN], color=colour, linestyle=dashes, lw=1.7, label=f"{kind} {label}")
+    """Trust of the attacker's agents, of each if they are few, and the mean of the honest ones."""
+    tidy(axes, "trust")
+    dashes, colours = {"ToR": "-", "ToP": (0, (4, 1.5))}, _agents(trajectory)
+    lines = [(kind, "honest", HONEST[0], values) for kind, values in trajectory.honest.items()]
+    if len(colours) <= len(ATTACKERS):
+        for name, values in trajectory.own.items():
+            kind, _, agent = name.partition(" of ")
+            lines.append((kind, agent, colours[agent], values))
+    else:
+        lines += [(kind, "attackers", ATTACKER, values) for kind, values in trajectory.mine.items()]
+    for kind, whose, colour, values in lines:
+        axes.plot(values[:_SHOWN], color=colour, linestyle=dashes[kind], lw=1.7, label=f"{kind} {whose}")
 
 
 def _gains(axes: Axes, trajectory: Trajectory) -> None:

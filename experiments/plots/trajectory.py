@@ -20,6 +20,7 @@ class Trajectory:
         name: of the rung.
         quality: that each compromised provider chose, by its name, (T,).
         ratings: that each compromised rater gave the honest providers, by its name, (T, H); NaN where none was due.
+        own: trust of each compromised agent, by `"ToR of sr_0"` and the like, (T,).
         mine: mean trust of the compromised agents, by `"ToR"` and `"ToP"`, (T,), as far as there are such agents.
         honest: the same of the honest ones.
         objective: of each round, (T,).
@@ -29,6 +30,7 @@ class Trajectory:
     name: str
     quality: dict[str, Floats]
     ratings: dict[str, Floats]
+    own: dict[str, Floats]
     mine: dict[str, Floats]
     honest: dict[str, Floats]
     objective: Floats
@@ -41,6 +43,7 @@ class Trajectory:
         columns = {
             **{f"quality of {name}": values for name, values in self.quality.items()},
             **{f"mean rating by {name}": values.mean(axis=1) for name, values in self.ratings.items()},
+            **self.own,
             **{f"{trust} compromised": values for trust, values in self.mine.items()},
             **{f"{trust} honest": values for trust, values in self.honest.items()},
             "objective": self.objective,
@@ -51,8 +54,8 @@ class Trajectory:
                 yield self.name, round, quantity, value
 
 
-def watch(arguments: Arguments, finding: Finding, seed: int) -> Trajectory:
-    """Play one held-out game of what a rung found."""
+def watch(arguments: Arguments, finding: Finding, seed: int, called: str | None = None) -> Trajectory:
+    """Play one held-out game of what a rung found in the run with a seed; it is called by the rung or by a name."""
     task = exact_task(arguments)
     roster, bad = task.game.roster, {*task.compromised, *task.cast.attackers}
     moments = list(play(task, finding.attacker, (1, 1), *sources(task, seed, HELD_OUT)))
@@ -70,6 +73,7 @@ def watch(arguments: Arguments, finding: Finding, seed: int) -> Trajectory:
             given[0] = np.nan  # nothing has been served yet
             ratings[name] = given
             at += roster.n_providers
+    own: dict[str, Floats] = {}
     mine: dict[str, Floats] = {}
     honest: dict[str, Floats] = {}
     for kind, names, values in (("ToR", roster.rater_names, tor), ("ToP", roster.provider_names, top)):
@@ -77,5 +81,7 @@ def watch(arguments: Arguments, finding: Finding, seed: int) -> Trajectory:
             places = [names.index(name) for name in members if name in names]
             if places:
                 group[kind] = values[:, places].mean(axis=1)
+            if group is mine:
+                own |= {f"{kind} of {names[place]}": values[:, place] for place in places}
     parts = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
-    return Trajectory(finding.name, quality, ratings, mine, honest, *parts)
+    return Trajectory(called or finding.name, quality, ratings, own, mine, honest, *parts)

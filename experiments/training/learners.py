@@ -17,13 +17,16 @@ from stable_baselines3.common.utils import LinearSchedule
 from torch import nn
 
 from agents.learned.network import Architecture, Floats, Network
+from experiments.training.heads import HeadsPolicy, heads_of
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.errors import explain
+from roletrust_env.game.attack import AttackTask
 
 Algo = Literal["ppo", "sac", "recurrent-ppo"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 Discount = Annotated[float, Field(ge=0, le=1)]
+LogStd = Annotated[float, Field(ge=-10, le=2)]
 
 
 class _Settings(BaseModel):
@@ -41,22 +44,31 @@ class _Settings(BaseModel):
     """Units of each hidden layer."""
 
 
-class PPOSettings(_Settings):
-    """Of PPO: many games, short rollouts, and a spread of the actions that starts narrow."""
+class OnPolicySettings(_Settings):
+    """Of PPO of either kind: many games, short rollouts, and a spread of the actions that starts narrow."""
 
-    steps: Natural = 800_000
-    games: Natural = 256
     n_steps: Natural = 25
     """Rounds of each game between two updates."""
-    batch_size: Natural = 1600
     n_epochs: Natural = 10
     gae_lambda: Discount = 0.95
     clip_range: Rate = 0.2
     ent_coef: Annotated[float, Field(ge=0, le=1)] = 0.0
-    log_std_init: Annotated[float, Field(ge=-10, le=2)] = -0.5
+    log_std_init: LogStd = -0.5
+    log_std_last: LogStd | None = None
+    """Below which the spread has to be at last: its logarithm's limit falls in a straight line. None is no limit."""
 
 
-class RecurrentPPOSettings(PPOSettings):
+class PPOSettings(OnPolicySettings):
+    """Of PPO."""
+
+    steps: Natural = 800_000
+    games: Natural = 256
+    batch_size: Natural = 1600
+    heads: Annotated[tuple[Natural, ...], Field(max_length=8)] = ()
+    """Units of each hidden layer of small networks in the actor's place, see `experiments.training.heads`."""
+
+
+class RecurrentPPOSettings(OnPolicySettings):
     """Of PPO with an LSTM, which also minds what it no longer sees."""
 
     steps: Natural = 400_000
@@ -82,13 +94,19 @@ class SACSettings(_Settings):
 Settings = PPOSettings | RecurrentPPOSettings | SACSettings
 _KINDS: dict[str, type[Settings]] = {"ppo": PPOSettings, "sac": SACSettings, "recurrent-ppo": RecurrentPPOSettings}
 
+_NORMALISING_GAMES = 16
+
 TUNED: dict[tuple[str, str], dict[str, Any]] = {
-    # Many actions at once: longer, in fewer passes over each rollout, and with an eye on the next ten rounds only.
+    # Many actions at once: shared heads, longer, in fewer passes over each rollout, each of which may change more, and
+    # with an eye on the next ten rounds only. A lie is worth most where it is exact, so the spread must go.
     ("RoleTrust/CollusionAttack-v0", "ppo"): {
-        "steps": 2_000_000,
+        "steps": 1_900_000,
         "gamma": 0.9,
         "n_epochs": 5,
         "learning_rate": 0.0015,
+        "clip_range": 0.4,
+        "log_std_last": -4.0,
+        "heads": (32, 32),
     },
 }
 """Settings other than the algorithm's own, by task and algorithm."""
@@ -126,7 +144,7 @@ class Normalised(BaseFeaturesExtractor):
 
 def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
     """A learner that has not learned anything yet."""
-    mean, variance = _statistics(env, seed)
+    mean, variance = _statistics(env.task, seed)
     shape: dict[str, Any] = {
         "net_arch": list(settings.hidden),
         "features_extractor_class": Normalised,
@@ -154,15 +172,23 @@ def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> 
     shape["log_std_init"] = settings.log_std_init
     if isinstance(settings, RecurrentPPOSettings):
         return RecurrentPPO("MlpLstmPolicy", env, policy_kwargs={**shape, "lstm_hidden_size": settings.lstm}, **common)
-    return PPO("MlpPolicy", env, policy_kwargs=shape, **common)
+    if not settings.heads:
+        return PPO("MlpPolicy", env, policy_kwargs=shape, **common)
+    shape |= {"net_arch": {"pi": [], "vf": shape["net_arch"]}, "head_hidden": settings.heads}
+    shape["heads"] = heads_of(env.task, len(mean))
+    return PPO(HeadsPolicy, env, policy_kwargs=shape, **common)
 
 
-def _statistics(env: AttackVecEnv, seed: int) -> tuple[Floats, Floats]:
-    """Mean and variance of each entry of the observations of a whole game played at random."""
-    rng, shape = np.random.default_rng(0), (env.num_envs, *(env.action_space.shape or ()))
-    env.seed(seed)  # or the luck of these games, and so the same run, would be another one each time
-    rows = [np.asarray(env.reset())]
-    for _ in range(min(env.task.game.scenario.max_cycles, 500)):
+def normalising_rounds(task: AttackTask) -> int:
+    """Rounds, of all games together, that are played before training to normalise the observations by."""
+    return _NORMALISING_GAMES * min(task.game.scenario.max_cycles, 500)
+
+
+def _statistics(task: AttackTask, seed: int) -> tuple[Floats, Floats]:
+    """Mean and variance of each entry of the observations of games played at random."""
+    env, rng = AttackVecEnv(task, _NORMALISING_GAMES, seed=seed), np.random.default_rng(seed)
+    rows, shape = [np.asarray(env.reset())], (_NORMALISING_GAMES, task.action_size)
+    for _ in range(normalising_rounds(task) // _NORMALISING_GAMES):
         observation, *_ = env.step(rng.uniform(-1, 1, shape).astype(np.float32))
         rows.append(np.asarray(observation))
     seen = np.concatenate(rows)
@@ -191,6 +217,8 @@ def set_parameters(model: BaseAlgorithm, data: bytes) -> None:
 def network_of(model: BaseAlgorithm) -> Network:
     """The network that plays, without what only training needs."""
     policy: Any = model.policy
+    if isinstance(policy, HeadsPolicy):
+        return _network_of_heads(policy)
     lstm = None
     if isinstance(model, SAC):
         features, hidden, head = policy.actor.features_extractor, policy.actor.latent_pi, policy.actor.mu
@@ -211,6 +239,17 @@ def network_of(model: BaseAlgorithm) -> Network:
         activation="relu" if isinstance(model, SAC) else "tanh",
         squash="tanh" if isinstance(model, SAC) else "clip",
         lstm=lstm.hidden_size if lstm is not None else 0,
+    )
+    return Network(architecture, _array(features.mean), _array(features.variance), weights)
+
+
+def _network_of_heads(policy: HeadsPolicy) -> Network:
+    features: Any = policy.features_extractor
+    actor: Any = policy.action_net
+    weights = {name: _array(weight) for name, weight in actor.named_parameters()}  # named as in the architecture
+    outputs = sum(len(head.outputs) for head in actor.cards)
+    architecture = Architecture(
+        inputs=len(features.mean), outputs=outputs, hidden=policy.head_hidden, heads=actor.cards
     )
     return Network(architecture, _array(features.mean), _array(features.variance), weights)
 

@@ -18,18 +18,27 @@ from agents.learned.network import Network
 from agents.learned.policy import play_task
 from agents.learned.saved import SavedAttacker, carded_task, digest, read_weights, weights_bytes
 from experiments.results.confidence import over_games
-from experiments.training.learners import Algo, make_model, make_settings, network_of, parameters_bytes, set_parameters
+from experiments.training.experience import Narrowing, StaggeredGames
+from experiments.training.learners import (
+    Algo,
+    OnPolicySettings,
+    make_model,
+    make_settings,
+    network_of,
+    normalising_rounds,
+    parameters_bytes,
+    set_parameters,
+)
 from experiments.training.runs import Checkpoint, RunFolder
 from roletrust_env import Scenario, __version__
-from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.errors import explain
 from roletrust_env.game.attack import AttackTask
 
 _EVALUATIONS = 20
 """How often the score is measured on the way."""
 
-_GAMES, _LAST_GAMES = 64, 256
-"""Held-out games that a score on the way, and the last one, is measured in."""
+_GAMES, _LAST_GAMES = 16, 256
+"""Held-out games that a score on the way, by which the best is chosen, and the last one, is measured in."""
 
 
 class Run(BaseModel):
@@ -97,7 +106,7 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
     """
     task = carded_task(run.task, run.trust_model, run.scenario)
     settings = make_settings(run.task.id, run.algo, run.settings)
-    env = AttackVecEnv(task, settings.games)
+    env = StaggeredGames(task, settings.games)
     model = make_model(run.algo, settings, env, run.seed)
     watch = _Watch(run, task, folder, tell)
     last = folder.last()
@@ -106,7 +115,10 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
     model.set_random_seed(int(np.random.SeedSequence([run.seed, 0, model.num_timesteps]).generate_state(1)[0]))
     model.set_logger(configure(str(folder.path / "tensorboard"), ["tensorboard"]))
     if model.num_timesteps < run.steps:
-        model.learn(run.steps - model.num_timesteps, callback=watch, reset_num_timesteps=last is None)
+        callbacks: list[BaseCallback] = [watch]
+        if isinstance(settings, OnPolicySettings) and settings.log_std_last is not None:
+            callbacks.append(Narrowing(settings.log_std_init, settings.log_std_last, run.steps))
+        model.learn(run.steps - model.num_timesteps, callback=callbacks, reset_num_timesteps=last is None)
     return _finish(run, task, watch.best(), watch.curve), watch.curve
 
 
@@ -195,6 +207,7 @@ def _finish(run: Run, task: AttackTask, network: Network, curve: list[Point]) ->
     luck = (run.seed, 2)
     scores = over_games(_play(task, network, games=_LAST_GAMES, luck=luck))
     honest = over_games(_play(task, None, games=_LAST_GAMES, luck=luck))
+    played = curve[-1].steps + len(curve) * _GAMES * run.scenario.max_cycles + normalising_rounds(task)
     card = Card(
         package_version=__version__,
         task=run.task,
@@ -211,8 +224,9 @@ def _finish(run: Run, task: AttackTask, network: Network, curve: list[Point]) ->
         training=TrainingCard(
             algorithm=run.algo,
             steps=run.steps,
+            rounds=played,
             seed=run.seed,
-            seconds=round(curve[-1].seconds, 1) if curve else 0.0,
+            seconds=round(curve[-1].seconds, 1),
             settings={name: _plain(value) for name, value in run.settings.items()},
             versions=versions(),
         ),

@@ -19,7 +19,7 @@ from agents.ladder.rungs import (
     play,
     sources,
 )
-from agents.planning.optimum import Exact
+from agents.planning.optimum import BestKnown, Exact
 from agents.planning.planner import SOFT, Planner, SmoothRoleTrust
 from baselines import BadMouthing, OnOff
 from roletrust_env.game.attack import make_task
@@ -142,18 +142,21 @@ def test_gradients_through_a_game_are_those_of_the_score(arguments):
 # --- the planner -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arguments", [PROVIDER, RATER], ids=["provider", "rater"])
-def test_planner_comes_near_the_optimum_of_a_short_game(arguments):
+@pytest.mark.parametrize(("arguments", "top"), [(PROVIDER, Exact()), (RATER, BestKnown())], ids=["provider", "rater"])
+def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
     arguments = {**arguments, "max_cycles": 10}
-    best, plan = found(Exact(), arguments), found(Planner(starts=32), arguments, budget=15_000)
+    best, plan = found(top, arguments), found(Planner(starts=32), arguments, budget=15_000)
     assert plan.scores.mean() > 0.98 * best.scores.mean()
+    assert plan.scores.mean() <= best.bound + 1e-12
     assert 0.8 * 15_000 < plan.rounds <= 15_000
 
 
 def test_without_stealth_the_best_lie_is_0():
     arguments = {**RATER, "stealth": None, "max_cycles": 8}
     zero = measure(exact_task(arguments), Scripted({"sr_2": BadMouthing(level=0)}), 0, (1, 1), SEARCHED)[0].mean()
-    assert found(Exact(), arguments).scores == pytest.approx(zero, abs=1e-12)
+    best = found(BestKnown(), arguments)
+    assert best.scores == pytest.approx(zero, abs=1e-12)
+    assert best.bound == pytest.approx(zero, abs=1e-12)
     plan = found(Planner(starts=8), arguments, budget=5_000).scores.mean()
     assert zero >= plan > 0.98 * zero
 
@@ -192,16 +195,36 @@ class OtherModel(RoleTrust):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (CROWD, "raters under damage"),
+        (CROWD, "one provider under exploit"),
         ({**PROVIDER, "noise": 0.1}, "noise"),
         ({**PROVIDER, "stealth": {"weight": 1.0}}, "without a price"),
         ({**PROVIDER, "trust_model": "mean"}, "not role-trust"),
         ({**PROVIDER, "trust_model": OtherModel()}, "not role-trust"),
         ({**PROVIDER, "trust_model": RoleTrust(lam=0.9)}, "own lam"),
         ({**PROVIDER, "others": {"sr_0": BadMouthing()}}, "other attackers"),
-        ({**RATER, "compromised": ("sr_0", "sr_1", "sr_2")}, "2 can be compromised"),
     ],
 )
 def test_tasks_without_a_known_optimum_are_refused(arguments, reason):
     with pytest.raises(UnsuitableError, match=reason):
         found(Exact(), arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (CROWD, "raters under damage"),
+        (PROVIDER, "raters under damage"),
+        ({**RATER, "noise": 0.1}, "noise"),
+        ({**RATER, "trust_model": "mean"}, "not role-trust"),
+        ({**RATER, "compromised": ("sr_0", "sr_1", "sr_2")}, "2 can be compromised"),
+    ],
+)
+def test_tasks_of_which_no_best_is_known_are_refused(arguments, reason):
+    with pytest.raises(UnsuitableError, match=reason):
+        found(BestKnown(), arguments)
+
+
+def test_several_raters_have_no_bound():
+    best = found(BestKnown(), {**RATER, "compromised": ("sr_0", "sr_2")})
+    assert best.bound is None
+    assert best.scores.mean() > found(HonestPlay(), RATER).scores.mean()

@@ -2,19 +2,21 @@
 
 import csv
 import json
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import agents
-from agents.ladder.known import Learned
+from agents.ladder.known import Learned, learned_rungs
 from agents.ladder.rungs import UnsuitableError, exact_task, find
+from agents.learned.saved import load_attacker, save_attacker
 from baselines.search import PaperAttacks
 from experiments.cli import app
 from experiments.commands.task_options import find_task
+from experiments.commands.zoo import ZOO
 from experiments.plots.trajectory import watch
+from experiments.training.runs import write_bytes
 from roletrust_env import make_scenario
 
 CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
@@ -24,24 +26,33 @@ def run(*arguments):
     return CliRunner().invoke(app, ["ladder", *arguments])
 
 
-def climb(out, *arguments):
-    result = run(*arguments, "--budget", "12000", "--seeds", "3", "--out", str(out))
+def climb(out, *arguments, budget=12_000):
+    result = run(*arguments, "--budget", str(budget), "--games", "3", "--out", str(out))
     assert result.exit_code == 0, result.output
     return json.loads((out / "ladder.json").read_text()), result.output
 
 
-@pytest.mark.parametrize(("task", "price"), [("ProviderAttack", []), ("RaterAttack", ["--stealth-weight", "2"])])
-def test_where_the_optimum_is_known(tmp_path, task, price):
+@pytest.mark.parametrize(
+    ("task", "price", "top", "other", "said"),
+    [
+        ("ProviderAttack", [], "exact", "best known", "1 is the exact optimum"),
+        ("RaterAttack", ["--stealth-weight", "2"], "best known", "exact", "1 is a bound that is proven"),
+    ],
+)
+def test_where_the_optimum_is_known(tmp_path, task, price, top, other, said):
     results, printed = climb(tmp_path, task, *CERTAIN, *price)
     rungs = {rung["rung"]: rung for rung in results["rungs"]}
     assert next(iter(rungs)) == "honest play"
-    assert list(rungs)[-1] == "exact"
-    assert (rungs["honest play"]["share"], rungs["exact"]["share"]) == (0, 1)
+    assert list(rungs)[-1] == top
+    assert rungs["honest play"]["share"] == 0
+    assert (rungs[top]["share"] == 1) == (top == "exact")
+    assert 0.98 < rungs[top]["share"] <= 1
     assert rungs["white-box planner"]["share"] > 0.9
-    assert all(rung["rounds"] <= 12_000 for rung in rungs.values())
+    assert max(rung["share"] for rung in rungs.values()) <= 1
+    assert all(rung["runs"][0]["rounds"] <= 12_000 for rung in rungs.values())
     assert all(rung["half_95"] == 0 for rung in rungs.values())
-    assert "1 is the exact optimum" in printed
-    assert results["not_applicable"] == {}
+    assert said in printed
+    assert list(results["not_applicable"]) == [other]
     with (tmp_path / "ladder.csv").open() as file:
         assert [row["rung"] for row in csv.DictReader(file)] == list(rungs)
     with (tmp_path / "trajectories.csv").open() as file:
@@ -56,9 +67,28 @@ def test_where_it_is_not_the_best_found_is_1(tmp_path):
     results, printed = climb(tmp_path, "CollusionAttack", "--set", "max_cycles=5", "--stealth-weight", "2")
     assert max(rung["share"] for rung in results["rungs"]) == 1
     assert all(rung["half_95"] > 0 for rung in results["rungs"])
-    assert "raters under damage" in results["not_applicable"]["exact"]
+    assert "raters under damage" in results["not_applicable"]["best known"]
     assert "the best that was found" in printed
     assert results["stealth"] == {"weight": 2.0, "tolerance": 0.1}
+
+
+def test_runs_are_the_ladders_of_their_seeds_side_by_side(tmp_path):
+    task = ["RaterAttack", "--set", "max_cycles=8"]
+    together, printed = climb(tmp_path / "both", *task, "--runs", "2", "--seed", "7", budget=6000)
+    alone = [climb(tmp_path / str(k), *task, "--seed", str(k), budget=6000)[0]["rungs"] for k in (7, 8)]
+    for rung, *ones in zip(together["rungs"], *alone, strict=True):
+        scores = [one["score"] for one in ones]
+        assert [run["score"] for run in rung["runs"]] == pytest.approx(scores, abs=1e-12)
+        assert [run["run"] for run in rung["runs"]] == [7, 8]
+        assert rung["score"] == pytest.approx(np.mean(scores))
+        # Student's 95% quantile for one degree of freedom is 12.706; of two numbers the error is half their distance.
+        assert rung["half_95"] == pytest.approx(12.706 * abs(scores[0] - scores[1]) / 2, rel=1e-4, abs=1e-12)
+    honest, *_, planner = together["rungs"]
+    assert planner["runs_above"]["honest play"] == 2
+    assert honest["runs_above"]["white-box planner"] == 0
+    assert "In how many of 2 runs" in printed
+    with (tmp_path / "both" / "ladder.csv").open() as file:
+        assert [row["run"] for row in csv.DictReader(file)] == ["7", "8"] * len(together["rungs"])
 
 
 def test_an_agent_with_both_roles(tmp_path):
@@ -67,7 +97,7 @@ def test_an_agent_with_both_roles(tmp_path):
 
 
 def test_a_trained_attacker():
-    zoo = Learned(Path(agents.__file__).parent / "zoo" / "provider-3x3")
+    zoo = Learned(ZOO / "provider-3x3")
     arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
     measured = {"budget": 0, "seed": 0, "games": 2, "tell": lambda rounds: None}
     trained = find(zoo, {**arguments, "compromised": ("sp_2",)}, **measured)
@@ -79,6 +109,27 @@ def test_a_trained_attacker():
         find(zoo, {**arguments, "compromised": ("sp_2",), "scenario": four}, **measured)
 
 
+def trained(folder, seed, **other):
+    """A saved attacker of a training with a seed, as `roletrust train --runs` leaves it."""
+    zoo = load_attacker(ZOO / "provider-3x3")
+    card = zoo.card.model_copy(update={"training": zoo.card.training.model_copy(update={"seed": seed, **other})})
+    save_attacker(replace(zoo, card=card), folder / f"seed-{seed}" / "attacker", write_bytes)
+
+
+def test_the_runs_of_a_training_are_one_rung(tmp_path):
+    for seed in (4, 5):
+        trained(tmp_path, seed)
+    assert [rung.path.name for rung in learned_rungs(tmp_path, (4, 5), "learned")] == ["seed-4", "seed-5"]
+    assert learned_rungs(tmp_path / "seed-5", (0,), "learned") == [Learned(tmp_path / "seed-5")]
+    with pytest.raises(ValueError, match="of the seeds 4, 5; this ladder has the seeds 4, 5, 6"):
+        learned_rungs(tmp_path, (4, 5, 6), "learned")
+    with pytest.raises(ValueError, match="the seeds none"):
+        learned_rungs(tmp_path / "seed-5", (4, 5), "learned")
+    trained(tmp_path, 6, steps=1)
+    with pytest.raises(ValueError, match="differ in more than their seed"):
+        learned_rungs(tmp_path, (4, 5, 6), "learned")
+
+
 def test_trajectory_is_what_was_played():
     arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
     finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2, tell=lambda rounds: None)
@@ -87,6 +138,8 @@ def test_trajectory_is_what_was_played():
     assert seen.ratings["sr_2"].shape == (12, 2)
     assert np.isnan(seen.ratings["sr_2"][0]).all()
     assert (seen.ratings["sr_2"][1:] == 0.5).all()
+    assert list(seen.own) == ["ToR of sr_2", "ToP of sp_0"]
+    assert seen.own["ToR of sr_2"].tolist() == seen.mine["ToR"].tolist()
     assert seen.mine["ToR"].shape == seen.honest["ToP"].shape == (12,)
     assert seen.objective == pytest.approx(1 - seen.honest["ToP"])
     assert exact_task(arguments).compromised == ("sr_2", "sp_0")

@@ -15,6 +15,7 @@ pytest.importorskip("sb3_contrib")
 
 from typer.testing import CliRunner
 
+from agents.ladder.known import learned_rungs
 from agents.learned.policy import play_task
 from agents.learned.saved import load_attacker
 from experiments.cli import app
@@ -73,6 +74,26 @@ def test_the_same_seed_learns_the_same_to_the_last_bit(algo):
     one, again, other = (np.concatenate([n.mean, n.variance, *map(np.ravel, n.weights.values())]) for n in learned)
     assert np.array_equal(one, again)
     assert not np.array_equal(one, other)
+
+
+def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
+    arguments = ["ProviderAttack", *PPO, "--steps", 80, "--out", tmp_path]
+    assert run(*arguments, "--runs", 2, "--seed", 5).exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["seed-5", "seed-6"]
+    assert [load_attacker(tmp_path / f"seed-{k}").card.training.seed for k in (5, 6)] == [5, 6]
+    assert len(learned_rungs(tmp_path, (5, 6), "learned")) == 2
+    again = run(*arguments, "--runs", 2, "--seed", 4)
+    assert "seed-5 holds a run" in " ".join(again.output.split())
+    assert not (tmp_path / "seed-4").exists()
+    more = run(*arguments, "--runs", 3, "--seed", 5, "--resume")
+    assert more.exit_code == 0, more.output
+    assert (tmp_path / "seed-7" / "attacker.json").exists()
+
+
+def test_all_rounds_that_decided_are_counted(tmp_path):
+    """The 1600 it learned from, 20 scores of 16 games of 10 rounds, and 16 games to normalise by."""
+    attacker, _ = train(tmp_path, "ProviderAttack", *PPO)
+    assert attacker.card.training.rounds == 1600 + 20 * 16 * 10 + 16 * 10
 
 
 def test_options_decide_what_is_learned(tmp_path):
