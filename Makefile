@@ -3,7 +3,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := results
 
-.PHONY: run test test-extras test-clients setup format pictures clean
+CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
+
+.PHONY: run test test-extras test-clients setup format pictures ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -38,9 +40,24 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
-	$(BIN)/roletrust ladder ProviderAttack --set max_cycles=200 --set noise=0 --set 'perturbations=[]' \
-	  --learned agents/zoo/provider-3x3 --out $(OUT)/ladder
+	$(MAKE) ladder
+
+# Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
+ladder: setup
+	rm -rf $(OUT)/colluders
+	$(BIN)/roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out $(OUT)/colluders
+	$(BIN)/roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned $(OUT)/colluders --out $(OUT)/ladder
 	cp $(OUT)/ladder/ladder.png docs/ladder.png
+
+# The attackers that come with the project; a few minutes.
+zoo: setup
+	rm -rf $(OUT)/zoo
+	$(BIN)/roletrust train ProviderAttack $(CERTAIN) --out $(OUT)/zoo/provider-3x3
+	$(BIN)/roletrust train RaterAttack --stealth-weight 2 $(CERTAIN) --out $(OUT)/zoo/rater-3x3
+	$(BIN)/roletrust train CollusionAttack --stealth-weight 2 --out $(OUT)/zoo/collusion-10x10
+	for name in provider-3x3 rater-3x3 collusion-10x10; do for kind in json safetensors; do \
+	  cp $(OUT)/zoo/$$name/attacker.$$kind agents/zoo/$$name.$$kind; done; done
+	$(BIN)/roletrust zoo
 
 format: setup
 	$(BIN)/ruff check --fix .
