@@ -120,8 +120,8 @@ def train(
     import torch
 
     from agents.learned.cards import Price, TaskCard
-    from experiments.training.learners import make_settings
     from experiments.training.loop import Run
+    from experiments.training.settings import make_settings
 
     torch.set_num_threads(threads)
     run = None

@@ -8,7 +8,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from experiments.training.learners import PPOSettings, make_model
+from experiments.training.learners import make_model
+from experiments.training.settings import PPOSettings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.slots import Flags, Floats, Slots, Step
 from roletrust_env.game.attack import make_task

@@ -20,16 +20,14 @@ from agents.learned.saved import SavedAttacker, carded_task, digest, read_weight
 from experiments.results.confidence import over_games
 from experiments.training.experience import Narrowing, StaggeredGames
 from experiments.training.learners import (
-    Algo,
-    OnPolicySettings,
     make_model,
-    make_settings,
     network_of,
     normalising_rounds,
     parameters_bytes,
     set_parameters,
 )
 from experiments.training.runs import Checkpoint, RunFolder
+from experiments.training.settings import Algo, OnPolicySettings, make_settings
 from roletrust_env import Scenario, __version__
 from roletrust_env.errors import explain
 from roletrust_env.game.attack import AttackTask

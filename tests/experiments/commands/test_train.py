@@ -21,8 +21,9 @@ from agents.learned.saved import load_attacker
 from experiments.cli import app
 from experiments.commands.zoo import ZOO
 from experiments.timing.ppo_speed import ppo_speed
-from experiments.training.learners import make_model, make_settings, network_of, parameters_bytes, set_parameters
+from experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from experiments.training.runs import Checkpoint, RunFolder
+from experiments.training.settings import make_settings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack import make_task
 

@@ -6,7 +6,8 @@ import pytest
 pytest.importorskip("sb3_contrib")
 
 from experiments.training.experience import Narrowing, StaggeredGames
-from experiments.training.learners import make_model, make_settings
+from experiments.training.learners import make_model
+from experiments.training.settings import make_settings
 from roletrust_env.game.attack import make_task
 
 

@@ -9,7 +9,8 @@ pytest.importorskip("sb3_contrib")
 from agents.learned.cards import observation_fields
 from experiments.training.experience import StaggeredGames
 from experiments.training.heads import heads_of
-from experiments.training.learners import make_model, make_settings, network_of, parameters_bytes, set_parameters
+from experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from experiments.training.settings import make_settings
 from roletrust_env.envs.attack import task_spaces
 from roletrust_env.game.attack import make_task
 
