@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from agents.ladder.known import HonestPlay, learned_rungs
+from agents.ladder.players import Scripted
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from experiments.commands.attacks import parse_settings, parse_trust_model
@@ -28,7 +29,9 @@ from experiments.commands.task_options import (
 )
 from experiments.plots.trajectory import Trajectory, watch
 from experiments.results.files import prepare_folder, provenance, write_csv, write_figure, write_json
+from experiments.results.games import task_memory
 from experiments.results.ladder import HEADER, Row, compared, lines, ranked, summary, top, wins
+from experiments.results.machine import check_memory
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
 
@@ -112,6 +115,7 @@ def ladder(
         for path in paths
     ]
     prepare_folder(out)
+    check_memory("--games", games, task_memory(exact_task(arguments), Scripted({})))
     ladders = [[*searches, *(rungs[run] for rungs in trained), Exact(), BestKnown()] for run in range(runs)]
     found, missing = climb(ladders, arguments, budget, seed, games)
     rows = ranked(found)

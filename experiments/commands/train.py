@@ -20,6 +20,7 @@ from experiments.commands.task_options import (
     find_task,
 )
 from experiments.results.files import provenance, write_csv, write_figure
+from experiments.results.machine import check_memory
 from experiments.training.runs import RunFolder, write_bytes
 from roletrust_env import Game, make_scenario
 from roletrust_env.envs.tasks import TASKS
@@ -180,14 +181,17 @@ def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
 
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run, or go on with it."""
+    from experiments.training.loop import MANY, game_memory, versions
     from experiments.training.loop import train as learn
-    from experiments.training.loop import versions
 
+    games = run.settings["games"]
+    if games > MANY:
+        check_memory("--learner games", games, game_memory(run))
+    folder.prepare()
     if folder.config() is None:
         game = Game(run.scenario, run.trust_model.make())
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
         folder.begin({**about, **provenance(game, run.seed)})
-    folder.prepare()
     with _bar() as progress:
         name = run.task.id.removeprefix("RoleTrust/").removesuffix("-v0")
         job = progress.add_task(f"{name}, {run.algo}, seed {run.seed}", total=run.steps, score="...")

@@ -9,9 +9,12 @@ from rich.markup import escape
 from rich.table import Table
 
 import agents
+from agents.ladder.known import Mind
 from experiments.commands.console import console, errors, progress_bar
 from experiments.commands.extras import require
 from experiments.results.confidence import over_games
+from experiments.results.games import task_memory
+from experiments.results.machine import check_memory
 
 if TYPE_CHECKING:
     from agents.learned.saved import SavedAttacker
@@ -56,15 +59,18 @@ def zoo(
     for column in ("honest", "score, as saved", "measured"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("holds")
-    well, told = True, []
+    well, told, attackers = True, [], {}
+    for name in names or known:
+        try:
+            attackers[name] = load_attacker(folder / name)
+        except ValueError as error:
+            errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
+            well = False
+    for attacker in attackers.values():
+        mind = Mind(attacker.network, attacker.card.task.knowledge)
+        check_memory("--games", games, task_memory(attacker.task(), mind))
     with progress_bar() as progress:
-        for name in progress.track(names or known, description="Playing"):
-            try:
-                attacker = load_attacker(folder / name)
-            except ValueError as error:
-                errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
-                well = False
-                continue
+        for name, attacker in progress.track(attackers.items(), description="Playing"):
             mean, half = measure(attacker, games, seed)
             said = attacker.card.score
             # Of two means that are the same, the intervals seldom lie apart; rounding differs between machines.

@@ -1,16 +1,20 @@
 """Many games of one scenario under some trust models: what they would take, what came of them, and that as a table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rich.progress import Progress
 
+from agents.ladder import rungs
+from agents.ladder.players import Attacker
+from agents.ladder.rungs import Moment
 from experiments.results.confidence import over_games
-from experiments.results.machine import Cost, try_out
+from experiments.results.machine import Cost, some, try_out
 from experiments.results.measures import Estimate, Group, damage, measure, measured_since
 from experiments.results.recording import Curves, kept_bytes, record
 from roletrust_env import Cast, Game, Policy
 from roletrust_env.game import rollout
+from roletrust_env.game.attack import AttackTask
 
 HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
 
@@ -37,9 +41,18 @@ def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:
     the last games are recorded, their rows, of which the curves are made.
     """
     game, twin = casts[0].game, has_twin(casts[0].game, attackers)
-    trial = try_out(lambda games: rollout.play(casts[0], game.random(0), (games,)), game)
+    trial = try_out(lambda games: rollout.play(casts[0], game.random(0), (games,)), some(game))
     memory = kept_bytes(game) * (len(casts) + twin + 1) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(casts) * (1 + twin))
+
+
+def task_memory(task: AttackTask, attacker: Attacker) -> float:
+    """The memory that each game takes in which an attacker is measured, bytes."""
+
+    def played(games: int) -> Iterator[Moment]:
+        return rungs.play(task, attacker, (1, games), *rungs.sources(task, 0, rungs.HELD_OUT))
+
+    return try_out(played, some(task.game)).memory
 
 
 def play_games(

@@ -14,7 +14,7 @@ from roletrust_env import Game
 _SHARE = 0.8
 """Of the free memory; the rest is for all that is not counted here."""
 
-_ROUNDS, _CELLS = 2, 50_000  # of a trial: rounds, and ratings of a round
+_ROUNDS, _CELLS = 2, 200_000  # of a trial: rounds, and ratings of a round
 
 
 class Cost(NamedTuple):
@@ -29,14 +29,19 @@ class Cost(NamedTuple):
     seconds: float
 
 
-def try_out(rounds: Callable[[int], Iterator[object]], game: Game) -> Cost:
-    """Play two rounds of a few games and of some more; the difference is what a game takes in a large batch.
+def some(game: Game) -> int:
+    """How many games are enough to try out: what grows with them outweighs what does not, and it is done at once."""
+    cells = game.roster.n_raters * game.roster.n_providers
+    return 2 if game.scenario.service == "hog" else max(2, _CELLS // cells)
+
+
+def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
+    """Play two rounds of some games and of half as many; the difference is what a game takes in a large batch.
 
     Args:
         rounds: plays that many games, round by round.
-        game: that is played.
+        many: games, see `some`.
     """
-    many = 2 if game.scenario.service == "hog" else max(2, _CELLS // (game.roster.n_raters * game.roster.n_providers))
     _trace(rounds, 1)  # what is loaded and made but once
     (few_memory, few_seconds), (memory, seconds) = (_trace(rounds, games) for games in (many // 2, many))
     more = many - many // 2

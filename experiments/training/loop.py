@@ -1,7 +1,8 @@
 """Training an attacker: from a configuration to a saved attacker, by way of checkpoints."""
 
 import json
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from agents.learned.network import Network
 from agents.learned.policy import play_task
 from agents.learned.saved import SavedAttacker, carded_task, digest, read_weights, weights_bytes
 from experiments.results.confidence import over_games
+from experiments.results.machine import some, try_out
 from experiments.training.experience import Narrowing, StaggeredGames
 from experiments.training.learners import (
     make_model,
@@ -37,6 +39,11 @@ _EVALUATIONS = 20
 
 _GAMES, _LAST_GAMES = 16, 256
 """Held-out games that a score on the way, by which the best is chosen, and the last one, is measured in."""
+
+MANY = 1000
+"""Games of a learner that any memory holds."""
+
+_FEW = 4  # games that a learner is made for, only to see what it keeps of them
 
 
 class Run(BaseModel):
@@ -118,6 +125,25 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
             callbacks.append(Narrowing(settings.log_std_init, settings.log_std_last, run.steps))
         model.learn(run.steps - model.num_timesteps, callback=callbacks, reset_num_timesteps=last is None)
     return _finish(run, task, watch.best(), watch.curve), watch.curve
+
+
+def game_memory(run: Run) -> float:
+    """The memory that each of the learner's games takes, bytes: to play, and twice what is kept of it for an update."""
+    task = carded_task(run.task, run.trust_model, run.scenario)
+    settings = make_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
+
+    def played(games: int) -> Iterator[object]:
+        env = StaggeredGames(task, games)
+        yield env.reset()
+        while True:
+            yield env.step(np.zeros((games, task.action_size), np.float32))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # batches that do not fit so few games
+        model = make_model(run.algo, settings, StaggeredGames(task, _FEW), run.seed)
+    kept = getattr(model, "rollout_buffer", None)
+    buffers = [part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray)] if kept else []
+    return try_out(played, some(task.game)).memory + 2 * sum(buffers) / _FEW
 
 
 class _Watch(BaseCallback):

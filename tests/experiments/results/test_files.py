@@ -93,7 +93,7 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         ("commands.ladder", "climb"),
         ("commands.speed", "_race"),
         ("training.loop", "train"),
-        ("commands.play", "record"),
+        ("commands.play", "play_games"),
         ("commands.figures", "record"),
     ):
         monkeypatch.setattr(f"experiments.{module}.{name}", work)
