@@ -53,7 +53,9 @@ def _learn(env: Any, clip_actions: bool) -> None:
     settings.experiment.write_interval = settings.experiment.checkpoint_interval = 0
     memory = RandomMemory(memory_size=16, num_envs=wrapped.num_envs)
     learner = PPO(models={"policy": policy, "value": value}, memory=memory, cfg=settings, **spaces)
-    SequentialTrainer(env=wrapped, agents=learner, cfg={"timesteps": 100, "disable_progressbar": True}).train()
+    # Not headless, it would render environments that were made without a render mode.
+    rounds = {"timesteps": 100, "headless": True, "disable_progressbar": True}
+    SequentialTrainer(env=wrapped, agents=learner, cfg=rounds).train()
 
 
 def _play(env: Any) -> None:

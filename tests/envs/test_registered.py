@@ -121,8 +121,8 @@ def test_a_spec_as_json_makes_an_equal_environment(task_id: str) -> None:
 
 
 @EVERY_TASK
-def test_a_spec_as_json_makes_an_equal_batch(task_id: str) -> None:
-    changes = {"autoreset_mode": AutoresetMode.SAME_STEP, "max_episode_steps": 5, "render_mode": "ansi"}
+@pytest.mark.parametrize("changes", [{}, {"autoreset_mode": AutoresetMode.SAME_STEP, "max_episode_steps": 5}], ids=str)
+def test_a_spec_as_json_makes_an_equal_batch(task_id: str, changes: dict) -> None:
     env = gymnasium.make_vec(task_id, num_envs=3, **GAME, **changes)
     spec = EnvSpec.from_json(env.spec.to_json())
     assert spec == env.spec
@@ -130,9 +130,8 @@ def test_a_spec_as_json_makes_an_equal_batch(task_id: str) -> None:
     assert again.spec == env.spec
     assert again.unwrapped.task.compromised == TASKS[task_id].defaults["compromised"]
     assert same(again.reset(seed=1), env.reset(seed=1))
-    for action in acts(env, 7):
+    for action in acts(env, 9):
         assert same(again.step(action), env.step(action))
-    assert again.render() == env.render()
 
 
 def test_a_fresh_process_needs_the_module_or_the_spec() -> None:

@@ -92,6 +92,7 @@ def test_a_batch_shows_its_first_game(mode: gymnasium.vector.AutoresetMode, tens
             single.reset()
             over = False
         assert batch.render() == (single.render(), "", "")
+        assert len(batch._spectator.curves) == len(single._spectator.curves)
     batch.close()
 
 

@@ -93,6 +93,7 @@ def test_games_restart_as_single_games_do(mode: AutoresetMode) -> None:
             assert infos["_final_obs"].tolist() == infos["_final_info"].tolist() == ended.tolist()
             assert_close(np.array(list(infos["final_obs"]))[ended], expected["final_obs"][ended])
             final = infos["final_info"]
+            assert final["_objective"].tolist() == final["_cost"].tolist() == ended.tolist()
         else:
             assert not finals & set(infos)
         for name in ("objective", "cost"):
