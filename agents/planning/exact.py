@@ -1,4 +1,4 @@
-"""Exact optima of two attacks on role-trust, for a world without luck: the top of the ladder.
+"""Exact optima of two attacks on role-trust, for a world without luck: a provider's quality, and raters' single lie.
 
 Both hold for scenarios in which everyone always rates everyone and nothing is left to chance, under the paper's trust
 model. They follow the game's own timing: the services of round t are rated in round t + 1, and round 0 rates nothing.

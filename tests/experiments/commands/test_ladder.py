@@ -33,14 +33,14 @@ def climb(out, *arguments, budget=12_000):
 
 
 @pytest.mark.parametrize(
-    ("task", "price", "top", "other", "said"),
+    ("task", "options", "top", "other", "said"),
     [
-        ("ProviderAttack", [], "exact", "best known", "1 is the exact optimum"),
+        ("ProviderAttack", ["--learned", f"{ZOO}/provider-3x3"], "exact", "best known", "1 is the exact optimum"),
         ("RaterAttack", ["--stealth-weight", "2"], "best known", "exact", "1 is a bound that is proven"),
     ],
 )
-def test_where_the_optimum_is_known(tmp_path, task, price, top, other, said):
-    results, printed = climb(tmp_path, task, *CERTAIN, *price)
+def test_where_the_optimum_is_known(tmp_path, task, options, top, other, said):
+    results, printed = climb(tmp_path, task, *CERTAIN, *options)
     rungs = {rung["rung"]: rung for rung in results["rungs"]}
     assert next(iter(rungs)) == "honest play"
     assert list(rungs)[-1] == top
@@ -49,12 +49,15 @@ def test_where_the_optimum_is_known(tmp_path, task, price, top, other, said):
     assert 0.98 < rungs[top]["share"] <= 1
     assert rungs["white-box planner"]["share"] > 0.9
     assert max(rung["share"] for rung in rungs.values()) <= 1
+    learned = rungs.pop("learned", {"runs": []})
+    assert all(run["rounds"] > 12_000 for run in learned["runs"])
+    assert ("more than the budget of 12,000 rounds" in printed) == bool(learned["runs"])
     assert all(rung["runs"][0]["rounds"] <= 12_000 for rung in rungs.values())
     assert all(rung["half_95"] == 0 for rung in rungs.values())
     assert said in printed
     assert list(results["not_applicable"]) == [other]
     with (tmp_path / "ladder.csv").open() as file:
-        assert [row["rung"] for row in csv.DictReader(file)] == list(rungs)
+        assert [row["rung"] for row in csv.DictReader(file)] == [rung["rung"] for rung in results["rungs"]]
     with (tmp_path / "trajectories.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len({row["attack"] for row in rows}) == 2
