@@ -57,6 +57,13 @@ def test_the_learned_attacker_sells_bad_service_on_good_trust(said):
     assert (sold.top * (1 - sold.quality))[:, 2].mean() > 0.2
 
 
+def test_the_wrappers_are_what_it_says(said):
+    assert (said["clipped"].action_space.low == -1).all()
+    assert said["numbered"].action_space.n == 5**3
+    assert said["constant"].possible_agents == list(said["constant"].reset(seed=0)[0])
+    assert (said["population"].action_space("sp_0").low == -1).all()
+
+
 def test_the_scenario_is_valid(tmp_path):
     path = tmp_path / "drones.toml"
     path.write_text(blocks("toml")[0])

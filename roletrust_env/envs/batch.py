@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from array_api_compat import to_device
+
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, Outcome, TaskState
 from roletrust_env.game.state import State
@@ -61,8 +63,8 @@ class TaskBatch:
 
 
 def first_game(state: State) -> State:
-    """The state of the first game of a batch, (E,); that of a game as it is."""
-    first: State = _each(lambda leaf: leaf[..., 0], state) if state.round.ndim else state
+    """The state of the first game of a batch, (E,), for a person to see: on the CPU; that of a single game as it is."""
+    first: State = _each(lambda leaf: to_device(leaf[..., 0], "cpu"), state) if state.round.ndim else state
     return first
 
 
