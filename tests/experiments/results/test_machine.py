@@ -67,7 +67,7 @@ def test_measured_attackers_take_what_was_foreseen():
     [
         (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "commands.play.play_games"),
         (["zoo", "provider-3x3"], "--games ", "commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--seeds ", "commands.ladder.climb"),
+        (["ladder", "RaterAttack"], "--games ", "commands.ladder.climb"),
         (["train", "RaterAttack", "--set", "max_cycles=10"], "--learner games=", "training.loop.train"),
     ],
     ids=["play", "zoo", "ladder", "train"],
