@@ -35,8 +35,18 @@ def namespace(array: Array) -> ModuleType:
 
 
 def largest(array: Array) -> Array:
-    """The largest along the first axis; NumPy's method takes half the time of its function."""
-    return array.max(axis=0) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
+    """The largest along the first axis, see `total`."""
+    return np.maximum.reduce(array) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
+
+
+def total(array: Array, axis: int) -> Array:
+    """The sum along an axis: for small arrays of NumPy, what its method calls takes half the time of the method."""
+    return np.add.reduce(array, axis) if isinstance(array, np.ndarray) else array.sum(axis=axis)
+
+
+def copied(array: Array) -> Array:
+    """A copy of an array."""
+    return array.copy() if isinstance(array, np.ndarray) else array.clone() if hasattr(array, "clone") else array + 0
 
 
 def cast(array: Array, dtype: Any) -> Array:

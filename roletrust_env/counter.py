@@ -7,7 +7,8 @@ turns four words of 32 bits into four others. A word is uint32 on NumPy and int3
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -62,16 +63,19 @@ def _mix(x: Array, y: Array, z: Array, w: Array) -> list[Array]:
     return [x, y, z, w + y * z]
 
 
-def _made(like: Array, cells: int, games: Array, key: Words, numbers: Callable[[Words, Array], list[Array]]) -> Array:
+def _made(
+    like: Array, cells: int, games: Array, key: Words, numbers: Callable[[Words, Array], Iterable[Array]]
+) -> Array:
     """Numbers for all cells and games: four of them come of one scrambling, each in a quarter of the cells."""
     groups = whole(like, -(-cells // 4))[:, None]
+    needed = -(-cells // max(1, len(groups)))  # of the quarters: 3 for 9 cells
 
     def quarters(groups: Array, games: Array, key: Words) -> list[Array]:
-        return numbers(scramble((groups + key[0], games + key[1], key[2], key[3])), like)
+        return list(islice(numbers(scramble((groups + key[0], games + key[1], key[2], key[3])), like), needed))
 
     if not isinstance(like, np.ndarray) or groups.size * games.size <= BLOCK:
         return namespace(like).concat(quarters(groups, games, key))[:cells]
-    made = np.empty((4, groups.size, games.size), like.dtype)
+    made = np.empty((needed, groups.size, games.size), like.dtype)
     wide = min(games.size, BLOCK)
     for some in _slices(games.size, wide):
         keys = [word if word.shape == (1,) else word[some] for word in key]
@@ -88,11 +92,11 @@ def _uniforms(words: Words, like: Array) -> list[Array]:
     return _each(lambda word: _fraction(word, like) * _UNIT, words)
 
 
-def _normals(words: Words, like: Array) -> list[Array]:
+def _normals(words: Words, like: Array) -> Iterable[Array]:
     xp, (x, y, z, w) = namespace(like), words
     radii = _each(lambda word: xp.sqrt(xp.log((_fraction(word, like) + 0.5) * _UNIT) * -2.0), (x, z))
     angles = _each(lambda word: _fraction(word, like) * (2 * math.pi * _UNIT), (y, w))
-    return [radius * along(angle) for along in (xp.cos, xp.sin) for radius, angle in zip(radii, angles, strict=True)]
+    return (radius * along(angle) for along in (xp.cos, xp.sin) for radius, angle in zip(radii, angles, strict=True))
 
 
 def _fraction(word: Array, like: Array) -> Array:

@@ -21,10 +21,14 @@ _AHEAD = 64
 
 
 class Dealer(Protocol[Dealt]):
-    """What makes the luck of rounds of their keys."""
+    """What makes the luck of rounds of their keys, which are (STREAMS, 4) each."""
 
     def ahead(self, batch: tuple[int, ...]) -> int:
         """Of how many rounds it is best made at once."""
+        ...
+
+    def of_round(self, key: Keys, batch: tuple[int, ...]) -> Dealt:
+        """The luck of a round for a batch of this shape."""
         ...
 
     def of_rounds(self, keys: Keys, batch: tuple[int, ...]) -> Sequence[Dealt]:
@@ -69,6 +73,8 @@ class Random:
         at = self._rounds - first
         if whose[0] is not luck or whose[1] != batch or not 0 <= at < len(hand):
             ahead = min(luck.ahead(batch), 16 + self._rounds)  # fewer at first, since many a game is short
+            if ahead == 1:
+                return luck.of_round(self.round_key(), batch)
             hand = luck.of_rounds(self._round_keys(self._rounds, ahead), batch)
             self._hand, at = (self._rounds, (luck, batch), hand), 0
         self._rounds += 1

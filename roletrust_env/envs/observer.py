@@ -22,10 +22,8 @@ class Observer:
         roster = game.roster
         s, p = roster.n_raters, roster.n_providers
         self._game = game
-        sizes = (1, s, p, p, p, s * p, s * p, s * p, s * p, roster.n_both)
-        self._everything = np.zeros(sum(sizes), np.float32)
-        last = np.cumsum(sizes).tolist()
-        self._fields = [slice(a, b) for a, b in zip([0, *last[:-1]], last, strict=True)]
+        self._clock = np.zeros(1)
+        self._everything = np.zeros(1 + s + 3 * p + 4 * s * p + roster.n_both, np.float32)
         of_raters, of_providers = game.layout.places()
         provider = dict(zip(roster.provider_names, of_providers.T, strict=True))
         rater = dict(zip(roster.rater_names, of_raters.T, strict=True))
@@ -42,16 +40,11 @@ class Observer:
 
     def observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
         """The observation of each of some agents in a state of one game, new arrays."""
-        game, everything, fields = self._game, self._everything, self._fields
-        everything[0] = state.round / game.scenario.max_cycles
-        everything[fields[1]], everything[fields[2]] = game.published(state)
-        everything[fields[3]] = state.value
-        everything[fields[4]] = state.quality
-        everything[fields[5]] = state.service.reshape(-1)
-        everything[fields[6]] = state.awaiting.reshape(-1)
-        everything[fields[7]] = state.ratings.reshape(-1)
-        everything[fields[8]] = state.rated.reshape(-1)
-        if game.roster.n_both:
-            everything[fields[9]] = game.agent_trust(state)[-game.roster.n_both :]
+        game, slices = self._game, self._slices
+        self._clock[0] = state.round / game.scenario.max_cycles
+        grids = (state.service.ravel(), state.awaiting.ravel(), state.ratings.ravel(), state.rated.ravel())
+        toa = (game.agent_trust(state)[-game.roster.n_both :],) if game.roster.n_both else ()
+        parts = (self._clock, *game.published(state), state.value, state.quality, *grids, *toa)
+        everything = np.concatenate(parts, out=self._everything, casting="unsafe")
         seen = everything[self._places]
-        return {agent: seen[self._slices[agent]] for agent in agents}
+        return {agent: seen[slices[agent]] for agent in agents}

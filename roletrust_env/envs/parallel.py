@@ -211,7 +211,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         joint = self._joint.read(actions, self.agents)
         state, rewards = self.game.step(self._state, joint, self.game.draw(self._random))
         self._state = state
-        over = bool(state.round >= self.game.scenario.max_cycles)
+        over = int(state.round) >= self.game.scenario.max_cycles
         agents = self.agents
         present = self.game.present(state)
         if present is None:
@@ -226,7 +226,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             reward = {a: earned[a] if a in acted else 0.0 for a in agents}
             terminations = {a: not there[a] for a in agents}
             staying = [a for a in agents if there[a]]
-        truncations = {a: over and not gone for a, gone in terminations.items()}
+        truncations = {a: over and not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
         self.agents = [] if over else list(staying)
         self._spectator.follow(state)
         observations, infos = self._observer.observe(state, agents), self._inform(state, agents)
@@ -254,7 +254,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         roster, game = self.game.roster, self.game
         tor, top = game.published(state)
-        received = list(state.quality * state.awaiting)
+        # What served nobody has no quality, so that where all are served nothing need be left out.
+        received = [state.quality.copy() for _ in range(roster.n_raters)] if state.full else list(state.quality * state.awaiting)
         infos: dict[str, dict[str, Any]] = {
             rater: {"trust": trust, "received": true}
             for rater, trust, true in zip(roster.rater_names, tor.tolist(), received, strict=True)

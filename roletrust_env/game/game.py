@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast, copied, namespace
 from roletrust_env.game.luck import Luck
 from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
@@ -159,7 +159,7 @@ class Game:
         )
         full = state.full and self._lossless
         if full:
-            ratings = ratings + 0.0  # a copy: whoever sent them may write to theirs again
+            ratings = copied(ratings)  # whoever sent them may write to theirs again
         trust = self.model.update(state.trust, ratings, None if full and self._takes_full_rounds else rated)
         tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
 
@@ -314,7 +314,9 @@ class Game:
         if counts is not None:
             toa = self._both_trust(tor, top, counts)
             of_both = weights.agent_trust * toa - roster.both(costs)
-        return roster.agents(weights.rater_trust * tor, weights.provider_trust * top - costs, of_both)
+        of_raters = tor if weights.rater_trust == 1 else weights.rater_trust * tor
+        of_providers = top if weights.provider_trust == 1 else weights.provider_trust * top
+        return roster.agents(of_raters, of_providers - costs, of_both)
 
     def _agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
         toa = None if counts is None else self._both_trust(tor, top, counts)

@@ -15,6 +15,9 @@ from roletrust_env.world.scenario import Choice, InRange, Scenario
 _AHEAD = 256
 """Rounds of a single small game whose luck is made at once."""
 
+_MANY = 4096
+"""Numbers in a round from which on calls cost less than keys that differ from round to round."""
+
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
 """How numbers are made, and their shape in one game."""
 
@@ -52,9 +55,10 @@ class Luck:
 
     def ahead(self, batch: tuple[int, ...]) -> int:
         """Of how many rounds the luck is best made at once: of more than one where arrays are small."""
-        return max(1, min(_AHEAD, 4 * counter.BLOCK // max(1, self._cells * prod(batch))))
+        numbers = max(1, self._cells * prod(batch))
+        return 1 if numbers > _MANY else min(_AHEAD, 4 * counter.BLOCK // numbers)
 
-    def of_round(self, key: Array, batch: tuple[int, ...], start: bool) -> Noise:
+    def of_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
         """The luck of one round, or of the start, which alone scatters the agents; the key is (STREAMS, 4)."""
         games = counter.whole(self._like, prod(batch))
 
@@ -67,8 +71,6 @@ class Luck:
     def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
         """The luck of some rounds, R of them, on NumPy; the keys are (R, STREAMS, 4)."""
         rounds, games = len(keys), prod(batch)
-        if rounds == 1:
-            return [self.of_round(keys[0], batch, False)]
         numbers = np.tile(counter.whole(self._like, games), rounds)
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:

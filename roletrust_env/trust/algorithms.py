@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, largest, namespace
+from roletrust_env.arrays import Array, compiling, largest, namespace, total
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Of `_sinc_polynomial`, the constant first."""
@@ -159,7 +159,7 @@ class Notes(NamedTuple):
         xp = namespace(ratings)
         weights = xp.astype(mask, ratings.dtype)
         values = xp.where(mask, ratings, weights)
-        return cls(values, weights, weights.sum(axis=0), weights.sum(axis=1))
+        return cls(values, weights, total(weights, 0), total(weights, 1))
 
     def weigh(self, cells: Array) -> Array:
         """The cells inside the mask, and 0 elsewhere."""
@@ -197,16 +197,16 @@ def rater_quality(notes: Notes, root: Root | None = None) -> Array:
     blocks = notes.blocks()
     if len(blocks) == 1:
         below = notes.weigh(notes.values - best)
-        return _nearness(notes, below - below.sum(axis=0) / (notes.received + _TINY), root)
+        return _nearness(notes, below - total(below, 0) * _share(notes.received), root)
     parts = [notes.of_raters(some) for some in blocks]
-    below = reduce(operator.add, (part.weigh(part.values - best).sum(axis=0) for part in parts))
-    average = below / (notes.received + _TINY)
+    below = reduce(operator.add, (total(part.weigh(part.values - best), 0) for part in parts))
+    average = below * _share(notes.received)
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
 def _nearness(notes: Notes, apart: Array, root: Root) -> Array:
     """1 less the mean root of how far apart each rater's notes are from the average ones."""
-    return 1.0 - notes.weigh(root(abs(apart))).sum(axis=1) / (notes.given + _TINY)
+    return 1.0 - total(notes.weigh(root(abs(apart))), 1) * _share(notes.given)
 
 
 def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
@@ -228,14 +228,14 @@ def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Arr
                 for some in blocks
             ),
         )
-    return worth / (notes.received + _TINY)
+    return worth * _share(notes.received)
 
 
 def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """The sum over raters of rho * ToR * f, shape (P, ...)."""
-    steady = _sinc(abs(values - last_ratings))
+    steady = _sinc(values - last_ratings)
     rho = _sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
-    return (rho * tor[:, None, ...] * values).sum(axis=0)
+    return total(rho * tor[:, None, ...] * values, 0)
 
 
 def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
@@ -263,6 +263,11 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
     return previous + lam * occurred(count) * (value - previous)
 
 
+def _share(count: Array) -> Array:
+    """What a sum is multiplied by to become a mean of so many, since the sum of none is 0: a division for all, once."""
+    return 1.0 / (count + _TINY)
+
+
 def occurred(count: Array) -> Array:
     """1 where a count is above 0, and 0 where it is 0, in the dtype of the count."""
     return count / (count + _TINY)
@@ -277,7 +282,7 @@ def _sinc(x: Array) -> Array:
     if compiling(x) and x.dtype == xp.float32:
         return _sinc_polynomial(x)
     angle = math.pi * x + _TINY
-    return abs(xp.sin(angle)) / angle
+    return abs(xp.sin(angle) / angle)
 
 
 def _sinc_polynomial(x: Array) -> Array:

@@ -39,16 +39,18 @@ class SyntheticService:
         def constant(values: Any) -> Array:
             return namespace(like).asarray(values, dtype=like.dtype, device=like.device)
 
-        noise = np.asarray([group.noise for group in roster.groups])
-        self._deviation = constant(roster.raters(noise)[:, None])
-        self._bounds = constant(0), constant(1)  # arrays: `clip` takes numbers at twice the cost of a small array
+        noise = roster.raters(np.asarray([group.noise for group in roster.groups]))
+        alike = bool((noise == noise[0]).all())
+        self._deviation = constant(noise[0] if alike else noise[:, None])
+        self._bounds = constant(0), constant(1)  # arrays: numbers cost twice as much as small arrays, and `clip` more than both
 
     def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation
-        if noise.ndim > 2:
+        if deviation.ndim and noise.ndim > 2:
             deviation = deviation.reshape(deviation.shape + (1,) * (noise.ndim - 2))
-        return (quality * (1 - strength) + deviation * noise).clip(*self._bounds)
+        xp, (least, most) = namespace(noise), self._bounds
+        return xp.minimum(xp.maximum(quality * (1 - strength) + deviation * noise, least), most)
 
 
 def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
