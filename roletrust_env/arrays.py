@@ -45,8 +45,8 @@ def total(array: Array, axis: int) -> Array:
 
 
 def copied(array: Array) -> Array:
-    """A copy of an array."""
-    return array.copy() if isinstance(array, np.ndarray) else array.clone() if hasattr(array, "clone") else array + 0
+    """A copy of an array, also for a compiler, which takes none from `asarray`."""
+    return array.copy() if isinstance(array, np.ndarray) else array + 0
 
 
 def cast(array: Array, dtype: Any) -> Array:

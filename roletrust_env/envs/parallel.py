@@ -226,7 +226,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             reward = {a: earned[a] if a in acted else 0.0 for a in agents}
             terminations = {a: not there[a] for a in agents}
             staying = [a for a in agents if there[a]]
-        truncations = {a: over and not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
+        truncations = {a: not gone for a, gone in terminations.items()} if over else dict.fromkeys(agents, False)
         self.agents = [] if over else list(staying)
         self._spectator.follow(state)
         observations, infos = self._observer.observe(state, agents), self._inform(state, agents)
@@ -254,8 +254,10 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     def _inform(self, state: State, agents: Sequence[str]) -> dict[str, dict[str, Any]]:
         roster, game = self.game.roster, self.game
         tor, top = game.published(state)
-        # What served nobody has no quality, so that where all are served nothing need be left out.
-        received = [state.quality.copy() for _ in range(roster.n_raters)] if state.full else list(state.quality * state.awaiting)
+        if state.full:
+            received = [state.quality.copy() for _ in roster.rater_names]
+        else:
+            received = list(state.quality * state.awaiting)
         infos: dict[str, dict[str, Any]] = {
             rater: {"trust": trust, "received": true}
             for rater, trust, true in zip(roster.rater_names, tor.tolist(), received, strict=True)

@@ -182,8 +182,7 @@ class Game:
 
         served = self._served(state, population, places, top, noise)
         quality = actions.quality
-        if not self._everyone:
-            quality = xp.where(served.any(axis=0), quality, self._zero)
+        quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
         service = self.service.perceive(
             quality, self._perturbations.strength(state.round), state.round, noise.perception
         )

@@ -42,7 +42,8 @@ class SyntheticService:
         noise = roster.raters(np.asarray([group.noise for group in roster.groups]))
         alike = bool((noise == noise[0]).all())
         self._deviation = constant(noise[0] if alike else noise[:, None])
-        self._bounds = constant(0), constant(1)  # arrays: numbers cost twice as much as small arrays, and `clip` more than both
+        # Arrays, since numbers cost twice as much as small arrays; so does `clip`.
+        self._bounds = constant(0), constant(1)
 
     def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
         """See `Service.perceive`."""
