@@ -92,12 +92,16 @@ def speed(
         prepare_folder(out)
     plan = QUICK if quick else FULL
     with progress_bar() as progress, _torch_threads(threads):
-        steps, skipped = _race(_players(plan, seed), plan, "Steps", progress)
+        steps, skipped = [], []
+        for games, players in _players(plan, seed).items():
+            found, missing = _race(players, plan, f"Steps of {games:,}", progress)
+            steps += found
+            skipped += missing
         ratings, _ = _race(_raters(plan, seed), plan, "Ratings", progress)
     targets = _targets(steps, ratings) + ([] if quick else [_learner(seed)])
     for table in (_steps_table(steps, threads), _ratings_table(ratings), _targets_table(targets)):
         console.print(table)
-    for reason in skipped:
+    for reason in dict.fromkeys(skipped):
         console.print(f"[dark_orange3]not measured:[/] {reason}", soft_wrap=True)
     if out is not None:
         about = {"command": "roletrust speed", "quick": quick, **_machine(threads), **_software(seed)}
@@ -112,13 +116,12 @@ class Entry(NamedTuple):
     make: Callable[[], Contestant]
 
 
-def _players(plan: Plan, seed: int) -> list[Entry]:
-    """All whose steps are counted, peers side by side."""
-    entries = [
-        Entry("numpy", partial(timing.one_environment, seed)),
-        Entry("mpe2", partial(timing.simple_adversary, seed)),
-    ]
+def _players(plan: Plan, seed: int) -> dict[int, list[Entry]]:
+    """All whose steps are counted, by the number of games: peers side by side, and no large batch among small ones."""
+    one = [Entry("numpy", partial(timing.one_environment, seed)), Entry("mpe2", partial(timing.simple_adversary, seed))]
+    players = {1: one}
     for games in sorted({*plan.batches, *plan.compiled}):
+        entries = players[games] = []
         if games in plan.batches:
             entries.append(Entry("vmas", partial(timing.simple_spread, games, seed)))
             entries.append(Entry("numpy", partial(timing.batch, "NumPy", games, seed)))
@@ -126,7 +129,7 @@ def _players(plan: Plan, seed: int) -> list[Entry]:
             entries.append(Entry("numpy", partial(timing.attack_tasks, games, seed)))
         if games in plan.compiled:
             entries.append(Entry("torch", partial(timing.batch, "compiled torch", games, seed)))
-    return entries
+    return players
 
 
 def _raters(plan: Plan, seed: int) -> list[Entry]:
@@ -150,7 +153,7 @@ def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) 
         progress.advance(task)
     progress.update(task, description=label, completed=0, total=len(contestants) * plan.repeats)
     timings = measure(contestants, plan.repeats, plan.slice_s, lambda: progress.advance(task))
-    return timings, list(dict.fromkeys(skipped))
+    return timings, skipped
 
 
 def _targets(steps: Sequence[Timing], ratings: Sequence[Timing]) -> list[Target]:
