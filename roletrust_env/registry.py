@@ -1,7 +1,7 @@
 """A table of named things (trust models, scenarios, attackers) that other packages can add to."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
@@ -89,6 +89,16 @@ class Registry(Generic[Thing]):
         own: Registry[Thing] = Registry(self.kind, self.group, self.base)
         own.register(name, found)
         return own
+
+    def taken(self, name: str, offered: Mapping[str, Any]) -> dict[str, Any]:
+        """Of some parameters that are offered, those that the factory of that name takes.
+
+        Raises:
+            ValueError: the name is unknown.
+        """
+        known = inspect.signature(self.factory(name)).parameters
+        everything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
+        return {key: value for key, value in offered.items() if everything or key in known}
 
     def make(self, name: str, **parameters: Any) -> Thing:
         """Make the thing of that name, with these parameters.

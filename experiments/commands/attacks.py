@@ -119,7 +119,7 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
             raise ValueError(
                 f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
             )
-    given = {key: getattr(scenario, field) for key, field in _SHARED.items()}
+    given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
     model: TrustModel[Any] = _made(registry, name, {**given, **parameters}, text)
     return model
 

@@ -24,6 +24,7 @@ from experiments.results.machine import check_memory
 from experiments.training.runs import RunFolder, write_bytes
 from roletrust_env import Game, make_scenario
 from roletrust_env.envs.tasks import TASKS
+from roletrust_env.trust.model import registry as trust_models
 
 if TYPE_CHECKING:
     from agents.learned.cards import ModelCard
@@ -212,7 +213,7 @@ def _model_card(text: str, lam: float, initial: float) -> "ModelCard":
 
     name, _, rest = text.strip().partition(":")
     given = parse_settings([part for part in rest.split(",") if part.strip()], repr(text))
-    return ModelCard(name=name, parameters={"lam": lam, "initial": initial, **given})
+    return ModelCard(name=name, parameters={**trust_models.taken(name, {"lam": lam, "initial": initial}), **given})
 
 
 def _bar() -> Progress:

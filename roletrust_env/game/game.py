@@ -16,7 +16,9 @@ from roletrust_env.game.luck import Luck
 from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
-from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model
+from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
+from roletrust_env.trust.model import Traits, start_model
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
@@ -50,12 +52,14 @@ class Game:
         self.scenario = scenario
         self.like = like = np.zeros(()) if like is None else like
         if isinstance(trust_model, str):
-            trust_model = make_trust_model(trust_model, lam=scenario.lam, initial=scenario.initial_trust)
+            offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
+            trust_model = trust_models.make(trust_model, **trust_models.taken(trust_model, offered))
         if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
-        check_trust_model(trust_model, roster.n_raters, roster.n_providers, like)
+        self._peers = self._constant(~roster.stranger)
+        check_trust_model(trust_model, self._peers, like)
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
@@ -70,7 +74,7 @@ class Game:
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
-        self._takes_full_rounds = bool(getattr(trust_model, "takes_full_rounds", False))
+        self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._values = None
         if len(set(scenario.values)) > 1:
@@ -116,7 +120,7 @@ class Game:
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
         return State(
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
-            trust=self.model.start(nothing),
+            trust=start_model(self.model, nothing, self._peers),
             ratings=nothing,
             rated=self._over(self._stranger & False, nothing.shape),
             quality=xp.zeros_like(nothing[0]),

@@ -2,6 +2,7 @@
 
 from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
 from roletrust_env.trust.model import (
+    Traits,
     TrustModel,
     check_trust_model,
     make_trust_model,
@@ -17,6 +18,7 @@ register_trust_model("mean", Mean)
 __all__ = [
     "Mean",
     "RoleTrust",
+    "Traits",
     "TrustModel",
     "agent_trust",
     "check_trust_model",

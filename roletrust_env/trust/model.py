@@ -1,6 +1,6 @@
 """What a trust model is, and the table of those known by name."""
 
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.registry import Registry
@@ -15,16 +15,19 @@ class TrustModel(Protocol[State]):
     A model is immutable; what it remembers is its state, a NamedTuple of arrays that `update` replaces. Written with
     operators and `roletrust_env.arrays.namespace`, it runs on NumPy and torch, for one game and for a batch.
 
+    What a model is fit for it says in class attributes, of which all but `rates_raters` may be left out; see `Traits`.
+
     Attributes:
         rates_raters: whether the model has a notion of rater trust; if not, `rater_trust` reads 1 for all.
-        takes_full_rounds: optional; true of a model whose `update` takes None for a mask that is true everywhere,
-            which is quicker. Others are given the mask.
     """
 
     rates_raters: bool
 
     def start(self, like: Array) -> State:
         """The state before any rating.
+
+        A model with `takes_peers` has a second argument: `peers`, shape (S, P), boolean, true where a rater and a
+        provider are one agent.
 
         Args:
             like: an array of shape (S, P, ...) that shows the shapes, the dtype, the device and the array library.
@@ -51,21 +54,60 @@ class TrustModel(Protocol[State]):
         ...
 
 
-def check_trust_model(model: TrustModel[Any], n_raters: int, n_providers: int, like: Array) -> None:
+class Traits(NamedTuple):
+    """What a trust model is fit for, as its class attributes of the same names say; here with their usual values.
+
+    Attributes:
+        rates_raters: whether it has a notion of rater trust.
+        family: `"central"`: it sees all ratings as a manager does; `"personal"`: every rater is a judge of its own.
+        source: the paper that it comes from.
+        smooth: whether trust follows ratings without jumps, so that gradients are of use.
+        cost: how time and memory grow with S raters and P providers, such as `"S P"` or `"S^2 P"`.
+        takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker.
+        takes_peers: whether its `start` has to know which rater and which provider are one agent.
+    """
+
+    rates_raters: bool = True
+    family: Literal["central", "personal"] = "central"
+    source: str = ""
+    smooth: bool = True
+    cost: str = "S P"
+    takes_full_rounds: bool = False
+    takes_peers: bool = False
+
+    @classmethod
+    def of(cls, model: Any) -> "Traits":
+        """The traits of a model, or of its class."""
+        return cls()._replace(**{name: getattr(model, name) for name in cls._fields if hasattr(model, name)})
+
+
+def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
+    """The state of a model before any rating.
+
+    Args:
+        model: of which kind soever.
+        like: see `TrustModel.start`.
+        peers: shape (S, P), boolean, true where a rater and a provider are one agent.
+    """
+    made: State = model.start(like, peers) if Traits.of(model).takes_peers else model.start(like)  # type: ignore[call-arg]
+    return made
+
+
+def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
     """Try a model on one round in which everybody rates everybody 0.5.
 
     Args:
         model: to be tried.
-        n_raters: S.
-        n_providers: P.
+        peers: shape (S, P), boolean, true where a rater and a provider are one agent.
         like: an array of the library, dtype and device that it has to work with.
 
     Raises:
         ValueError: a read-out has the wrong shape, or is not in [0, 1].
     """
     xp = namespace(like)
+    n_raters, n_providers = peers.shape
     ratings = xp.zeros((n_raters, n_providers, 1), dtype=like.dtype, device=like.device) + 0.5
-    state = model.update(model.start(ratings), ratings, ratings > 0)
+    state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
     for what, trust, count in (
         ("rater_trust", model.rater_trust(state), n_raters),
         ("provider_trust", model.provider_trust(state), n_providers),
@@ -84,7 +126,8 @@ def register_trust_model(name: str, factory: Any) -> None:
 
     Args:
         name: the new name.
-        factory: a callable `(lam=..., initial=..., **own parameters) -> TrustModel`, usually the model's class.
+        factory: a callable `(**parameters) -> TrustModel`, usually the model's class. In a game, `lam` and `initial`
+            are those of the scenario, if it takes them.
     """
     registry.register(name, factory)
 
@@ -94,8 +137,8 @@ def make_trust_model(name: str, **parameters: Any) -> TrustModel[Any]:
 
     Args:
         name: a registered name or that of an entry point in the group `roletrust_env.trust_models`.
-        **parameters: the model's own; every model takes `lam`, the weight of the newest round, and `initial`, the
-            trust before any rating.
+        **parameters: the model's own; most take `lam`, the weight of the newest round, and `initial`, the trust before
+            any rating.
 
     Raises:
         ValueError: the name is unknown, the parameters are not the model's, or a value is outside its range.

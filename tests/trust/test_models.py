@@ -2,15 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 import torch
 
+from experiments.commands.attacks import parse_trust_model
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.trust import (
     Mean,
+    Traits,
     TrustModel,
     make_trust_model,
     provider_trust,
@@ -279,3 +281,45 @@ def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bo
     record(Cast(game, {}), game.random(0))
     assert not seen[0].any()  # nothing has been served yet
     assert all(mask is None if takes else mask.all() for mask in seen[1:])
+
+
+# --- what a model is fit for ----------------------------------------------------------------------
+
+
+class Neighbours(NamedTuple):
+    """What `Sociable` remembers."""
+
+    top: Any
+    tor: Any
+
+
+class Sociable:
+    """A model that trusts a provider as far as it rates, too, and takes no parameters."""
+
+    rates_raters = False
+    takes_peers = True
+
+    def start(self, like: Any, peers: Any) -> Neighbours:
+        return Neighbours(0 * like[0] + peers.sum(axis=0).reshape(-1, *[1] * (like.ndim - 2)), 0 * like[:, 0] + 1)
+
+    def update(self, state: Neighbours, ratings: Any, mask: Any) -> Neighbours:
+        return state
+
+    def rater_trust(self, state: Neighbours) -> Any:
+        return state.tor
+
+    def provider_trust(self, state: Neighbours) -> Any:
+        return state.top
+
+
+def test_a_model_may_ask_who_is_who_and_take_no_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_factories", {**registry._factories, "sociable": Sociable})
+    game = Game(make_scenario("robots-that-move"), "sociable")
+    top = game.published(game.start(game.draw(game.random(0), start=True)))[1]
+    assert top.tolist() == [0, 0, 0, 0, 1, 1]  # the last two rate, too
+    assert parse_trust_model("sociable", game.scenario) is not None
+
+
+def test_traits_have_usual_values() -> None:
+    assert Traits.of(Sociable) == Traits(rates_raters=False, takes_peers=True)
+    assert Traits.of(make_trust_model("role-trust")).source.startswith("Su")

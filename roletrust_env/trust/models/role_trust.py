@@ -42,6 +42,7 @@ class RoleTrust:
     lam: Lam = 0.5
     initial: Share = 0.5
     rates_raters = True
+    source = "Su and Saint-Jore (2023)"
     takes_full_rounds = True
 
     def start(self, like: Array) -> RoleTrustState:
