@@ -9,11 +9,8 @@ from roletrust_env.trust.model import (
     register_trust_model,
     trust_models,
 )
-from roletrust_env.trust.models.mean import Mean
-from roletrust_env.trust.models.role_trust import RoleTrust
-
-register_trust_model("role-trust", RoleTrust)
-register_trust_model("mean", Mean)
+from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.role_trust import RoleTrust
 
 __all__ = [
     "Mean",

@@ -1,0 +1,1 @@
+"""Models that see all ratings, as a manager does."""
