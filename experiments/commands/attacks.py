@@ -103,7 +103,16 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
 
 def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
-    """`NAME` or `NAME:key=value,...` as a trust model, with the scenario's `lam` and `initial_trust` if not given.
+    """`NAME` or `NAME:key=value,...` as a trust model. Arguments and errors as for `read_trust_model`."""
+    registry, name, parameters = read_trust_model(text, scenario, settings)
+    model: TrustModel[Any] = _made(registry, name, parameters, text)
+    return model
+
+
+def read_trust_model(
+    text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
+) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Where a trust model is found, its name there and its parameters, the scenario's own where they are not given.
 
     Args:
         text: NAME may be `package.module:Class`.
@@ -120,8 +129,7 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
                 f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
             )
     given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
-    model: TrustModel[Any] = _made(registry, name, {**given, **parameters}, text)
-    return model
+    return registry, name, {**given, **parameters}
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:

@@ -8,10 +8,10 @@ import pytest
 from rich.progress import Progress
 from typer.testing import CliRunner
 
+from agents.learned.saved import ZOO
 from baselines import BadMouthing
 from experiments.cli import app
 from experiments.commands import play
-from experiments.commands.zoo import ZOO
 from experiments.results import machine
 from experiments.results.confidence import over_games, student_95
 from experiments.results.games import foresee, play_games, task_memory
