@@ -16,7 +16,7 @@ from roletrust_env.game.luck import Luck
 from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
-from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model
+from roletrust_env.trust import TrustModel, agent_trust, check_trust_model, make_trust_model, takes_full_rounds
 from roletrust_env.world import access, channel, mobility
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
@@ -70,7 +70,7 @@ class Game:
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
-        self._takes_full_rounds = bool(getattr(trust_model, "takes_full_rounds", False))
+        self._takes_full_rounds = takes_full_rounds(trust_model)
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._values = None
         if len(set(scenario.values)) > 1:

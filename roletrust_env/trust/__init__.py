@@ -6,6 +6,7 @@ from roletrust_env.trust.model import (
     check_trust_model,
     make_trust_model,
     register_trust_model,
+    takes_full_rounds,
     trust_models,
 )
 from roletrust_env.trust.models.mean import Mean
@@ -26,5 +27,6 @@ __all__ = [
     "rater_trust",
     "register_trust_model",
     "smooth",
+    "takes_full_rounds",
     "trust_models",
 ]

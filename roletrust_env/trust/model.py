@@ -18,7 +18,8 @@ class TrustModel(Protocol[State]):
     Attributes:
         rates_raters: whether the model has a notion of rater trust; if not, `rater_trust` reads 1 for all.
         takes_full_rounds: optional; true of a model whose `update` takes None for a mask that is true everywhere,
-            which is quicker. Others are given the mask.
+            which is quicker. Others are given the mask; so is a class that overrides `update` and does not say it
+            anew.
     """
 
     rates_raters: bool
@@ -74,6 +75,17 @@ def check_trust_model(model: TrustModel[Any], n_raters: int, n_providers: int, l
             raise ValueError(f"{what} of {model!r} has shape {tuple(trust.shape)}; it must be {(count, 1)}")
         if not bool(((trust >= 0) & (trust <= 1)).all()):
             raise ValueError(f"{what} of {model!r} is {trust[:, 0]}; a trust must lie in [0, 1]")
+
+
+def takes_full_rounds(model: TrustModel[Any]) -> bool:
+    """Whether a model takes None for a mask that is true everywhere; what one `update` takes, another need not."""
+    said, overridden = "takes_full_rounds", False
+    for kind in type(model).__mro__:
+        if said in vars(kind):
+            break
+        overridden |= "update" in vars(kind)
+    inherited = overridden and said not in getattr(model, "__dict__", ())
+    return not inherited and bool(getattr(model, said, False))
 
 
 registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models", TrustModel)

@@ -11,11 +11,13 @@ import torch
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.trust import (
     Mean,
+    RoleTrust,
     TrustModel,
     make_trust_model,
     provider_trust,
     rater_trust,
     register_trust_model,
+    takes_full_rounds,
     trust_models,
 )
 from roletrust_env.trust.model import registry
@@ -279,3 +281,19 @@ def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bo
     record(Cast(game, {}), game.random(0))
     assert not seen[0].any()  # nothing has been served yet
     assert all(mask is None if takes else mask.all() for mask in seen[1:])
+
+
+def test_a_model_that_overrides_the_update_of_another_is_given_the_mask() -> None:
+    """It has not said that its own takes None."""
+
+    class Deaf(RoleTrust):
+        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+            return super().update(state, ratings, mask & (ratings > 0.1))
+
+    class Renamed(RoleTrust):
+        pass
+
+    rules = make_scenario("paper-3x3").change(max_cycles=5, noise=0.0, perturbations=[])
+    deaf, plain = (record(Cast(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
+    np.testing.assert_allclose(deaf.top, plain.top, rtol=0, atol=1e-12)
+    assert takes_full_rounds(Renamed())
