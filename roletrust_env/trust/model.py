@@ -63,7 +63,8 @@ class Traits(NamedTuple):
         source: the paper that it comes from.
         smooth: whether trust follows ratings without jumps, so that gradients are of use.
         cost: how time and memory grow with S raters and P providers, such as `"S P"` or `"S^2 P"`.
-        takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker.
+        takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker. A class
+            that overrides `update` has to say it anew.
         takes_peers: whether its `start` has to know which rater and which provider are one agent.
     """
 
@@ -78,7 +79,14 @@ class Traits(NamedTuple):
     @classmethod
     def of(cls, model: Any) -> "Traits":
         """The traits of a model, or of its class."""
-        return cls()._replace(**{name: getattr(model, name) for name in cls._fields if hasattr(model, name)})
+        said = {name: getattr(model, name) for name in cls._fields if hasattr(model, name)}
+        for kind in (model if isinstance(model, type) else type(model)).__mro__:
+            if "takes_full_rounds" in {**vars(kind), **getattr(model, "__dict__", {})}:
+                break
+            if "update" in vars(kind):  # what one takes, another that overrides it need not
+                said.pop("takes_full_rounds", None)
+                break
+        return cls()._replace(**said)
 
 
 def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
