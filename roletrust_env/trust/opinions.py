@@ -58,9 +58,9 @@ class Opinion(NamedTuple):
             >>> Opinion(0.5, 0.0, 0.5).fused(Opinion(0.0, 0.5, 0.5)).belief == 1 / 3
             True
         """
-        dogmatic = 1.0 * ((self.uncertainty + other.uncertainty) == 0)
+        dogmatic = (self.uncertainty + other.uncertainty) == 0
         mine, its = self.uncertainty + dogmatic, other.uncertainty + dogmatic
-        k = self.uncertainty + other.uncertainty - self.uncertainty * other.uncertainty + 2 * dogmatic
+        k = mine + its - self.uncertainty * other.uncertainty
         return Opinion(
             (self.belief * its + other.belief * mine) / k,
             (self.disbelief * its + other.disbelief * mine) / k,

@@ -62,6 +62,7 @@ def assert_follows(model: Any, reference: Callable[[int, int], Reference], shape
             (model.rater_trust, [each.raters for each in wanted]),
             (model.provider_trust, [each.providers for each in wanted]),
         ):
+            assert (read(state).dtype, read(single).dtype) == (np.float64, torch.float32)
             np.testing.assert_allclose(read(state), np.transpose(expected), rtol=0, atol=1e-9)
             np.testing.assert_allclose(read(single).numpy(), np.transpose(expected), rtol=0, atol=1e-4)
 

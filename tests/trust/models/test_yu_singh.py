@@ -81,14 +81,18 @@ def test_after_ten_experiences_advice_counts_no_more() -> None:
 
 
 def test_credences_that_fell_beyond_all_numbers_still_weigh() -> None:
-    """In float32 0.5^300 is 0, and a mean with such weights would be 0 / 0."""
+    """In float32 both 0.5^400 and 0.75^400 are 0, and so is the one over the other.
+
+    The first rater believes the third, who was less wrong, and the second where nobody else has anything to say.
+    """
     model = make_trust_model("yu-singh", memory=1000)
-    state = model.start(np.zeros((3, 1), np.float32))
-    lies, everybody = np.array([[1], [0], [0]], np.float32), np.ones((3, 1), bool)
-    for _ in range(300):
-        state = model.update(state, lies, everybody)
+    state = model.start(np.zeros((3, 2), np.float32))
+    lies, lied = np.array([[1, 0], [0, 0], [0.5, 0]], np.float32), np.array([[True, False]] * 3)
+    for _ in range(400):
+        state = model.update(state, lies, lied)
+    state = model.update(state, np.full((3, 2), 0.9, np.float32), np.array([[False] * 2, [False, True], [False] * 2]))
     assert model.rater_trust(state)[0] == 0
-    assert state.trust[:, 0] == pytest.approx([0.3, 0.0, 0.0], abs=1e-5)
+    assert state.trust[0] == pytest.approx([0.4 * 1 + 0.6 * 0.5, 0.9], abs=1e-5)
 
 
 def test_gradients_are_finite() -> None:

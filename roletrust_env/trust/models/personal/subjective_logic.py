@@ -75,7 +75,7 @@ class SubjectiveLogic:
         outcomes, met = told(ratings, mask)
         two = others(ratings)
         agreed = state.agreed + two * compared(outcomes, met, lambda apart: 1 - apart)
-        differed = state.differed + two * compared(outcomes, met, lambda apart: apart)
+        differed = state.differed + compared(outcomes, met, lambda apart: apart)
         successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
         own, adviser = Opinion.of(successes, failures), Opinion.of(agreed, differed)
 
