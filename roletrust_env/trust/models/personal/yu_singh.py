@@ -55,7 +55,7 @@ class YuSingh:
     judge goes by its own experience alone; `said` is the newest rating that k gave j, if any.
 
     Left out: how witnesses are found along chains of referrals; a judge hears everybody. Read into it: without advisers
-    T is all `local`, without either it stays, and it is reckoned anew for a provider that somebody rated in the round.
+    T is all `local`, and it is reckoned anew for a provider that somebody rated in the round.
 
     Attributes:
         initial: trust before any rating, in [0, 1].
@@ -88,8 +88,7 @@ class YuSingh:
         believed = weighed(credence, known[0])
         advice = mean(weighed(credence, recent[0]), believed)
         trust = xp.where(believed > 0, h * local + (1 - h) * advice, local)
-        renewed = news(met) & ((experiences > 0) | (believed > 0))
-        return YuSinghState(xp.where(renewed, trust, state.trust), log_credence, recent, known)
+        return YuSinghState(xp.where(news(met), trust, state.trust), log_credence, recent, known)
 
     def rater_trust(self, state: YuSinghState) -> Array:
         """The mean credence of the others in each rater, shape (S, ...)."""
