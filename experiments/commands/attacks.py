@@ -137,7 +137,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
     name, _, rest = text.strip().partition(":")
     owner, _, after = rest.partition(":")
     if name not in registry.names():
-        if owner.strip().isidentifier():
+        if name and owner.strip().isidentifier():
             registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
         else:
             _explain_unknown(registry, name)
@@ -166,6 +166,8 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         return registry.make(name, **parameters)
     except TypeError as error:  # a value of the wrong type, which the maker compared or computed with
         raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
+    except (LookupError, ArithmeticError, AttributeError, RuntimeError) as error:  # of a class that others wrote
+        raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _targets(targets: Any, names: Sequence[str]) -> Any:

@@ -52,6 +52,8 @@ class Game:
             raise ValueError(f"scenario is {scenario!r}; it must be a Scenario: make_scenario() makes one by name")
         self.scenario = scenario
         self.like = like = np.zeros(()) if like is None else like
+        if str(like.dtype).removeprefix("torch.") not in ("float32", "float64"):
+            raise ValueError(f"like is of dtype {like.dtype}; games are played in float32 or float64")
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
             trust_model = trust_models.make(trust_model, **trust_models.taken(trust_model, offered))

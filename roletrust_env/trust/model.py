@@ -39,7 +39,8 @@ class TrustModel(Protocol[State]):
 
         Args:
             state: the state before the round; it is left as it is.
-            ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere.
+            ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere. The state may keep
+                them: nobody writes to them afterwards.
             mask: m, shape (S, P, ...), boolean, true where rater i rated provider j in this round; or None, where
                 all did, for a model with `takes_full_rounds`.
         """
