@@ -30,7 +30,7 @@ from agents.ladder.rungs import (
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, make_task
 from roletrust_env.randomness import Random
-from roletrust_env.trust import RoleTrust
+from roletrust_env.trust import RoleTrust, Traits
 from roletrust_env.trust.algorithms import Notes, rater_quality
 
 SOFT = 1e-8
@@ -145,13 +145,19 @@ def _one_thread() -> Iterator[None]:
 
 
 def _smooth_task(arguments: Arguments) -> AttackTask:
-    """The task on torch in double precision, with role-trust smoothed."""
+    """The task on torch in double precision, with role-trust smoothed.
+
+    Raises:
+        UnsuitableError: no gradient leads through the service or the trust model.
+    """
     import torch
 
     game = make_task(**arguments).game
     if game.scenario.service != "synthetic":
         raise UnsuitableError("no gradient leads through a camera")
     model = game.model
+    if not Traits.of(model).smooth:
+        raise UnsuitableError(f"trust jumps under {type(model).__name__}, so that no gradient leads through it")
     if type(model) is RoleTrust:
         model = SmoothRoleTrust(lam=model.lam, initial=model.initial)
     return make_task(**{**arguments, "trust_model": model}, like=torch.zeros((), dtype=torch.float64))
