@@ -249,6 +249,17 @@ def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array,
     return namespace(values).where(mask, values, 0.0).sum(axis=axis) / (count + _TINY), count
 
 
+def weighted_mean(values: Array, weights: Array, *, axis: int) -> Array:
+    """The sum of weight times value over the sum of weights along an axis, and 0 where all weights are 0.
+
+    Args:
+        values: finite, also where the weight is 0.
+        weights: at least 0, of a shape that goes with that of the values.
+        axis: along which to sum.
+    """
+    return total(weights * values, axis) / (total(weights, axis) + _TINY)
+
+
 def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
     """Lam * value + (1 - lam) * previous where the value is a mean of something, and the previous value elsewhere.
 

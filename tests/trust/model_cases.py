@@ -1,10 +1,11 @@
 """What is played with every trust model that has a name: rounds of ratings, and who is who."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import torch
 
 from roletrust_env.trust import Traits, TrustModel, make_trust_model, trust_models
 from roletrust_env.trust.model import registry, start_model
@@ -83,3 +84,27 @@ def having(*traits: str) -> pytest.MarkDecorator:
     """Parametrize by the names of the models that have all these traits."""
     found = {name: Traits.of(named(name)) for name in trust_models()}
     return pytest.mark.parametrize("name", [n for n, has in found.items() if all(getattr(has, t) for t in traits)])
+
+
+Vector = list[float]
+Matrix = list[Vector]
+Reference = Callable[[Sequence[tuple[Matrix, Matrix]], Matrix], Iterator[tuple[Vector, Vector]]]
+"""Takes the ratings and masks of one game's rounds and who is who; yields both trusts after each round."""
+
+
+def assert_matches(model: TrustModel[Any], reference: Reference, count: int = 15) -> None:
+    """The model computes what a slow reference does, after every round, on NumPy and in single precision on torch."""
+    for seed, shape in enumerate([(3, 3, 2), (1, 4, 2), (4, 1, 2), (1, 1, 1), (6, 5, 2)]):
+        rounds, peers = random_rounds(shape, count, seed=seed), who_is_who(shape)
+        state = play(model, [], np.zeros(shape), peers)
+        single = play(model, [], torch.zeros(shape), peers, torch.asarray)
+        slow = [
+            reference([(r[..., e].tolist(), m[..., e].tolist()) for r, m in rounds], peers.tolist())
+            for e in range(shape[2])
+        ]
+        for (ratings, mask), *games in zip(rounds, *slow, strict=True):
+            expected = [np.stack(trust, -1) for trust in zip(*games, strict=True)]
+            state = model.update(state, ratings, mask)
+            single = model.update(single, torch.asarray(ratings.astype(np.float32)), torch.asarray(mask))
+            assert_close(read(model, state), expected, 1e-9)
+            assert_close(read(model, single), expected, 1e-4)
