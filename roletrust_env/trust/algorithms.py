@@ -135,6 +135,13 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
     return namespace(tor).where(total > 0, alpha * tor + (1 - alpha) * top, initial)
 
 
+class Trusts(NamedTuple):
+    """The trust of the raters, shape (S, ...), and of the providers, shape (P, ...)."""
+
+    tor: Array
+    top: Array
+
+
 class Notes(NamedTuple):
     """The ratings of one round made ready for means, once for all the means that a model takes.
 

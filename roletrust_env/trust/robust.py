@@ -1,13 +1,12 @@
 """What the models with a robust centre share: means that outliers move little, and raters judged by their distance."""
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import Notes, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
 
 
 def middle_mean(notes: Notes, cut: Array) -> Array:
@@ -34,13 +33,6 @@ def middle_mean(notes: Notes, cut: Array) -> Array:
 def median(notes: Notes) -> Array:
     """The median of each provider's ratings, of an even number the mean of the two in the middle, shape (P, ...)."""
     return middle_mean(notes, (notes.received - 1) / 2)
-
-
-class Trusts(NamedTuple):
-    """What such a model remembers: the trust of the raters, shape (S, ...), and of the providers, shape (P, ...)."""
-
-    tor: Array
-    top: Array
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
-from roletrust_env.trust.algorithms import Notes, masked_mean, smooth, weighted_mean
-from roletrust_env.trust.robust import Smoothed, Trusts
+from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.robust import Smoothed
 
 
 @dataclass(frozen=True)
