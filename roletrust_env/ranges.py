@@ -26,3 +26,6 @@ Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
 """What is left of something each time."""
+
+LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
+"""A share that is cut from both ends."""

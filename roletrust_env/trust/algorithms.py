@@ -135,6 +135,13 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
     return namespace(tor).where(total > 0, alpha * tor + (1 - alpha) * top, initial)
 
 
+class Trusts(NamedTuple):
+    """The trust of the raters, shape (S, ...), and of the providers, shape (P, ...)."""
+
+    tor: Array
+    top: Array
+
+
 class Notes(NamedTuple):
     """The ratings of one round made ready for means, once for all the means that a model takes.
 
@@ -247,6 +254,17 @@ def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array,
         return values.mean(axis=axis), values.shape[axis]
     count = mask.sum(axis=axis, dtype=values.dtype)
     return namespace(values).where(mask, values, 0.0).sum(axis=axis) / (count + _TINY), count
+
+
+def weighted_mean(values: Array, weights: Array, *, axis: int) -> Array:
+    """The sum of weight times value over the sum of weights along an axis, and 0 where all weights are 0.
+
+    Args:
+        values: finite, also where the weight is 0.
+        weights: at least 0, of a shape that goes with that of the values.
+        axis: along which to sum.
+    """
+    return total(weights * values, axis) / (total(weights, axis) + _TINY)
 
 
 def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Trust models by name: the protocol that both built-in models keep, what each computes, and the registry."""
+"""Trust models by name: the registry, and what a game makes of what a model says of itself."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import torch
 
 from experiments.commands.attacks import parse_trust_model
 from roletrust_env import Cast, Game, make_scenario, record
@@ -16,124 +15,10 @@ from roletrust_env.trust import (
     Traits,
     TrustModel,
     make_trust_model,
-    provider_trust,
-    rater_trust,
     register_trust_model,
     trust_models,
 )
 from roletrust_env.trust.model import registry
-
-BUILT_IN = pytest.mark.parametrize("name", ["role-trust", "mean"])
-NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
-SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (2, 5, 6), (4, 2, 3, 2)], ids=str)
-
-Round = tuple[np.ndarray, np.ndarray]
-
-
-def random_rounds(shape: tuple[int, ...], count: int = 30) -> list[Round]:
-    """Ratings and masks in which about half of the pairs meet, so that the time between ratings varies."""
-    rng = np.random.default_rng(0)
-    return [(rng.random(shape), rng.random(shape) < 0.5) for _ in range(count)]
-
-
-def per_rater(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return (shape[0], *shape[2:])
-
-
-def per_provider(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return shape[1:]
-
-
-# --- the protocol ---------------------------------------------------------------------------------
-
-
-@BUILT_IN
-@SHAPES
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@NAMESPACES
-def test_read_outs_keep_shape_dtype_and_library(
-    name: str, shape: tuple[int, ...], dtype: type, asarray: Callable
-) -> None:
-    model = make_trust_model(name, lam=0.7, initial=0.3)
-    like = asarray(np.full(shape, np.nan, dtype))  # only its kind counts
-    state = model.start(like)
-    assert isinstance(state, tuple)
-    assert np.all(np.asarray(model.provider_trust(state)) == dtype(0.3))
-    assert np.all(np.asarray(model.rater_trust(state)) == dtype(0.3 if model.rates_raters else 1))
-    for ratings, mask in random_rounds(shape):
-        state = model.update(state, asarray(ratings.astype(dtype)), asarray(mask))
-        for trust, wanted in (
-            (model.rater_trust(state), per_rater(shape)),
-            (model.provider_trust(state), per_provider(shape)),
-        ):
-            assert isinstance(trust, type(like))
-            assert (tuple(trust.shape), trust.dtype) == (wanted, like.dtype)
-            assert np.all((np.asarray(trust) >= 0) & (np.asarray(trust) <= 1))
-
-
-@BUILT_IN
-@NAMESPACES
-def test_update_leaves_its_inputs_alone(name: str, asarray: Callable) -> None:
-    model = make_trust_model(name)
-    state = model.start(asarray(np.zeros((3, 2, 4))))
-    for ratings, mask in random_rounds((3, 2, 4), count=3):
-        before = [np.asarray(array).copy() for array in state]
-        given = asarray(ratings.copy()), asarray(mask.copy())
-        after = model.update(state, *given)
-        assert all(map(np.array_equal, before, map(np.asarray, state)))
-        assert all(map(np.array_equal, (ratings, mask), map(np.asarray, given)))
-        state = after
-
-
-@BUILT_IN
-def test_torch_follows_numpy_and_a_batch_its_games(name: str) -> None:
-    model = make_trust_model(name)
-    together = model.start(np.zeros((3, 2, 4)))
-    tensors = model.start(torch.zeros((3, 2, 4), dtype=torch.float64))
-    alone = [model.start(np.zeros((3, 2))) for _ in range(4)]
-    for ratings, mask in random_rounds((3, 2, 4)):
-        together = model.update(together, ratings, mask)
-        tensors = model.update(tensors, torch.asarray(ratings), torch.asarray(mask))
-        alone = [model.update(state, ratings[..., e], mask[..., e]) for e, state in enumerate(alone)]
-        for read in (model.rater_trust, model.provider_trust):
-            np.testing.assert_allclose(np.asarray(read(tensors)), read(together), rtol=0, atol=1e-12)
-            np.testing.assert_allclose(
-                np.stack([read(state) for state in alone], -1), read(together), rtol=0, atol=1e-12
-            )
-
-
-# --- what the two models compute ------------------------------------------------------------------
-
-
-@SHAPES
-def test_role_trust_is_the_two_algorithms_and_their_memory(shape: tuple[int, ...]) -> None:
-    model = make_trust_model("role-trust", lam=0.6, initial=0.4)
-    assert model.rates_raters
-    state = model.start(np.zeros(shape))
-    tor, top = np.full(per_rater(shape), 0.4), np.full(per_provider(shape), 0.4)
-    last, when = np.zeros(shape), np.full(shape, -1)
-    for now, (ratings, mask) in enumerate(random_rounds(shape)):
-        state = model.update(state, ratings, mask)
-        elapsed = np.where(when < 0, 0, now - when)
-        tor = rater_trust(ratings, mask, previous=tor, lam=0.6)
-        top = provider_trust(ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed)
-        last, when = np.where(mask, ratings, last), np.where(mask, now, when)
-        np.testing.assert_allclose(model.rater_trust(state), tor, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(model.provider_trust(state), top, rtol=0, atol=1e-12)
-
-
-def test_mean_is_an_exponential_mean_of_the_average_rating() -> None:
-    model = make_trust_model("mean", lam=0.75, initial=0.2)
-    assert not model.rates_raters
-    state = model.start(np.zeros((3, 2)))
-    ratings = np.array([[1.0, 0.9], [0.5, 0.8], [0.0, 0.7]])
-    mask = np.array([[True, False], [True, False], [False, False]])
-    state = model.update(state, ratings, mask)
-    assert model.provider_trust(state) == pytest.approx([0.75 * 0.75 + 0.25 * 0.2, 0.2])
-    state = model.update(state, ratings, ~mask)
-    assert model.provider_trust(state) == pytest.approx([0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05])
-    assert np.array_equal(model.rater_trust(state), np.ones(3))
-
 
 # --- the registry ---------------------------------------------------------------------------------
 
@@ -220,50 +105,7 @@ def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[[str, str
     assert isinstance(error.value.__cause__, RuntimeError)
 
 
-@BUILT_IN
-@pytest.mark.parametrize(
-    ("field", "value", "allowed"),
-    [("lam", value, "[0.5, 1)") for value in (-1.0, 0.49, 1.0, 2.0, float("nan"))]
-    + [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))],
-)
-def test_parameters_out_of_range_are_refused(name: str, field: str, value: float, allowed: str) -> None:
-    with pytest.raises(ValueError, match=field) as error:
-        make_trust_model(name, **{field: value})
-    assert str(value) in str(error.value)
-    assert allowed in str(error.value)
-
-
-@BUILT_IN
-def test_parameters_at_the_edge_are_taken(name: str) -> None:
-    for lam, initial in ((0.5, 0), (0.999, 1)):
-        assert make_trust_model(name, lam=lam, initial=initial)
-
-
-@BUILT_IN
-def test_unknown_parameters_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="lambda"):
-        make_trust_model(name, **{"lambda": 0.5})
-
-
-# --- rounds in which everybody rates everybody ------------------------------------------------------
-
-
-@BUILT_IN
-@NAMESPACES
-@pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
-def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, ...], asarray: Callable) -> None:
-    """In any order of full and partial rounds, so that the time since a rating is 1 here and more there."""
-    model, rng = make_trust_model(name, lam=0.7), np.random.default_rng(1)
-    assert model.takes_full_rounds
-    state = masked = model.start(asarray(np.zeros(shape)))
-    for ratings, mask in random_rounds(shape, 60):
-        full = rng.random() < 0.6
-        mask = np.ones(shape, bool) if full else mask
-        state = model.update(state, asarray(ratings), None if full else asarray(mask))
-        masked = model.update(masked, asarray(ratings), asarray(mask))
-        for one, other in zip(state[:4], masked[:4], strict=True):
-            assert one.shape == other.shape
-            np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=0, atol=1e-12)
+# --- what a model is fit for ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("takes", [False, True])
@@ -282,9 +124,6 @@ def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bo
     record(Cast(game, {}), game.random(0))
     assert not seen[0].any()  # nothing has been served yet
     assert all(mask is None if takes else mask.all() for mask in seen[1:])
-
-
-# --- what a model is fit for ----------------------------------------------------------------------
 
 
 class Neighbours(NamedTuple):

@@ -1,15 +1,31 @@
 """The trust models that come with the package, by name."""
 
 from roletrust_env.trust.model import register_trust_model
+from roletrust_env.trust.models.central.constant import Constant
+from roletrust_env.trust.models.central.deviation_weighted import DeviationWeighted
+from roletrust_env.trust.models.central.eigentrust import EigenTrust
+from roletrust_env.trust.models.central.huber_mean import HuberMean
+from roletrust_env.trust.models.central.iterative_filtering import IterativeFiltering
 from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.median import Median
+from roletrust_env.trust.models.central.power_trust import PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
+from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.subjective_logic import SubjectiveLogic
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 
 register_trust_model("role-trust", RoleTrust)
+register_trust_model("constant", Constant)
+register_trust_model("deviation-weighted", DeviationWeighted)
+register_trust_model("eigentrust", EigenTrust)
+register_trust_model("huber-mean", HuberMean)
+register_trust_model("iterative-filtering", IterativeFiltering)
 register_trust_model("mean", Mean)
+register_trust_model("median", Median)
+register_trust_model("power-trust", PowerTrust)
+register_trust_model("trimmed-mean", TrimmedMean)
 
 register_trust_model("fire", Fire)
 register_trust_model("qor", QualityOfRecommendation)

@@ -1,0 +1,204 @@
+"""What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
+
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.extra.numpy import arrays
+from model_cases import (
+    EVERY_MODEL,
+    Round,
+    assert_close,
+    having,
+    leaves,
+    named,
+    play,
+    random_rounds,
+    read,
+    who_is_who,
+)
+
+from roletrust_env.trust import Traits, make_trust_model
+from roletrust_env.trust.model import registry, start_model
+
+SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (4, 1), (1, 1), (2, 5, 6), (4, 2, 3, 2)], ids=str)
+DTYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
+
+
+def kinds(state: Any) -> list[tuple[Any, ...]]:
+    """The shape and dtype of each array of a state, and the type of whatever else there is."""
+    return [(leaf.shape, leaf.dtype) if hasattr(leaf, "shape") else (type(leaf),) for leaf in leaves(state)]
+
+
+def in_range(trust: np.ndarray) -> bool:
+    return bool(np.all((trust >= 0) & (trust <= 1)))
+
+
+# --- shapes, kinds, ranges ------------------------------------------------------------------------
+
+
+@EVERY_MODEL
+@SHAPES
+@DTYPES
+def test_trust_and_state_keep_their_shapes_and_dtypes(name: str, shape: tuple[int, ...], dtype: type) -> None:
+    model, peers = named(name), who_is_who(shape)
+    state = start_model(model, np.full(shape, np.nan, dtype), peers)  # only its kind counts
+    before = kinds(state)
+    for ratings, mask in random_rounds(shape, dtype=dtype):
+        state = model.update(state, ratings, mask)
+        assert kinds(state) == before
+        for trust, count in zip(read(model, state), shape, strict=False):
+            assert (trust.shape, trust.dtype) == ((count, *shape[2:]), dtype)
+            assert in_range(trust)
+
+
+@st.composite
+def games(draw: st.DrawFn) -> list[Round]:
+    """Up to four rounds of any ratings and any masks, in any precision."""
+    shape = draw(st.tuples(st.integers(1, 4), st.integers(1, 4)))
+    dtype = draw(st.sampled_from([np.float32, np.float64]))
+    note = st.floats(0, 1, width=8 * dtype().itemsize) | st.sampled_from([0.0, 0.5, 1.0])
+    one_round = st.builds(Round.of, arrays(dtype, shape, elements=note), arrays(np.bool_, shape))
+    return draw(st.lists(one_round, min_size=1, max_size=4))
+
+
+@EVERY_MODEL
+@settings(deadline=None, max_examples=40)
+@given(rounds=games())
+def test_trust_stays_in_0_to_1_and_finite(name: str, rounds: list[Round]) -> None:
+    model = named(name)
+    for count in range(1, len(rounds) + 1):
+        state = play(model, rounds[:count], rounds[0].ratings)
+        assert all(map(in_range, read(model, state)))
+
+
+@EVERY_MODEL
+def test_update_leaves_its_inputs_alone(name: str) -> None:
+    model, shape = named(name), (3, 2, 4)
+    state = play(model, [], np.zeros(shape))
+    for ratings, mask in random_rounds(shape):
+        before = [np.copy(leaf) for leaf in leaves(state)]
+        given = ratings.copy(), mask.copy()
+        after = model.update(state, *given)
+        assert_close(leaves(state), before, 0)
+        assert_close(given, (ratings, mask), 0)
+        state = after
+
+
+# --- agents and games are alike -------------------------------------------------------------------
+
+
+@EVERY_MODEL
+@pytest.mark.parametrize("shape", [(5, 3, 4), (1, 3, 2), (3, 1, 2, 2)], ids=str)
+def test_a_batch_is_its_games_one_by_one(name: str, shape: tuple[int, ...]) -> None:
+    model, rounds = named(name), random_rounds(shape)
+    together = read(model, play(model, rounds, np.zeros(shape)))
+    for index in np.ndindex(shape[2:]):
+        single = [Round(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
+        alone = read(model, play(model, single, np.zeros(shape[:2])))
+        assert_close(alone, [trust[..., *index] for trust in together], 1e-12)
+
+
+@EVERY_MODEL
+@pytest.mark.parametrize("seed", range(3))
+def test_permuting_agents_permutes_their_trust(name: str, seed: int) -> None:
+    model, rng, shape = named(name), np.random.default_rng(seed), (5, 4, 3)
+    rounds, peers = random_rounds(shape, seed=seed), who_is_who(shape)
+    raters, providers = read(model, play(model, rounds, np.zeros(shape), peers))
+    i, j = rng.permutation(shape[0]), rng.permutation(shape[1])
+    permuted = [Round(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
+    found = read(model, play(model, permuted, np.zeros(shape), peers[i][:, j]))
+    assert_close(found, (raters[i], providers[j]), 1e-9)
+
+
+# --- what there is to say before, without and after ratings -----------------------------------------
+
+
+@EVERY_MODEL
+@SHAPES
+def test_before_any_rating_providers_have_the_initial_trust(name: str, shape: tuple[int, ...]) -> None:
+    model = named(name)
+    trust = read(model, play(model, [], np.zeros(shape)))
+    assert all(map(in_range, trust))
+    assert not registry.taken(name, {"initial": None}) or np.all(trust[1] == 0.3)
+
+
+@EVERY_MODEL
+@SHAPES
+def test_who_is_not_rated_keeps_the_initial_trust(name: str, shape: tuple[int, ...]) -> None:
+    model, silence = named(name), Round.of(np.zeros(shape), np.zeros(shape, bool))
+    start = read(model, play(model, [], np.zeros(shape)))
+    assert_close(read(model, play(model, [silence] * 3, np.zeros(shape))), start, 1e-12)
+
+
+@EVERY_MODEL
+def test_where_nobody_rates_trust_stays_or_is_forgotten(name: str) -> None:
+    """It stays, or goes back towards that of the start; never further away."""
+    model, shape = named(name), (4, 3, 5)
+    rounds, silence = random_rounds(shape), Round.of(np.zeros(shape), np.zeros(shape, bool))
+    start = read(model, play(model, [], np.zeros(shape)))
+    state = play(model, rounds, np.zeros(shape))
+    for _ in range(3):
+        before, state = state, model.update(state, *silence)
+        for origin, old, new in zip(start, read(model, before), read(model, state), strict=True):
+            assert np.all(abs(new - origin) <= abs(old - origin) + 1e-12)
+
+
+# --- what a model says of itself ----------------------------------------------------------------------
+
+
+@EVERY_MODEL
+def test_raters_are_all_trusted_by_a_model_that_does_not_rate_them(name: str) -> None:
+    model, shape = named(name), (4, 3, 5)
+    raters, _ = read(model, play(model, random_rounds(shape), np.zeros(shape)))
+    assert model.rates_raters or np.all(raters == 1)
+
+
+@EVERY_MODEL
+def test_the_family_is_the_folder(name: str) -> None:
+    model = named(name)
+    assert f".models.{Traits.of(model).family}." in type(model).__module__
+
+
+@having("takes_full_rounds")
+@pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
+def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, ...]) -> None:
+    """In any order of full and partial rounds, so that the time since a rating is 1 here and more there."""
+    model, rng = named(name), np.random.default_rng(1)
+    state = masked = play(model, [], np.zeros(shape))
+    for ratings, mask in random_rounds(shape, 30):
+        if rng.random() < 0.6:
+            ratings, mask = rng.random(shape), np.ones(shape, bool)
+        state = model.update(state, ratings, None if mask.all() else mask)
+        masked = model.update(masked, ratings, mask)
+        assert_close(read(model, state), read(model, masked), 1e-12)
+
+
+# --- parameters ---------------------------------------------------------------------------------------
+
+
+@EVERY_MODEL
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [("lam", value, "[0.5, 1)") for value in (-1.0, 0.49, 1.0, 2.0, float("nan"))]
+    + [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))],
+)
+def test_what_is_out_of_range_or_not_taken_is_refused(name: str, field: str, value: float, allowed: str) -> None:
+    taken = registry.taken(name, {field: value})
+    with pytest.raises(ValueError, match=field) as error:
+        make_trust_model(name, **{field: value})
+    assert not taken or (str(value) in str(error.value) and allowed in str(error.value))
+
+
+@EVERY_MODEL
+def test_parameters_at_the_edge_are_taken(name: str) -> None:
+    for lam, initial in ((0.5, 0), (0.999, 1)):
+        assert make_trust_model(name, **registry.taken(name, {"lam": lam, "initial": initial}))
+
+
+@EVERY_MODEL
+def test_unknown_parameters_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="lambda"):
+        make_trust_model(name, **{"lambda": 0.5})

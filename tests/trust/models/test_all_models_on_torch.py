@@ -1,0 +1,76 @@
+"""What every trust model with a name keeps to on torch: the same trust, one graph for a compiler, gradients."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from model_cases import EVERY_MODEL, Round, assert_close, having, leaves, named, play, random_rounds, read
+
+from agents.planning.planner import SmoothRoleTrust
+
+SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
+
+
+def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[Round]:
+    """Providers differ, their raters differ a little, and about two pairs of three meet."""
+    rng = np.random.default_rng(2)
+    quality = rng.uniform(0.2, 0.8, shape[1:])
+    notes = [(quality + rng.uniform(-0.15, 0.15, shape)).astype(np.float32).astype(np.float64) for _ in range(count)]
+    return [Round.of(ratings, rng.random(shape) < 0.7) for ratings in notes]
+
+
+@EVERY_MODEL
+@SHAPES
+def test_torch_computes_what_numpy_does(name: str, shape: tuple[int, ...]) -> None:
+    model, rounds = named(name), random_rounds(shape)
+    state = play(model, rounds, torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray)
+    assert_close(read(model, state), read(model, play(model, rounds, np.zeros(shape))), 1e-9)
+
+
+@EVERY_MODEL
+@SHAPES
+def test_single_precision_is_enough_and_stays_single(name: str, shape: tuple[int, ...]) -> None:
+    model, rounds = named(name), calm_rounds(shape)
+    singles = [Round(ratings.astype(np.float32), mask) for ratings, mask in rounds]
+    state = play(model, singles, torch.zeros(shape), asarray=torch.asarray)
+    assert not any(leaf.dtype == torch.float64 for leaf in leaves(state) if isinstance(leaf, torch.Tensor))
+    found = read(model, state)
+    assert all(isinstance(trust, torch.Tensor) and trust.dtype == torch.float32 for trust in found)
+    assert_close(found, read(model, play(model, rounds, np.zeros(shape))), 1e-4)
+
+
+@EVERY_MODEL
+def test_a_round_compiles_into_one_graph(name: str) -> None:
+    """Without the slow part: the graph is caught whole, and played as it is."""
+    torch.compiler.reset()
+    model, shape = named(name), (3, 4, 2)
+
+    @torch.compile(fullgraph=True, backend="eager")
+    def compiled(state: Any, ratings: torch.Tensor, mask: torch.Tensor) -> Any:
+        state = model.update(state, ratings, mask)
+        return state, read(model, state)
+
+    rounds = [Round(ratings.astype(np.float32), mask) for ratings, mask in calm_rounds(shape, 4)]
+    state = play(model, [], torch.zeros(shape), asarray=torch.asarray)
+    for played, (ratings, mask) in enumerate(rounds, 1):
+        state, found = compiled(state, torch.asarray(ratings), torch.asarray(mask))
+        plain = play(model, rounds[:played], torch.zeros(shape), asarray=torch.asarray)
+        assert_close(found, read(model, plain), 1e-5)
+
+
+@having("smooth")
+@pytest.mark.parametrize("notes", ["differ", "agree", "are 0", "are 1"])
+def test_gradients_are_finite(name: str, notes: str) -> None:
+    """Also of masked cells, of a provider that nobody or only one rates, and where raters agree."""
+    model = SmoothRoleTrust(lam=0.7, initial=0.3) if name == "role-trust" else named(name)  # its root is steep at 0
+    shape = (4, 3, 5)
+    agreed = {"differ": None, "agree": 0.75, "are 0": 0.0, "are 1": 1.0}[notes]
+    state, given = play(model, [], torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray), []
+    for ratings, mask in random_rounds(shape, 6):
+        values = ratings if agreed is None else Round.of(np.full(shape, agreed), mask).ratings
+        given.append(torch.tensor(values, requires_grad=True))
+        state = model.update(state, given[-1], torch.asarray(mask))
+    torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
+    assert all(ratings.grad is not None and bool(ratings.grad.isfinite().all()) for ratings in given)
+    assert notes != "differ" or any(bool((ratings.grad != 0).any()) for ratings in given)

@@ -1,0 +1,132 @@
+"""Median, trimmed and Huber mean against loops, against other libraries, and what theory says of liars."""
+
+from collections.abc import Callable, Iterator, Sequence
+from statistics import fmean, median
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+from model_cases import Matrix, Vector, assert_matches, named
+
+from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.models.central.huber_mean import STEPS
+
+LAM, INITIAL = 0.7, 0.3  # of `named`
+
+
+def by_centre(centre: Callable[[Vector], float]) -> Callable[..., Iterator[tuple[Vector, Vector]]]:
+    """The reference of a model that takes such a centre of the ratings of a provider."""
+
+    def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+        raters, providers = range(len(peers)), range(len(peers[0]))
+        tor, top = [INITIAL for _ in raters], [INITIAL for _ in providers]
+        for ratings, mask in rounds:
+            centres = {}
+            for j in providers:
+                if notes := [ratings[i][j] for i in raters if mask[i][j]]:
+                    centres[j] = centre(notes)
+                    top[j] = LAM * centres[j] + (1 - LAM) * top[j]
+            for i in raters:
+                if distances := [abs(ratings[i][j] - centres[j]) for j in providers if mask[i][j]]:
+                    tor[i] = LAM * (1 - fmean(distances)) + (1 - LAM) * tor[i]
+            yield list(tor), list(top)
+
+    return reference
+
+
+def trimmed(notes: Vector, share: float = 0.25) -> float:
+    """Cut from each end, a little at a time, until the share is gone."""
+    counts = dict.fromkeys(range(len(notes)), 1.0)
+    order = sorted(counts, key=lambda i: notes[i])
+    for ends in (order, order[::-1]):
+        left = share * len(notes)
+        for i in ends:
+            cut = min(left, counts[i])
+            counts[i], left = counts[i] - cut, left - cut
+    return sum(counts[i] * notes[i] for i in counts) / sum(counts.values())
+
+
+def huber(notes: Vector, width: float = 0.1) -> float:
+    centre = median(notes)
+    for _ in range(STEPS):
+        weights = [1.0 if abs(f - centre) <= width else width / abs(f - centre) for f in notes]
+        centre = sum(w * f for w, f in zip(weights, notes, strict=True)) / sum(weights)
+    return centre
+
+
+CENTRES = {"median": median, "trimmed-mean": trimmed, "huber-mean": huber}
+
+
+@pytest.mark.parametrize("name", CENTRES)
+def test_models_match_their_references(name: str) -> None:
+    assert_matches(named(name), by_centre(CENTRES[name]))
+
+
+def centre(model: Any, notes: Vector) -> float:
+    """Of the ratings of one provider."""
+    return float(model.centre(Notes.of(np.array(notes)[:, None], None))[0])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_centres_match_scipy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    notes = rng.random(10).tolist()
+    trim = make_trust_model("trimmed-mean", share=0.3)
+    assert centre(trim, notes) == pytest.approx(scipy.stats.trim_mean(notes, 0.3), abs=1e-12)
+    assert centre(make_trust_model("median"), notes) == pytest.approx(np.median(notes), abs=1e-12)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.1, 0.3])
+def test_the_huber_mean_stays_where_its_steps_end(width: float) -> None:
+    """The pulls of all ratings, clipped at the width, then are in balance: to 1e-6, from a root finder."""
+    rng = np.random.default_rng(0)
+    model = make_trust_model("huber-mean", width=width)
+    for _ in range(100):
+        liars = rng.integers(0, 5)
+        notes = np.concatenate([rng.normal(0.8, 0.1, 11 - liars).clip(0, 1), rng.uniform(0, 1, liars)])
+        pull = lambda c, notes=notes: np.clip(notes - c, -width, width).sum()  # noqa: E731
+        balance = scipy.optimize.brentq(pull, 0, 1, xtol=1e-12)
+        assert centre(model, notes.tolist()) == pytest.approx(balance, abs=1e-6)
+
+
+def steady(name: str, liars: int, **parameters: float) -> tuple[np.ndarray, np.ndarray]:
+    """Both trusts in the end, where of five raters of one good provider so many rate it 0."""
+    model = make_trust_model(name, **parameters)
+    ratings = np.array([[0.0]] * liars + [[1.0]] * (5 - liars))
+    state = model.start(ratings)
+    for _ in range(60):
+        state = model.update(state, ratings, None)
+    return model.rater_trust(state), model.provider_trust(state)
+
+
+def test_the_median_holds_at_two_liars_of_five_and_falls_at_three() -> None:
+    for liars, left in ((2, 1.0), (3, 0.0)):
+        raters, providers = steady("median", liars)
+        assert providers == pytest.approx([left])
+        assert raters == pytest.approx([1 - left] * liars + [left] * (5 - liars))
+
+
+def test_the_trimmed_mean_holds_up_to_its_share_of_liars() -> None:
+    assert steady("trimmed-mean", 1, share=0.2)[1] == pytest.approx([1])
+    assert steady("trimmed-mean", 2, share=0.2)[1] == pytest.approx([2 / 3])  # one of three that are left
+    assert steady("trimmed-mean", 2, share=0.4)[1] == pytest.approx([1])
+    assert steady("trimmed-mean", 2, share=0)[1] == pytest.approx([3 / 5])  # the mean
+
+
+def test_the_huber_mean_gives_way_a_little() -> None:
+    """Two liars pull with 0.1 each, three honest raters with what they are away: 3 (1 - c) = 2 x 0.1."""
+    raters, providers = steady("huber-mean", 2)
+    assert providers == pytest.approx([1 - 0.2 / 3])
+    assert raters == pytest.approx([0.2 / 3] * 2 + [1 - 0.2 / 3] * 3)
+    assert steady("huber-mean", 2, width=1)[1] == pytest.approx([3 / 5])  # the mean
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "value"),
+    [("trimmed-mean", "share", 0.5), ("trimmed-mean", "share", -0.1), ("huber-mean", "width", 0)],
+)
+def test_parameters_out_of_range_are_refused(name: str, field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"{field} is {value}"):
+        make_trust_model(name, **{field: value})

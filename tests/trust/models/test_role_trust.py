@@ -1,0 +1,24 @@
+"""Role-trust is the paper's two algorithms, which are tested on their own, and their memory."""
+
+import numpy as np
+import pytest
+from model_cases import random_rounds
+
+from roletrust_env.trust import make_trust_model, provider_trust, rater_trust
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (1, 4), (2, 5, 6), (4, 2, 3, 2)], ids=str)
+def test_role_trust_is_the_two_algorithms_and_their_memory(shape: tuple[int, ...]) -> None:
+    model = make_trust_model("role-trust", lam=0.6, initial=0.4)
+    assert model.rates_raters
+    state = model.start(np.zeros(shape))
+    tor, top = np.full((shape[0], *shape[2:]), 0.4), np.full(shape[1:], 0.4)
+    last, when = np.zeros(shape), np.full(shape, -1)
+    for now, (ratings, mask) in enumerate(random_rounds(shape, 30)):
+        state = model.update(state, ratings, mask)
+        elapsed = np.where(when < 0, 0, now - when)
+        tor = rater_trust(ratings, mask, previous=tor, lam=0.6)
+        top = provider_trust(ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed)
+        last, when = np.where(mask, ratings, last), np.where(mask, now, when)
+        np.testing.assert_allclose(model.rater_trust(state), tor, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(model.provider_trust(state), top, rtol=0, atol=1e-12)
