@@ -17,6 +17,12 @@ def others(like: Array) -> Array:
     return (1 - xp.eye(s, dtype=like.dtype, device=like.device)).reshape(s, s, *[1] * (like.ndim - 2))
 
 
+def no_pairs(like: Array) -> Array:
+    """Zeros for each pair of judge and adviser, shape (S, S, ...); for `like` see `TrustModel.start`."""
+    s = like.shape[0]
+    return namespace(like).zeros((s, s, *like.shape[2:]), dtype=like.dtype, device=like.device)
+
+
 def published_providers(trust: Array) -> Array:
     """The mean over the judges of their trust in each provider, shape (P, ...), of T, shape (S, P, ...)."""
     return trust.sum(axis=0) / trust.shape[0]
@@ -31,3 +37,32 @@ def published_raters(credence: Array) -> Array:
     if s == 1:
         return 0 * credence[0] + 1
     return (others(credence) * credence).sum(axis=0) / (s - 1)
+
+
+def with_self(credence: Array) -> Array:
+    """Credence as before, shape (S, S, ...), but of 1 in oneself: a judge's own experience is believed in full."""
+    return 1 - others(credence) * (1 - credence)
+
+
+def product(one: Array, other: Array) -> Array:
+    """The matrix product of the first two axes, game by game: (A, B, ...) and (B, C, ...) make (A, C, ...)."""
+    xp = namespace(one)
+    here, there = (0, 1), (-2, -1)
+    return xp.moveaxis(xp.moveaxis(one, here, there) @ xp.moveaxis(other, here, there), there, here)
+
+
+def heeded(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
+    """What each judge hears of each provider: the mean of ratings, each weighted by the credence in its rater.
+
+    Args:
+        credence: of the judges in the raters, shape (S, S, ...), at least 0.
+        sums: of the ratings, by rater and provider, shape (S, P, ...).
+        counts: of the ratings, likewise.
+
+    Returns:
+        The means, shape (S, P, ...), in [0, 1], and 0 where there is nothing to hear; and the weight that they have.
+    """
+    xp = namespace(sums)
+    weight = product(credence, counts)
+    mean = product(credence, sums) / xp.where(weight > 0, weight, 1.0)
+    return xp.clip(mean, 0.0, 1.0), weight  # rounding may lead past 1
