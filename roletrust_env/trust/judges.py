@@ -4,7 +4,14 @@ A judge's trust in the providers is T, shape (S, P, ...), and its credence in th
 (S, S, ...): axis 0 is the judge, axis 1 whom it judges. A compromised judge counts as one of S, and no more.
 """
 
+from collections.abc import Callable
+
+import numpy as np
+
 from roletrust_env.arrays import Array, namespace
+
+_BLOCK = 300_000
+"""Cells by judge, adviser and provider that NumPy makes at once, so that they stay in a processor's cache."""
 
 
 def others(like: Array) -> Array:
@@ -66,3 +73,17 @@ def heeded(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
     weight = product(credence, counts)
     mean = product(credence, sums) / xp.where(weight > 0, weight, 1.0)
     return xp.clip(mean, 0.0, 1.0), weight  # rounding may lead past 1
+
+
+def judge_by_judge(seen: Callable[[slice], Array], like: Array) -> Array:
+    """What is made of cells by judge, adviser and provider, on NumPy for some judges at a time.
+
+    Args:
+        seen: what is made for some judges, whose number is the first axis of the result.
+        like: an array of shape (S, P, ...), as of the ratings.
+    """
+    s = like.shape[0]
+    rows = max(1, _BLOCK // max(1, like.size)) if isinstance(like, np.ndarray) else s
+    if rows >= s:
+        return seen(slice(s))
+    return np.concatenate([seen(slice(at, at + rows)) for at in range(0, s, rows)])

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.algorithms import Notes, occurred
-from roletrust_env.trust.judges import product
+from roletrust_env.trust.judges import judge_by_judge, product
 
 
 class Experience(NamedTuple):
@@ -42,6 +42,10 @@ def disagreement(known: Experience) -> tuple[Array, Array]:
     xp = namespace(known.sums)
     rated = occurred(known.counts)
     means = known.sums / xp.where(known.counts > 0, known.counts, 1.0)
-    apart = rated[:, None, ...] * rated[None, ...] * (means[:, None, ...] - means[None, ...])
+
+    def squares(some: slice) -> Array:
+        apart = rated[some, None, ...] * rated[None, ...] * (means[some, None, ...] - means[None, ...])
+        return (apart * apart).sum(axis=2)
+
     common = product(rated, rated.swapaxes(0, 1))
-    return (apart * apart).sum(axis=2) / xp.where(common > 0, common, 1.0), common
+    return judge_by_judge(squares, rated) / xp.where(common > 0, common, 1.0), common

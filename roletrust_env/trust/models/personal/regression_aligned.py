@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Lam, Ridge, Share
 from roletrust_env.trust.algorithms import Notes, smooth
-from roletrust_env.trust.judges import no_pairs, product, published_providers
+from roletrust_env.trust.judges import judge_by_judge, no_pairs, product, published_providers
 
 
 class Moments(NamedTuple):
@@ -96,18 +96,22 @@ class RegressionAligned:
 
     def update(self, state: RegressionAlignedState, ratings: Array, mask: Array) -> RegressionAlignedState:
         """One round of ratings. See `TrustModel.update`."""
-        notes = Notes.of(ratings, mask)
-        aligned = self._aligned(state.moments, notes.values)
-        heard = (notes.weights * aligned).sum(axis=1) / _at_least_1(notes.received)
+        xp, notes = namespace(ratings), Notes.of(ratings, mask)
+        slope, base = self._lines(state.moments)
+
+        def summed(some: slice) -> Array:
+            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * notes.values
+            return (notes.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
+
+        heard = judge_by_judge(summed, ratings) / _at_least_1(notes.received)
         trust = smooth(heard, state.trust, self.lam, notes.received)
         return RegressionAlignedState(state.moments.joined(Moments.of(notes)), trust, state.tor)
 
-    def _aligned(self, known: Moments, values: Array) -> Array:
-        """What each rating means to each judge, shape (S, S, P, ...): judge, rater, provider."""
+    def _lines(self, known: Moments) -> tuple[Array, Array]:
+        """By judge and adviser, a and what an x of 0 becomes, shape (S, S, ...) each."""
         slope = (known.shared - known.spread) / (known.spread + self.ridge)
         shift = known.count * (known.mean.swapaxes(0, 1) - known.mean) / (known.count + self.ridge)
-        base = (shift - slope * known.mean)[:, :, None, ...]
-        return namespace(values).clip(base + (1 + slope)[:, :, None, ...] * values[None, ...], 0.0, 1.0)
+        return slope, shift - slope * known.mean
 
     def rater_trust(self, state: RegressionAlignedState) -> Array:
         """1 for every rater, shape (S, ...): the model has no notion of rater trust."""

@@ -8,7 +8,15 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Inside, Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
-from roletrust_env.trust.judges import heeded, no_pairs, product, published_providers, published_raters, with_self
+from roletrust_env.trust.judges import (
+    heeded,
+    judge_by_judge,
+    no_pairs,
+    product,
+    published_providers,
+    published_raters,
+    with_self,
+)
 
 
 class ZhangCohenState(NamedTuple):
@@ -118,5 +126,9 @@ def _agreement(notes: Notes) -> tuple[Array, Array]:
     values: Array = notes.values
     weights: Array = notes.weights
     common = product(weights, weights.swapaxes(0, 1))
-    apart = abs(values[:, None, ...] - values[None, ...])
-    return common, common - (weights[:, None, ...] * weights[None, ...] * apart).sum(axis=2)
+
+    def apart(some: slice) -> Array:
+        both = weights[some, None, ...] * weights[None, ...]
+        return (both * abs(values[some, None, ...] - values[None, ...])).sum(axis=2)
+
+    return common, common - judge_by_judge(apart, values)
