@@ -19,7 +19,7 @@ def number_table(title: str, caption: str, *headings: str) -> Table:
     """A table of numbers, each row with a name before them."""
     table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     table.caption, table.caption_justify = caption, "left"
-    table.add_column("", no_wrap=True)
+    table.add_column("")
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     return table

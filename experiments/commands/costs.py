@@ -50,7 +50,7 @@ def costs(
 ) -> None:
     """Measure [bold]what the trust models cost[/]: time per rating by size, and its growth with raters and providers.
 
-    Models are timed in turn, so that other work strikes all alike. A size at which an update would take more than 2
+    Models are timed in turn, so that other work strikes all alike. A size at which an update would take more than 5
     seconds or 3 GB, as the smaller ones let expect, is left out, and the table says so.
 
     [bold]Examples[/]

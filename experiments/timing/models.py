@@ -34,7 +34,7 @@ class Limits(NamedTuple):
         memory: bytes, at the worst moment.
     """
 
-    seconds: float = 2.0
+    seconds: float = 5.0
     memory: float = 3e9
 
 
