@@ -10,4 +10,6 @@ def main() -> None:
     except ModuleNotFoundError as error:
         print(f"roletrust needs {error.name}: pip install 'roletrust-env[cli]'", file=sys.stderr)
         raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
     run()

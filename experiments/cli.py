@@ -1,5 +1,7 @@
 """The command line, `roletrust`."""
 
+import os
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -25,6 +27,9 @@ class _CleanErrors(TyperGroup):
         """Run the command that was asked for."""
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:  # whoever reads has enough, as `head` does
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - Python writes to it once more when it ends
+            raise typer.Exit(141) from None
         except (ValueError, OSError, MemoryError) as error:
             errors.print(f"[bold red]Error:[/] {escape(str(error) or 'out of memory')}", soft_wrap=True)
             raise typer.Exit(2) from None

@@ -82,18 +82,22 @@ class Random:
         return dealt
 
     def uniform(self, shape: Sequence[int]) -> Array:
-        """Numbers from U[0, 1)."""
+        """Numbers from U[0, 1), of a shape (n, ...): n in each game, with more axes for the batch, as policies have it.
+
+        A game's numbers do not depend on how many others there are.
+        """
         return self._numbers(counter.uniform, shape)
 
     def normal(self, shape: Sequence[int]) -> Array:
-        """Numbers from N(0, 1)."""
+        """Numbers from N(0, 1), see `uniform`."""
         return self._numbers(counter.normal, shape)
 
     def _numbers(self, made: Callable[..., Array], shape: Sequence[int]) -> Array:
         index = np.asarray([self._calls], np.uint32)
         key = self._on_device(np.stack(self._subkey(STREAMS, index)))
         self._calls += 1
-        return made(self.like, math.prod(shape), counter.whole(self.like, 1), key).reshape(tuple(shape))
+        games = counter.whole(self.like, math.prod(shape[1:]))
+        return made(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))
 
     def _round_keys(self, first: int, rounds: int) -> Keys:
         """The keys of some rounds, (rounds, STREAMS, 4)."""

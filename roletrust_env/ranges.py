@@ -29,3 +29,6 @@ Inside = Annotated[float, _within("[0.001, 0.999]", lambda x: 0.001 <= x <= 0.99
 
 Ridge = Annotated[float, _within("[0.001, inf)", lambda x: 0.001 <= x < float("inf"))]
 """How strongly a regression is drawn to where it is when nothing is known; with less, rounding decides."""
+
+Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
+"""What is left of something each time."""

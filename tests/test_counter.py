@@ -8,7 +8,8 @@ import pytest
 import torch
 from scipy import stats
 
-from roletrust_env import Game, Random, counter, make_scenario
+from baselines import OnOff
+from roletrust_env import Cast, Game, Random, counter, make_scenario, record
 
 LIBRARIES = pytest.mark.parametrize(
     "like",
@@ -96,6 +97,15 @@ def test_what_policies_draw_does_not_change_the_luck_of_the_game() -> None:
     for _ in range(70):
         busy.uniform((3,))
         assert np.array_equal(game.draw(quiet).perception, game.draw(busy).perception)
+
+
+def test_policies_that_play_at_random_have_the_same_luck_alone_and_in_a_batch() -> None:
+    game = Game(make_scenario("crowd-10x10").change(max_cycles=30))
+    cast = Cast(game, {f"sp_{i}": OnOff(switching="random", period=6) for i in range(5)})
+    alone, few, many = (record(cast, game.random(0), batch).quality for batch in ((), (3,), (70,)))
+    assert np.array_equal(alone, few[..., 0])
+    assert np.array_equal(few, many[..., :3])
+    assert not np.array_equal(few[..., 0], few[..., 1])
 
 
 def test_nothing_warns() -> None:

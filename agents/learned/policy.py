@@ -102,7 +102,7 @@ def learned(path: str) -> LearnedPolicy:
     """A trained attacker from a pair of files, NAME.json and NAME.safetensors.
 
     Args:
-        path: of either file, or without a suffix, or a folder that holds `attacker.json`.
+        path: see `load_attacker`.
 
     Raises:
         ValueError: the files do not fit, or the attacker is not one agent with black-box knowledge.

@@ -25,6 +25,9 @@ from roletrust_env.game.views import Layout
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
+ZOO = Path(__file__).parent.parent / "zoo"
+"""The attackers that come with the project."""
+
 MAX_JSON, MAX_SAFETENSORS = 1_000_000, 4 * MAX_WEIGHTS + 100_000
 """Bytes that the two files may have."""
 
@@ -86,17 +89,25 @@ def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, by
     write(path.with_name(path.name + ".json"), (attacker.card.model_dump_json(indent=1) + "\n").encode())
 
 
+def zoo(folder: Path = ZOO) -> list[str]:
+    """The names of the attackers in a folder, by default those that come with the project."""
+    return sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())
+
+
 def load_attacker(path: str | Path) -> SavedAttacker:
     """Read a saved attacker. No code in it is run, and nothing is imported for it.
 
     Args:
-        path: of either file, or without a suffix, or a folder that holds `attacker.json`.
+        path: of either file, or without a suffix, or a folder that holds `attacker.json`; or the name of an attacker
+            that comes with the project, such as `provider-3x3`.
 
     Raises:
         ValueError: a file is missing, too large or broken, or something in it does not fit.
     """
     path = Path(path)
     path = path / "attacker" if path.is_dir() else _stem(path)
+    if len(path.parts) == 1 and not path.with_name(path.name + ".json").exists() and path.name in zoo():
+        path = ZOO / path.name
     text = _read(path.with_name(path.name + ".json"), MAX_JSON)
     data = _read(path.with_name(path.name + ".safetensors"), MAX_SAFETENSORS)
     try:
@@ -146,7 +157,10 @@ def _stem(path: Path) -> Path:
 
 def _read(path: Path, limit: int) -> bytes:
     if not path.is_file():
-        raise ValueError(f"there is no file {path}; a saved attacker is a .json and a .safetensors file of one name")
+        raise ValueError(
+            f"there is no file {path}; a saved attacker is a .json and a .safetensors file of one name, "
+            "which training leaves at its end"
+        )
     with path.open("rb") as file:
         data = file.read(limit + 1)
     if len(data) > limit:

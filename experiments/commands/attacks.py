@@ -103,7 +103,16 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
 
 def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
-    """`NAME` or `NAME:key=value,...` as a trust model, with the scenario's `lam` and `initial_trust` if not given.
+    """`NAME` or `NAME:key=value,...` as a trust model. Arguments and errors as for `read_trust_model`."""
+    registry, name, parameters = read_trust_model(text, scenario, settings)
+    model: TrustModel[Any] = _made(registry, name, parameters, text)
+    return model
+
+
+def read_trust_model(
+    text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
+) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Where a trust model is found, its name there and its parameters, the scenario's own where they are not given.
 
     Args:
         text: NAME may be `package.module:Class`.
@@ -120,8 +129,7 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
                 f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
             )
     given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
-    model: TrustModel[Any] = _made(registry, name, {**given, **parameters}, text)
-    return model
+    return registry, name, {**given, **parameters}
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
@@ -129,7 +137,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
     name, _, rest = text.strip().partition(":")
     owner, _, after = rest.partition(":")
     if name not in registry.names():
-        if owner.strip().isidentifier():
+        if name and owner.strip().isidentifier():
             registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
         else:
             _explain_unknown(registry, name)
@@ -158,6 +166,8 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         return registry.make(name, **parameters)
     except TypeError as error:  # a value of the wrong type, which the maker compared or computed with
         raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
+    except (LookupError, ArithmeticError, AttributeError, RuntimeError) as error:  # of a class that others wrote
+        raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _targets(targets: Any, names: Sequence[str]) -> Any:

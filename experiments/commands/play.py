@@ -24,7 +24,7 @@ from experiments.results.files import (
     write_figure,
     write_json,
 )
-from experiments.results.games import HEADER, Played, foresee, play_games, rows
+from experiments.results.games import HEADER, Played, all_kept_bytes, foresee, play_games, rows
 from experiments.results.machine import check_memory, in_bytes, in_time
 from experiments.results.measures import MEASURES, Estimate, measured_since
 from experiments.results.names import attacks_in_words
@@ -134,8 +134,11 @@ def play(
 
 
 def _say_what_it_takes(casts: Sequence[Cast], attackers: Mapping[str, Policy], games: int) -> None:
-    """Refuse more games than the memory holds, and say how long many will take."""
-    if games == 1 or isinstance(casts[0].game.scenario.frames, int):  # a live camera cannot be tried out
+    """Refuse more games or rounds than the memory holds, and say how long many games will take."""
+    rules = casts[0].game.scenario
+    if games == 1 or isinstance(rules.frames, int):  # of one game the curves count; a live camera cannot be tried out
+        each_round = games * all_kept_bytes(casts, attackers) / rules.max_cycles
+        check_memory("max_cycles", rules.max_cycles, each_round)
         return
     each = foresee(casts, attackers)
     time = in_time(games * each.seconds)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from experiments.commands.attacks import parse_settings
-from experiments.commands.console import console
+from experiments.commands.attacks import parse_settings, read_trust_model
+from experiments.commands.console import console, errors
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
     ScenarioOption,
@@ -22,7 +22,7 @@ from experiments.commands.task_options import (
 from experiments.results.files import provenance, write_csv, write_figure
 from experiments.results.machine import check_memory
 from experiments.training.runs import RunFolder, write_bytes
-from roletrust_env import Game, make_scenario
+from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.trust.model import registry as trust_models
 
@@ -65,7 +65,7 @@ def train(
     ] = None,
     algo: Annotated[Algorithm, typer.Option(help="What learns.")] = Algorithm.PPO,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Rounds to train for, of all games together; tuned if left out.")
+        int | None, typer.Option(min=1, help="Rounds to train for, of all games together, at least; tuned if left out.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck, that of the learner included.")] = 0,
     runs: Annotated[
@@ -99,7 +99,8 @@ def train(
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
     TensorBoard. The score is the mean reward per round in held-out games. A run that was stopped, however it was,
-    goes on with [cyan]--resume --out DIR[/]; the same seed on the same machine learns the same to the last bit.
+    goes on with [cyan]--resume --out DIR[/]. On the same machine the same seed learns the same to the last bit, in runs
+    that nothing stops. Of several runs, the whole command is given again, with [cyan]--resume[/].
 
     [bold]Examples[/]
 
@@ -148,13 +149,18 @@ def train(
                 knowledge=knowledge.value,
                 accomplices=tuple(accomplice or ()),
             ),
-            trust_model=_model_card(trust_model, rules.lam, rules.initial_trust),
+            trust_model=_model_card(trust_model, rules),
             scenario=rules,
         )
     asked = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
     for one, folder in [(_which(*pair, resume), pair[1]) for pair in zip(asked, folders, strict=True)]:
-        _train(one, folder)
+        try:
+            _train(one, folder)
+        except KeyboardInterrupt:
+            again = f"--resume --out {out}" if runs == 1 else "the same command and --resume"
+            errors.print(f"Stopped; what is trained is kept: go on by roletrust train {again}", soft_wrap=True)
+            raise typer.Exit(130) from None
 
 
 def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
@@ -168,9 +174,9 @@ def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
     config, out = folder.config(), folder.path
     if config is None:
         if asked is None:
-            raise ValueError(
-                f"there is no run in {out} to go on with; name a task to begin one" if resume else "name a task"
-            )
+            several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
+            how = "give the whole command again, with --resume" if several else "name a task to begin one"
+            raise ValueError(f"there is no run in {out} to go on with; {how}" if resume else "name a task")
         return asked
     found = Run.read(config.get("run"))
     if not resume:
@@ -182,15 +188,16 @@ def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
 
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run, or go on with it."""
+    from agents.learned.saved import carded_task
     from experiments.training.loop import MANY, game_memory, versions
     from experiments.training.loop import train as learn
 
     games = run.settings["games"]
     if games > MANY:
         check_memory("--learner games", games, game_memory(run))
+    game = carded_task(run.task, run.trust_model, run.scenario).game  # before anything is written of a wrong one
     folder.prepare()
     if folder.config() is None:
-        game = Game(run.scenario, run.trust_model.make())
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
         folder.begin({**about, **provenance(game, run.seed)})
     with _bar() as progress:
@@ -208,12 +215,16 @@ def _train(run: "Run", folder: RunFolder) -> None:
     console.print(f"Written to {folder.path}: {written}", soft_wrap=True)
 
 
-def _model_card(text: str, lam: float, initial: float) -> "ModelCard":
+def _model_card(text: str, rules: Scenario) -> "ModelCard":
     from agents.learned.cards import ModelCard
 
-    name, _, rest = text.strip().partition(":")
-    given = parse_settings([part for part in rest.split(",") if part.strip()], repr(text))
-    return ModelCard(name=name, parameters={**trust_models.taken(name, {"lam": lam, "initial": initial}), **given})
+    registry, name, parameters = read_trust_model(text, rules)
+    if registry is not trust_models:
+        raise ValueError(
+            f"--trust-model {text}: a saved attacker tells its trust model by name, and no code is run to find it; "
+            f"declare the model as an entry point in the group {trust_models.group!r}"
+        )
+    return ModelCard(name=name, parameters=parameters)
 
 
 def _bar() -> Progress:

@@ -8,7 +8,6 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-import agents
 from agents.ladder.known import Mind
 from experiments.commands.console import console, errors, progress_bar
 from experiments.commands.extras import require
@@ -19,15 +18,15 @@ from experiments.results.machine import check_memory
 if TYPE_CHECKING:
     from agents.learned.saved import SavedAttacker
 
-ZOO = Path(agents.__file__).parent / "zoo"
-"""The attackers that come with the project."""
-
 
 def zoo(
     names: Annotated[
         list[str] | None, typer.Argument(help="Which attackers; all if left out.", show_default=False)
     ] = None,
-    folder: Annotated[Path, typer.Option(help="Where they are, as pairs of .json and .safetensors files.")] = ZOO,
+    folder: Annotated[
+        Path | None,
+        typer.Option(help="Where they are, as pairs of files; the project's own if left out.", show_default=False),
+    ] = None,
     games: Annotated[int, typer.Option(min=2, help="Games in which each is measured.")] = 256,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck.")] = 0,
 ) -> None:
@@ -45,15 +44,18 @@ def zoo(
     [cyan]roletrust zoo --folder results/train[/]
 
     [dim]# one of them at play[/]
-    [cyan]roletrust play --attack sp_2=learned:path=agents/zoo/provider-3x3[/]
+    [cyan]roletrust play --attack sp_2=learned:path=provider-3x3[/]
     """
     require("a trained attacker", "train", "safetensors")
-    from agents.learned.saved import load_attacker
+    from agents.learned import saved
 
-    known = sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())
+    folder = folder or saved.ZOO
+    known = saved.zoo(folder)
+    if not known:
+        raise ValueError(f"there is no attacker in {folder}; one is a .json and a .safetensors file of one name")
     for name in names or ():
         if name not in known:
-            raise ValueError(f"there is no attacker {name!r} in {folder}; there are {', '.join(known) or 'none'}")
+            raise ValueError(f"there is no attacker {name!r} in {folder}; there are {', '.join(known)}")
     table = Table(title="Trained attackers", title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("name", style="cyan", no_wrap=True)
     for column in ("honest", "score, as saved", "measured"):
@@ -62,7 +64,7 @@ def zoo(
     well, told, attackers = True, [], {}
     for name in names or known:
         try:
-            attackers[name] = load_attacker(folder / name)
+            attackers[name] = saved.load_attacker(folder / name)
         except ValueError as error:
             errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
             well = False
@@ -76,8 +78,8 @@ def zoo(
             # Of two means that are the same, the intervals seldom lie apart; rounding differs between machines.
             holds = abs(mean - said.mean) <= half + said.half_95 + 1e-4
             well &= holds
-            saved, found = (f"{a:.4f} ± {b:.4f}" for a, b in ((said.mean, said.half_95), (mean, half)))
-            table.add_row(name, f"{said.honest:.4f}", saved, found, "yes" if holds else "[red]no")
+            before, now = (f"{a:.4f} ± {b:.4f}" for a, b in ((said.mean, said.half_95), (mean, half)))
+            table.add_row(name, f"{said.honest:.4f}", before, now, "yes" if holds else "[red]no")
             told.append(f"[cyan]{name}[/]: {_task(attacker)}")
     console.print(table)
     for line in told:

@@ -179,6 +179,8 @@ def _gains(axes: Axes, trajectory: Trajectory) -> None:
     tidy(axes, "per round")
     rounds = np.arange(min(_SHOWN, len(trajectory.cost)))
     axes.plot(rounds, trajectory.objective[:_SHOWN], color=HONEST[1], lw=1.7, label="objective")
+    if not trajectory.price:
+        return
     cost = trajectory.cost[:_SHOWN]
     axes.fill_between(rounds, 0, cost, color=ATTACKERS[1], alpha=0.35, lw=0)
     axes.plot(rounds, cost, color=ATTACKERS[1], lw=1.4, label="cost: gap over tolerance")

@@ -24,5 +24,5 @@ def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence
     axes.tick_params(colors=QUIET, labelcolor=INK)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    axes.legend(frameon=False, loc="lower right")
+    axes.legend(frameon=False, loc="best")
     return figure

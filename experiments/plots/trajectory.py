@@ -25,6 +25,7 @@ class Trajectory:
         honest: the same of the honest ones.
         objective: of each round, (T,).
         cost: of each round, unweighted, (T,).
+        price: what a unit of cost takes off the score.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Trajectory:
     honest: dict[str, Floats]
     objective: Floats
     cost: Floats
+    price: float
 
     header: ClassVar[tuple[str, ...]] = ("attack", "round", "quantity", "value")
 
@@ -83,5 +85,6 @@ def watch(arguments: Arguments, finding: Finding, seed: int, called: str | None 
                 group[kind] = values[:, places].mean(axis=1)
             if group is mine:
                 own |= {f"{kind} of {names[place]}": values[:, place] for place in places}
-    parts = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
-    return Trajectory(called or finding.name, quality, ratings, own, mine, honest, *parts)
+    objective, cost = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
+    called = called or finding.name
+    return Trajectory(called, quality, ratings, own, mine, honest, objective, cost, task.stealth.weight)

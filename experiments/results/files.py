@@ -8,7 +8,7 @@ import platform
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -79,7 +79,8 @@ def prepare_folder(folder: Path) -> None:
     probe.touch()
     probe.unlink()
     for path in made:  # they come back with the first result
-        path.rmdir()
+        with suppress(OSError):  # another run writes there by now, or it is another's parent, as `a/..` is
+            path.rmdir()
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

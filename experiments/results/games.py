@@ -34,6 +34,11 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
     return bool(attackers) and not isinstance(game.scenario.frames, int)
 
 
+def all_kept_bytes(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> int:
+    """The memory that the curves of every game take at the worst moment, see `foresee`."""
+    return kept_bytes(casts[0].game) * (len(casts) + has_twin(casts[0].game, attackers) + 1)
+
+
 def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:
     """What every game takes, under all the models: bytes at the worst moment, and seconds to the end.
 
@@ -42,7 +47,7 @@ def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:
     """
     game, twin = casts[0].game, has_twin(casts[0].game, attackers)
     trial = try_out(lambda games: rollout.play(casts[0], game.random(0), (games,)), some(game))
-    memory = kept_bytes(game) * (len(casts) + twin + 1) + trial.memory
+    memory = all_kept_bytes(casts, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(casts) * (1 + twin))
 
 

@@ -52,6 +52,8 @@ class AttackVecEnv(Slots):
         seed: int | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
+        if not isinstance(task, AttackTask):
+            raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
         self.task = task
         self._batch = TaskBatch(task, (num_envs,))
         super().__init__(num_envs, task.game, *task_spaces(task), scaled=scaled, seed=seed, render_mode=render_mode)

@@ -47,9 +47,8 @@ class Spectator:
         if self._mode is None:
             return
         state = first_game(state)
-        if int(state.round) == 0:
-            self.curves = []
-        self.curves.append(self._game.published(state))
+        # A masked reset shows the first game anew, or once more as it stood.
+        self.curves[int(state.round) :] = [self._game.published(state)]
         self._state = state
         if self._mode == "human":
             self.render()

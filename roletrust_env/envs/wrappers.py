@@ -33,9 +33,11 @@ class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
         TransformAction.__init__(self, env, self._unscale, Box(-1.0, 1.0, _shape(env), np.float32))
 
     def _unscale(self, action: Any) -> Any:
-        numbers = np.asarray(action)
-        # What is no number is refused by the environment, by name.
-        return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiu" else action
+        try:
+            numbers = np.asarray(action)
+        except (ValueError, TypeError, RuntimeError):  # rows of many lengths, or a tensor that NumPy cannot have
+            return action  # as what is no number: the environment refuses it, by name
+        return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiub" else action
 
 
 class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):

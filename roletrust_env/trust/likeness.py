@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.algorithms import Notes, occurred
-from roletrust_env.trust.judges import judge_by_judge, product
+from roletrust_env.trust.judges import by_judges, in_common
 
 
 class Experience(NamedTuple):
@@ -47,5 +47,5 @@ def disagreement(known: Experience) -> tuple[Array, Array]:
         apart = rated[some, None, ...] * rated[None, ...] * (means[some, None, ...] - means[None, ...])
         return (apart * apart).sum(axis=2)
 
-    common = product(rated, rated.swapaxes(0, 1))
-    return judge_by_judge(squares, rated) / xp.where(common > 0, common, 1.0), common
+    common = in_common(rated)
+    return by_judges(squares, rated) / xp.where(common > 0, common, 1.0), common

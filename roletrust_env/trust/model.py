@@ -39,7 +39,8 @@ class TrustModel(Protocol[State]):
 
         Args:
             state: the state before the round; it is left as it is.
-            ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere.
+            ratings: f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere. The state may keep
+                them: nobody writes to them afterwards.
             mask: m, shape (S, P, ...), boolean, true where rater i rated provider j in this round; or None, where
                 all did, for a model with `takes_full_rounds`.
         """
@@ -63,7 +64,8 @@ class Traits(NamedTuple):
         source: the paper that it comes from.
         smooth: whether trust follows ratings without jumps, so that gradients are of use.
         cost: how time and memory grow with S raters and P providers, such as `"S P"` or `"S^2 P"`.
-        takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker.
+        takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker. A class
+            that overrides `update` has to say it anew.
         takes_peers: whether its `start` has to know which rater and which provider are one agent.
     """
 
@@ -78,7 +80,14 @@ class Traits(NamedTuple):
     @classmethod
     def of(cls, model: Any) -> "Traits":
         """The traits of a model, or of its class."""
-        return cls()._replace(**{name: getattr(model, name) for name in cls._fields if hasattr(model, name)})
+        said = {name: getattr(model, name) for name in cls._fields if hasattr(model, name)}
+        for kind in (model if isinstance(model, type) else type(model)).__mro__:
+            if "takes_full_rounds" in {**vars(kind), **getattr(model, "__dict__", {})}:
+                break
+            if "update" in vars(kind):  # what one takes, another that overrides it need not
+                said.pop("takes_full_rounds", None)
+                break
+        return cls()._replace(**said)
 
 
 def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
@@ -102,16 +111,17 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
         like: an array of the library, dtype and device that it has to work with.
 
     Raises:
-        ValueError: a read-out has the wrong shape, or is not in [0, 1].
+        ValueError: the model raises something, or a read-out has the wrong shape or is not in [0, 1].
     """
     xp = namespace(like)
     n_raters, n_providers = peers.shape
     ratings = xp.zeros((n_raters, n_providers, 1), dtype=like.dtype, device=like.device) + 0.5
-    state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
-    for what, trust, count in (
-        ("rater_trust", model.rater_trust(state), n_raters),
-        ("provider_trust", model.provider_trust(state), n_providers),
-    ):
+    try:
+        state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
+        of_raters, of_providers = model.rater_trust(state), model.provider_trust(state)
+    except Exception as error:  # whatever a foreign model raises
+        raise ValueError(f"trust model {model!r} cannot play one round: {type(error).__name__}: {error}") from error
+    for what, trust, count in (("rater_trust", of_raters, n_raters), ("provider_trust", of_providers, n_providers)):
         if tuple(trust.shape) != (count, 1):
             raise ValueError(f"{what} of {model!r} has shape {tuple(trust.shape)}; it must be {(count, 1)}")
         if not bool(((trust >= 0) & (trust <= 1)).all()):

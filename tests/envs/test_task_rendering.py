@@ -96,6 +96,16 @@ def test_a_batch_shows_its_first_game(mode: gymnasium.vector.AutoresetMode, tens
     batch.close()
 
 
+def test_a_masked_reset_of_other_games_adds_nothing_to_the_curves_of_the_first() -> None:
+    batch = gymnasium.make_vec(RATER, num_envs=2, render_mode="ansi")
+    batch.reset(seed=0)
+    for played, restarted in enumerate((1, 1, 0), start=1):
+        batch.step(batch.action_space.sample())
+        assert len(batch._spectator.curves) == played + 1
+        batch.reset(options={"reset_mask": np.arange(2) == restarted})
+        assert len(batch._spectator.curves) == (played + 1 if restarted else 1)
+
+
 @EVERY_MODE
 def test_gymnasium_records_the_first_game(mode: gymnasium.vector.AutoresetMode) -> None:
     batch = gymnasium.make_vec(PROVIDER, num_envs=2, render_mode="rgb_array", autoreset_mode=mode)

@@ -68,6 +68,28 @@ def test_scaled_actions_are_clipped() -> None:
         env.step(["good"])
 
 
+@pytest.mark.parametrize(
+    "action", [torch.zeros(3, requires_grad=True), [[0], [0, 1]], ["a", "b", "c"], None], ids=lambda a: type(a).__name__
+)
+def test_what_no_action_can_be_made_of_is_refused_by_name(action: Any) -> None:
+    one, each = Scaled(gymnasium.make(RATER)), EachAgent(parallel_env(), Scaled)
+    one.reset(seed=0)
+    with pytest.raises(ValueError, match="action"):
+        one.step(action)
+    each.reset(seed=0)
+    with pytest.raises(ValueError, match="action of 'sr_1'"):
+        each.step({agent: each.action_space(agent).sample() for agent in each.agents} | {"sr_1": action})
+
+
+def test_truth_values_are_scaled_like_the_numbers_that_they_are() -> None:
+    both = [EachAgent(parallel_env(noise=0.0), Scaled) for _ in range(2)]
+    for env, kind in zip(both, (bool, float), strict=True):
+        env.reset(seed=0)
+        for _ in range(2):
+            answers = env.step({agent: np.zeros(env.action_space(agent).shape, kind) for agent in env.agents})
+        assert answers[4]["sp_0"]["quality"] == 0.5
+
+
 def test_nothing_within_its_range_is_refused_for_rounding() -> None:
     env = Scaled(gymnasium.make(PROVIDER))
     near = np.nextafter(np.float32([-1, -1, 0, 1, 1]), np.float32([-2, 2, 1, -2, 2]))

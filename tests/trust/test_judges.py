@@ -1,44 +1,53 @@
 """What the personal models share."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-import torch
-from histories import played, random_history
 
-from roletrust_env.trust import judges, make_trust_model
-from roletrust_env.trust.judges import heeded, product, published_raters, with_self
+from roletrust_env.trust import judges
 
 
-@pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
-@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray])
-def test_the_product_is_that_of_every_game(batch: tuple[int, ...], asarray: Any) -> None:
+def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
-    one, other = rng.random((3, 4, *batch)), rng.random((4, 2, *batch))
-    wanted = np.einsum("ab...,bc...->ac...", one, other)
-    np.testing.assert_allclose(np.asarray(product(asarray(one), asarray(other))), wanted, rtol=1e-12)
+    credence, said = rng.random((7, 7, 2)), rng.random((7, 3, 2))
+    at_once = judges.weighed(credence, said)
+    np.testing.assert_allclose(at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12)
+    seen = []
+    monkeypatch.setattr(judges, "_BLOCK", 2 * said.size)
+
+    def of(some: slice) -> np.ndarray:
+        seen.append(some)
+        return at_once[some]
+
+    assert np.array_equal(judges.by_judges(of, said), at_once)
+    assert seen == [slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)]
+    assert np.array_equal(judges.weighed(credence, said), at_once)
 
 
-def test_a_judge_hears_whom_it_believes() -> None:
-    credence, sums = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    mean, weight = heeded(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
-    assert mean == pytest.approx(np.array([[2 / 3, 0, 0.5 / 1.5], [0, 0, 1]]))
-    assert weight.tolist() == [[3, 0, 1.5], [2, 0, 1]]
+def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
+    f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
+    outcomes, met = judges.told(f, m)
+    assert judges.compared(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
+    assert judges.in_common(met).tolist() == [[2, 2], [2, 3]]
+    assert judges.news(met).tolist() == [True, True, True]
 
 
-def test_nobody_publishes_what_it_thinks_of_itself() -> None:
-    credence = np.array([[0.9, 0.2, 0.4], [0.6, 0.9, 0.8], [0.2, 0.4, 0.9]])
-    assert published_raters(credence) == pytest.approx([0.4, 0.3, 0.6])
-    assert np.diag(with_self(credence)).tolist() == [1, 1, 1]
-    assert published_raters(with_self(credence)) == pytest.approx([0.4, 0.3, 0.6])
-    assert published_raters(np.array([[0.3]])) == 1
+def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
+    memory = judges.nothing_yet(np.ones((1, 2)), 2)
+    for f, m in (([1.0, 2.0], [1, 1]), ([3.0, 9.0], [1, 0]), ([4.0, 5.0], [1, 1])):
+        memory = judges.remember(memory, np.array([f]), np.array([m], bool))
+    assert memory.tolist() == [[[4, 5]], [[3, 2]]]
 
 
-@pytest.mark.parametrize("name", ["peer-trust", "clustering", "zhang-cohen", "regression-aligned"])
-@pytest.mark.parametrize("block", [1, 60])  # one judge at a time; two, and one in the end
-def test_judge_by_judge_is_all_at_once(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    history = random_history(7, 4, seed=0)
-    together = played(make_trust_model(name), [history], np.zeros(()))
-    monkeypatch.setattr(judges, "_BLOCK", block)
-    assert played(make_trust_model(name), [history], np.zeros(())) == together
+def test_a_mean_absorbs_values_and_is_exact_where_there_are_none() -> None:
+    before = np.array([0.1, 0.1, 0.3])
+    weight, sums, count = np.array([2.0, 2.0, 0.0]), np.array([1.5, 0.0, 0.7]), np.array([2.0, 0.0, 1.0])
+    assert judges.absorbed(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
+    assert judges.absorbed(before, weight, sums, count)[1] == 0.1
+
+
+def test_what_is_published_is_the_judges_mean_and_nobody_judges_itself() -> None:
+    credence = np.array([[9.0, 0.2, 0.4], [0.6, 9.0, 0.8], [0.0, 0.4, 9.0]])
+    assert judges.published_raters(credence) == pytest.approx([0.3, 0.3, 0.6])
+    assert judges.published_raters(np.array([[0.3]])).tolist() == [1]
+    assert judges.published_providers(np.array([[0.2, 1.0], [0.4, 1 + 1e-15]])).tolist() == pytest.approx([0.3, 1])
+    assert judges.published_providers(np.array([[1 + 1e-15]])).max() == 1

@@ -12,6 +12,7 @@ from experiments.commands.attacks import parse_trust_model
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.trust import (
     Mean,
+    RoleTrust,
     Traits,
     TrustModel,
     make_trust_model,
@@ -323,3 +324,20 @@ def test_a_model_may_ask_who_is_who_and_take_no_parameters(monkeypatch: pytest.M
 def test_traits_have_usual_values() -> None:
     assert Traits.of(Sociable) == Traits(rates_raters=False, takes_peers=True)
     assert Traits.of(make_trust_model("role-trust")).source.startswith("Su")
+
+
+def test_a_model_that_overrides_the_update_of_another_is_given_the_mask() -> None:
+    """It has not said that its own takes None."""
+
+    class Deaf(RoleTrust):
+        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+            return super().update(state, ratings, mask & (ratings > 0.1))
+
+    class Renamed(RoleTrust):
+        pass
+
+    rules = make_scenario("paper-3x3").change(max_cycles=5, noise=0.0, perturbations=[])
+    deaf, plain = (record(Cast(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
+    np.testing.assert_allclose(deaf.top, plain.top, rtol=0, atol=1e-12)
+    assert Traits.of(Renamed()).takes_full_rounds
+    assert not Traits.of(Deaf).takes_full_rounds

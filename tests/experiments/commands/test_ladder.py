@@ -10,11 +10,10 @@ from typer.testing import CliRunner
 
 from agents.ladder.known import Learned, learned_rungs
 from agents.ladder.rungs import UnsuitableError, exact_task, find
-from agents.learned.saved import load_attacker, save_attacker
+from agents.learned.saved import ZOO, load_attacker, save_attacker
 from baselines.search import PaperAttacks
 from experiments.cli import app
 from experiments.commands.task_options import find_task
-from experiments.commands.zoo import ZOO
 from experiments.plots.trajectory import watch
 from experiments.training.runs import write_bytes
 from roletrust_env import make_scenario

@@ -17,9 +17,8 @@ from typer.testing import CliRunner
 
 from agents.ladder.known import learned_rungs
 from agents.learned.policy import play_task
-from agents.learned.saved import load_attacker
+from agents.learned.saved import ZOO, load_attacker
 from experiments.cli import app
-from experiments.commands.zoo import ZOO
 from experiments.timing.ppo_speed import ppo_speed
 from experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from experiments.training.runs import Checkpoint, RunFolder
@@ -250,3 +249,36 @@ def test_ppo_is_timed_on_the_task_and_on_nothing():
     assert found.task > 0
     assert found.nothing > 0
     assert found.share == pytest.approx(found.task / found.nothing)
+
+
+def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
+    wrong = run("ProviderAttack", "--compromised", "sr_0", "--out", tmp_path / "run")
+    assert wrong.exit_code == 2
+    assert not (tmp_path / "run" / "config.json").exists()
+
+
+def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
+    model = "roletrust_env.trust.models.central.mean:Mean"
+    refused = run("ProviderAttack", "--trust-model", model, "--out", tmp_path / "run")
+    assert refused.exit_code == 2
+    assert "entry point" in " ".join(refused.output.split())
+
+
+def test_what_is_to_go_on_of_several_runs_is_said(tmp_path):
+    (tmp_path / "seed-0").mkdir()
+    refused = run("--resume", "--out", tmp_path)
+    assert "the whole command again" in " ".join(refused.output.split())
+
+
+def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.training.loop.train", interrupted)
+    stopped = run("ProviderAttack", *PPO, "--out", tmp_path)
+    assert stopped.exit_code == 130
+    assert f"--resume --out {tmp_path}" in " ".join(stopped.output.split()).replace(" /", " /")
+
+
+def test_attackers_of_the_zoo_are_found_by_name():
+    assert load_attacker("provider-3x3").card == load_attacker(ZOO / "provider-3x3").card

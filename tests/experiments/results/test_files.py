@@ -5,6 +5,7 @@ import platform
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -71,6 +72,21 @@ def test_a_folder_is_tried_and_left_as_it_was(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["probe"]
     with pytest.raises(OSError, match="probe"):
         files.prepare_folder(tmp_path / "probe" / "out")
+
+
+def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypatch):
+    touch = Path.touch
+
+    def meanwhile(path):
+        touch(path)
+        (tmp_path / "results" / "play").mkdir()
+
+    monkeypatch.setattr(Path, "touch", meanwhile)
+    files.prepare_folder(tmp_path / "results" / "train")
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["play"]
+    monkeypatch.undo()
+    files.prepare_folder(tmp_path / "new" / ".." / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
 
 @pytest.mark.parametrize("out", ["file", "file/below"])

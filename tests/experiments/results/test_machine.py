@@ -8,10 +8,10 @@ import pytest
 from rich.progress import Progress
 from typer.testing import CliRunner
 
+from agents.learned.saved import ZOO
 from baselines import BadMouthing
 from experiments.cli import app
 from experiments.commands import play
-from experiments.commands.zoo import ZOO
 from experiments.results import machine
 from experiments.results.confidence import over_games, student_95
 from experiments.results.games import foresee, play_games, task_memory
@@ -99,6 +99,15 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
     fits = int(said.rpartition("about ")[2].replace(",", ""))
     assert 1000 < fits < 9_000_000
     assert "it has begun" in attempt(fits // 50)
+
+
+def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "available", lambda: 5e8)
+    monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
+    result = run("play", "--set", "max_cycles=1000000", "--attack", "sr_0=bad-mouthing", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    pattern = r"Error: max_cycles 1,000,000 would take about 4\d\d MB .*400 MB can be had, enough for about [\d,]+"
+    assert re.match(pattern, " ".join(result.stderr.split())), result.stderr
 
 
 def test_what_takes_long_says_how_long(tmp_path, monkeypatch):

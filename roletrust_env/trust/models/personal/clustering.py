@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
-from roletrust_env.trust.judges import heeded, no_pairs, product, published_providers, published_raters, with_self
+from roletrust_env.trust.judges import credences, heeded, product, published_providers, published_raters, with_self
 from roletrust_env.trust.likeness import Experience, disagreement
 
 
@@ -53,7 +53,7 @@ class Clustering:
     def start(self, like: Array) -> ClusteringState:
         """Initial trust for everyone. See `TrustModel.start`."""
         known = Experience.none(like)
-        return ClusteringState(known, known.sums + self.initial, no_pairs(like) + self.initial)
+        return ClusteringState(known, known.sums + self.initial, credences(like, self.initial))
 
     def update(self, state: ClusteringState, ratings: Array, mask: Array) -> ClusteringState:
         """One round of ratings. See `TrustModel.update`."""

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
-from roletrust_env.trust.judges import heeded, no_pairs, published_providers, published_raters
+from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
 from roletrust_env.trust.likeness import Experience, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree, and is lost in rounding everywhere else
@@ -52,7 +52,7 @@ class PeerTrust:
     def start(self, like: Array) -> PeerTrustState:
         """Initial trust for everyone. See `TrustModel.start`."""
         known = Experience.none(like)
-        return PeerTrustState(known, known.sums + self.initial, no_pairs(like) + self.initial)
+        return PeerTrustState(known, known.sums + self.initial, credences(like, self.initial))
 
     def update(self, state: PeerTrustState, ratings: Array, mask: Array) -> PeerTrustState:
         """One round of ratings. See `TrustModel.update`."""

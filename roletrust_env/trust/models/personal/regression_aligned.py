@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Lam, Ridge, Share
 from roletrust_env.trust.algorithms import Notes, smooth
-from roletrust_env.trust.judges import judge_by_judge, no_pairs, product, published_providers
+from roletrust_env.trust.judges import by_judges, credences, in_common, product, published_providers
 
 
 class Moments(NamedTuple):
@@ -31,7 +31,7 @@ class Moments(NamedTuple):
         values: Array = notes.values
         weights: Array = notes.weights
         theirs = values.swapaxes(0, 1)
-        count = product(weights, weights.swapaxes(0, 1))
+        count = in_common(weights)
         mean = product(weights, theirs) / _at_least_1(count)
         spread = product(weights, theirs * theirs) - count * mean * mean
         return cls(count, mean, spread, product(values, theirs) - count * mean * mean.swapaxes(0, 1))
@@ -89,7 +89,7 @@ class RegressionAligned:
 
     def start(self, like: Array) -> RegressionAlignedState:
         """Initial trust for every provider. See `TrustModel.start`."""
-        nothing, pairs = namespace(like).zeros_like(like), no_pairs(like)
+        nothing, pairs = namespace(like).zeros_like(like), credences(like, 0.0)
         return RegressionAlignedState(
             Moments(pairs, pairs, pairs, pairs), nothing + self.initial, nothing[:, 0, ...] + 1
         )
@@ -103,7 +103,7 @@ class RegressionAligned:
             aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * notes.values
             return (notes.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
 
-        heard = judge_by_judge(summed, ratings) / _at_least_1(notes.received)
+        heard = by_judges(summed, ratings) / _at_least_1(notes.received)
         trust = smooth(heard, state.trust, self.lam, notes.received)
         return RegressionAlignedState(state.moments.joined(Moments.of(notes)), trust, state.tor)
 

@@ -9,10 +9,10 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Inside, Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
 from roletrust_env.trust.judges import (
+    compared,
+    credences,
     heeded,
-    judge_by_judge,
-    no_pairs,
-    product,
+    in_common,
     published_providers,
     published_raters,
     with_self,
@@ -25,14 +25,14 @@ class ZhangCohenState(NamedTuple):
     Attributes:
         common: number of ratings of one provider in one round by both judge and adviser, shape (S, S, ...).
         agreeing: how many of them agree, shape (S, S, ...).
-        compared: number of ratings of each adviser that others could be compared with, shape (S, ...).
+        checked: number of ratings of each adviser that others could be compared with, shape (S, ...).
         consistent: how many of them are near the others' mean, shape (S, ...).
         trust: of each judge in each provider, shape (S, P, ...).
     """
 
     common: Array
     agreeing: Array
-    compared: Array
+    checked: Array
     consistent: Array
     trust: Array
 
@@ -78,19 +78,18 @@ class ZhangCohen:
 
     def start(self, like: Array) -> ZhangCohenState:
         """Initial trust for every provider, and nothing known of advisers. See `TrustModel.start`."""
-        nothing, pairs = namespace(like).zeros_like(like), no_pairs(like)
+        nothing, pairs = namespace(like).zeros_like(like), credences(like, 0.0)
         nobody = nothing[:, 0, ...]
         return ZhangCohenState(pairs, pairs, nobody, nobody, nothing + self.initial)
 
     def update(self, state: ZhangCohenState, ratings: Array, mask: Array) -> ZhangCohenState:
         """One round of ratings. See `TrustModel.update`."""
         notes = Notes.of(ratings, mask)
-        common, agreeing = _agreement(notes)
-        compared, consistent = self._consistency(notes)
+        checked, consistent = self._consistency(notes)
         evidence = (
-            state.common + common,
-            state.agreeing + agreeing,
-            state.compared + compared,
+            state.common + in_common(notes.weights),
+            state.agreeing + compared(notes.values, notes.weights, lambda apart: 1 - apart),
+            state.checked + checked,
             state.consistent + consistent,
         )
         credence = self._credence(*evidence)
@@ -102,14 +101,14 @@ class ZhangCohen:
         xp = namespace(notes.values)
         beside = notes.received - notes.weights
         others_mean = (notes.values.sum(axis=0) - notes.values) / xp.where(beside > 0, beside, 1.0)
-        compared = xp.where(beside > 0, notes.weights, 0.0)
+        checked = xp.where(beside > 0, notes.weights, 0.0)
         near = abs(notes.values - others_mean) <= self.tolerance
-        return compared.sum(axis=1), xp.where(near, compared, 0.0).sum(axis=1)
+        return checked.sum(axis=1), xp.where(near, checked, 0.0).sum(axis=1)
 
-    def _credence(self, common: Array, agreeing: Array, compared: Array, consistent: Array) -> Array:
+    def _credence(self, common: Array, agreeing: Array, checked: Array, consistent: Array) -> Array:
         """C, shape (S, S, ...)."""
         private = (agreeing + 1) / (common + 2)
-        public = ((consistent + 1) / (compared + 2))[None, ...]
+        public = ((consistent + 1) / (checked + 2))[None, ...]
         return public + namespace(common).clip(common / self.enough, 0.0, 1.0) * (private - public)
 
     def rater_trust(self, state: ZhangCohenState) -> Array:
@@ -119,16 +118,3 @@ class ZhangCohen:
     def provider_trust(self, state: ZhangCohenState) -> Array:
         """The mean of the judges' trust, shape (P, ...)."""
         return published_providers(state.trust)
-
-
-def _agreement(notes: Notes) -> tuple[Array, Array]:
-    """Of each pair of raters, how many notes they have in common, and how many of these agree."""
-    values: Array = notes.values
-    weights: Array = notes.weights
-    common = product(weights, weights.swapaxes(0, 1))
-
-    def apart(some: slice) -> Array:
-        both = weights[some, None, ...] * weights[None, ...]
-        return (both * abs(values[some, None, ...] - values[None, ...])).sum(axis=2)
-
-    return common, common - judge_by_judge(apart, values)

@@ -1,0 +1,152 @@
+"""Own experience beside witnesses, each as far as it is reliable: two of the four parts of FIRE."""
+
+import math
+from typing import NamedTuple
+
+from pydantic import PositiveFloat
+from pydantic.dataclasses import dataclass
+
+from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.ranges import Share
+from roletrust_env.trust.judges import (
+    absorbed,
+    by_judges,
+    compared,
+    credences,
+    in_common,
+    mean,
+    news,
+    nothing_yet,
+    others,
+    published_providers,
+    published_raters,
+    remember,
+    told,
+    weighed,
+)
+
+_MEMORY = 10  # own ratings of a provider that are kept
+_FADE = 0.5 ** (1 / 5)  # exp(-1 / l) with l = -5 / ln .5: after five rounds a rating weighs half
+_INTERACTION, _WITNESS = 2.0, 1.0  # component weights
+_FORGOTTEN = 1e-20  # a weight of evidence below which it says nothing any more
+
+
+class FireState(NamedTuple):
+    """What each judge remembers.
+
+    Attributes:
+        trust: T in [0, 1], shape (S, P, ...).
+        credibility: of the witnesses, in [-1, 1], shape (S, S, ...).
+        judged: the weight of the credibility ratings behind it, shape (S, S, ...).
+        values: the last ratings that i gave j on [-1, 1], the newest first, shape (10, S, P, ...).
+        weights: what they weigh by now, and 0 where there is none, shape (10, S, P, ...).
+    """
+
+    trust: Array
+    credibility: Array
+    judged: Array
+    values: Array
+    weights: Array
+
+
+@dataclass(frozen=True)
+class Fire:
+    """FIRE's interaction trust and witness reputation, each weighted by its reliability.
+
+    Huynh, Jennings and Shadbolt, "An integrated trust and reputation model for open multi-agent systems" (2006), with
+    v = 2f - 1 in [-1, 1], ages dt in rounds, l = -5 / ln .5 and g = -ln .5:
+
+        component   = sum w v / sum w,   reliability = (1 - exp(-g sum w)) (1 - half of sum w |v - component| / sum w)
+        interaction:  i's own last 10 ratings of j, w = exp(-dt / l)
+        witness:      the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l)
+        T           = sum of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
+
+    Each time that i and k rate a provider in the same round, k gets a credibility rating of 1 - |v_k - v_i| if that
+    difference is below `tolerance`, else of -1; its credibility is sum w v / sum w over all of these. Published are
+    trust and credibility moved to [0, 1].
+
+    Left out: role-based trust, certified reputation, and how witnesses are found. The values of `tolerance`,
+    `credibility` and the component weights could not be checked in the paper. Read into it: T is reckoned anew for a
+    provider that somebody rated in the round; where nothing weighs anything it stays.
+
+    Attributes:
+        initial: trust before any rating, in [0, 1].
+        tolerance: i, how far on [-1, 1] a witness may be off and still be right in part, above 0.
+        credibility: that of a witness not yet judged, in [0, 1].
+    """
+
+    initial: Share = 0.5
+    tolerance: PositiveFloat = 0.5
+    credibility: Share = 0.5
+    rates_raters = True
+    family = "personal"
+    source = "Huynh, Jennings and Shadbolt (2006)"
+    smooth = False
+    cost = "S^2 P"
+
+    def start(self, like: Array) -> FireState:
+        """Initial trust, the default credibility and no experience. See `TrustModel.start`."""
+        nothing = nothing_yet(like, _MEMORY)
+        credibility = credences(like, self.credibility)
+        return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
+
+    def update(self, state: FireState, ratings: Array, mask: Array) -> FireState:
+        """One round of ratings. See `TrustModel.update`."""
+        outcomes, met = told(ratings, mask)
+        judged, count = _FADE * state.judged, in_common(met)
+        credibility = absorbed(state.credibility, judged, compared(outcomes, met, self._credible), count)
+        values = remember(state.values, 2 * outcomes - 1, mask)
+        weights = remember(_FADE * state.weights, met, mask)
+        own, own_weight = _interaction(values, weights)
+        heard, heard_weight = _witnesses(credibility, values[0], weights[0])
+        weight = _INTERACTION * own_weight + _WITNESS * heard_weight
+        trust = 0.5 + 0.5 * mean(_INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight)
+        trust = namespace(ratings).where(news(met) & (weight > _FORGOTTEN), trust, state.trust)
+        return FireState(trust, credibility, judged + count, values, weights)
+
+    def _credible(self, apart: Array) -> Array:
+        """The credibility rating of a witness whose rating was so far from the outcome, both in [0, 1]."""
+        return namespace(apart).where(2 * apart < self.tolerance, 1 - 2 * apart, -1.0)
+
+    def rater_trust(self, state: FireState) -> Array:
+        """The mean credibility of each rater with the others, from [-1, 1] to [0, 1], shape (S, ...)."""
+        return published_raters(0.5 + 0.5 * state.credibility)
+
+    def provider_trust(self, state: FireState) -> Array:
+        """The judges' mean trust in each provider, shape (P, ...)."""
+        return published_providers(state.trust)
+
+
+def _interaction(values: Array, weights: Array) -> tuple[Array, Array]:
+    """Interaction trust in [-1, 1] and its reliability, each of shape (S, P, ...)."""
+    weight = total(weights, 0)
+    component = mean(total(weights * values, 0), weight)
+    return component, _reliability(weight, total(weights * abs(values - component), 0))
+
+
+def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array, Array]:
+    """Witness reputation in [-1, 1] and its reliability, each of shape (S, P, ...).
+
+    Args:
+        credibility: of the witnesses, shape (S, S, ...).
+        values: what each said last, shape (S, P, ...).
+        weights: by age, shape (S, P, ...).
+    """
+    asked = others(credibility) * namespace(credibility).clip(credibility, 0.0, None)
+    weight = weighed(asked, weights)
+    component = mean(weighed(asked, weights * values), weight)
+
+    def apart(some: slice) -> Array:
+        return total(asked[some, :, None] * weights * abs(values - component[some, None]), 1)
+
+    return component, _reliability(weight, by_judges(apart, values))
+
+
+def _reliability(weight: Array, apart: Array) -> Array:
+    """How reliable a weighted mean of ratings is, in [0, 1].
+
+    Args:
+        weight: the sum of the weights.
+        apart: the weighted sum of the distances to the mean.
+    """
+    return -namespace(weight).expm1(math.log(0.5) * weight) * (1 - 0.5 * mean(apart, weight))

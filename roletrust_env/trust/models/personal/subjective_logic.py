@@ -1,0 +1,95 @@
+"""Own evidence fused with what advisers report, discounted by the trust in them: trust networks in subjective logic."""
+
+from typing import NamedTuple
+
+from pydantic.dataclasses import dataclass
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.ranges import Share
+from roletrust_env.trust.judges import (
+    by_judges,
+    compared,
+    credences,
+    news,
+    others,
+    published_providers,
+    published_raters,
+    told,
+)
+from roletrust_env.trust.opinions import Opinion
+
+
+class SubjectiveLogicState(NamedTuple):
+    """What each judge remembers.
+
+    Attributes:
+        trust: T, shape (S, P, ...).
+        agreed: evidence for adviser k that judge i has, shape (S, S, ...), 0 for itself.
+        differed: evidence against it, shape (S, S, ...).
+        successes: evidence for provider j that i has, shape (S, P, ...).
+        failures: evidence against it, shape (S, P, ...).
+    """
+
+    trust: Array
+    agreed: Array
+    differed: Array
+    successes: Array
+    failures: Array
+
+
+@dataclass(frozen=True)
+class SubjectiveLogic:
+    """Subjective logic (TNA-SL): own opinion of a provider, fused with those of advisers as far as they are trusted.
+
+    Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is that of
+    `roletrust_env.trust.opinions`:
+
+        own[i, j]     from evidence: each rating f counts as f of a success and 1 - f of a failure, and none fades
+        adviser[i, k] from evidence: each time that both rate a provider in one round, 1 - |f[i, j] - f[k, j]| of a
+                      success, the rest of a failure
+        T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i, k]
+
+    An adviser passes on its whole opinion, which is what its ratings so far say. Before a judge has compared any
+    ratings, no adviser counts.
+
+    Left out: networks of more than one adviser between judge and provider. Read into it: how trust in advisers arises,
+    which the source leaves open; T is reckoned anew for a provider that somebody rated in the round.
+
+    Attributes:
+        initial: the base rate, and so the trust in raters and providers before any evidence, in [0, 1].
+    """
+
+    initial: Share = 0.5
+    rates_raters = True
+    family = "personal"
+    source = "Jøsang, Hayward and Pope (2006)"
+    cost = "S^2 P"
+
+    def start(self, like: Array) -> SubjectiveLogicState:
+        """No evidence. See `TrustModel.start`."""
+        nothing, advisers = namespace(like).zeros_like(like), credences(like, 0.0)
+        return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
+
+    def update(self, state: SubjectiveLogicState, ratings: Array, mask: Array) -> SubjectiveLogicState:
+        """One round of ratings. See `TrustModel.update`."""
+        outcomes, met = told(ratings, mask)
+        two = others(ratings)
+        agreed = state.agreed + two * compared(outcomes, met, lambda apart: 1 - apart)
+        differed = state.differed + compared(outcomes, met, lambda apart: apart)
+        successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
+        own, adviser = Opinion.of(successes, failures), Opinion.of(agreed, differed)
+
+        def judged(some: slice) -> Array:
+            advice = own.at(None).discounted(adviser.at((some, slice(None), None)))
+            return own.at(some).fused(advice.fused_along(1)).expectation(self.initial)
+
+        trust = namespace(ratings).where(news(met), by_judges(judged, outcomes), state.trust)
+        return SubjectiveLogicState(trust, agreed, differed, successes, failures)
+
+    def rater_trust(self, state: SubjectiveLogicState) -> Array:
+        """The mean of what the others expect of each rater, shape (S, ...)."""
+        return published_raters(Opinion.of(state.agreed, state.differed).expectation(self.initial))
+
+    def provider_trust(self, state: SubjectiveLogicState) -> Array:
+        """The judges' mean trust in each provider, shape (P, ...)."""
+        return published_providers(state.trust)
