@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-clients setup format pictures ladder zoo clean
+.PHONY: run test test-extras test-clients setup format pictures costs ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -41,6 +41,11 @@ pictures: setup
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
 	$(MAKE) ladder
+
+# The table of what the trust models cost; on a quiet machine, some minutes.
+costs: setup
+	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
+	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
 
 # Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
 ladder: setup

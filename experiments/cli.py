@@ -9,6 +9,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from experiments.commands.console import console, errors
+from experiments.commands.costs import costs
 from experiments.commands.figures import figures
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
@@ -75,6 +76,7 @@ app.command("play")(play)
 app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("speed")(speed)
+app.command("costs")(costs)
 app.command("train")(train)
 app.command("zoo")(zoo)
 

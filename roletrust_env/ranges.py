@@ -24,6 +24,12 @@ Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1)]
 Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 """Weight of the newest round in every trust."""
 
+Inside = Annotated[float, _within("[0.001, 0.999]", lambda x: 0.001 <= x <= 0.999)]
+"""A share that is neither 0 nor 1, nor so near that it is lost in rounding."""
+
+Ridge = Annotated[float, _within("[0.001, inf)", lambda x: 0.001 <= x < float("inf"))]
+"""How strongly a regression is drawn to where it is when nothing is known; with less, rounding decides."""
+
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
 """What is left of something each time."""
 

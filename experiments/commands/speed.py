@@ -1,25 +1,25 @@
 """`roletrust speed`: how fast the games run, next to mpe2 and VMAS in the same run."""
 
-import contextlib
 import importlib.util
 import math
 import os
 import platform
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
-from experiments.commands.console import console, progress_bar
+from experiments.commands.console import console, number_table, progress_bar
 from experiments.results.files import prepare_folder, provenance, write_csv, write_json
 from experiments.timing import contestants as timing
 from experiments.timing.contestants import Contestant, Spread, Timing, measure
+from experiments.timing.models import Size, trust_update
+from experiments.timing.threads import torch_threads
 from roletrust_env import Game, make_scenario
 
 _PEERS = ("array-api-compat", "torch", "mpe2", "vmas")
@@ -91,7 +91,7 @@ def speed(
     if out is not None:
         prepare_folder(out)
     plan = QUICK if quick else FULL
-    with progress_bar() as progress, _torch_threads(threads):
+    with progress_bar() as progress, torch_threads(threads):
         steps, skipped = [], []
         for games, players in _players(plan, seed).items():
             found, missing = _race(players, plan, f"Steps of {games:,}", progress)
@@ -134,8 +134,12 @@ def _players(plan: Plan, seed: int) -> dict[int, list[Entry]]:
 
 def _raters(plan: Plan, seed: int) -> list[Entry]:
     """All whose time per rating is measured."""
-    makers = timing.trust_update, timing.whole_round
-    return [Entry("numpy", partial(make, side, seed)) for side in plan.sides for make in makers]
+    model = Game(make_scenario("paper-3x3")).model
+    entries = []
+    for side in plan.sides:
+        entries.append(Entry("numpy", partial(trust_update, "trust model", model, Size(side, side), "NumPy", seed)))
+        entries.append(Entry("numpy", partial(timing.whole_round, side, seed)))
+    return entries
 
 
 def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) -> tuple[list[Timing], list[str]]:
@@ -196,7 +200,7 @@ def _learner(seed: int) -> Target:
 
 def _steps_table(steps: Sequence[Timing], threads: int) -> Table:
     caption = f"torch on {threads} thread{'s' * (threads > 1)}; an agent-step is one agent acting once"
-    table = _table("Steps per second", caption, "games", "env-steps/s", "agent-steps/s", "least - greatest")
+    table = number_table("Steps per second", caption, "games", "env-steps/s", "agent-steps/s", "least - greatest")
     for t in steps:
         acts, style = t.agent_steps(), "dim" if t.contestant.name.startswith(("mpe2", "VMAS")) else None
         cells = [f"{t.contestant.games:,}", _rate(t.env_steps().median), _rate(acts.median)]
@@ -207,7 +211,7 @@ def _steps_table(steps: Sequence[Timing], threads: int) -> Table:
 def _ratings_table(ratings: Sequence[Timing]) -> Table:
     caption = "a whole round draws noise, updates trust, plays the game and makes observations"
     headings = "SR x SP", "ns per rating", "least - greatest", "ms in all"
-    table = _table("Time per rating, one game on NumPy", caption, *headings)
+    table = number_table("Time per rating, one game on NumPy", caption, *headings)
     for t in ratings:
         side, each = t.contestant.agents // 2, Spread.of(1e9 * s for s in t.per_rating())
         cells = [f"{side:,} x {side:,}", f"{each.median:,.1f}", f"{each.low:,.1f} - {each.high:,.1f}"]
@@ -217,7 +221,7 @@ def _ratings_table(ratings: Sequence[Timing]) -> Table:
 
 def _targets_table(targets: Sequence[Target]) -> Table:
     caption = "/: ratios of agent-steps/s, and of time per rating; the median decides"
-    table = _table("What was promised", caption, "promised", "found", "least - greatest", "")
+    table = number_table("What was promised", caption, "promised", "found", "least - greatest", "")
     for target in targets:
         promised = f"{'at least' if target.at_least else 'at most'} {target.bound:g}"
         if target.found is None:
@@ -226,16 +230,6 @@ def _targets_table(targets: Sequence[Target]) -> Table:
         median, low, high = target.found
         verdict = "[green]ok[/]" if target.ok else "[bold red]not ok[/]"
         table.add_row(target.what, promised, f"{median:.2f}", f"{low:.2f} - {high:.2f}", verdict)
-    return table
-
-
-def _table(title: str, caption: str, *headings: str) -> Table:
-    """A table of numbers, each row with a name before them."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.caption, table.caption_justify = caption, "left"
-    table.add_column("")
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
     return table
 
 
@@ -274,19 +268,3 @@ def _software(seed: int) -> dict[str, Any]:
     found = {d.metadata["Name"]: d.version for d in distributions()}
     about["packages"] |= {name: found[name] for name in _PEERS if name in found}
     return about
-
-
-@contextlib.contextmanager
-def _torch_threads(threads: int) -> Iterator[None]:
-    """Torch on that many threads, and then as before."""
-    if importlib.util.find_spec("torch") is None:
-        yield
-        return
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

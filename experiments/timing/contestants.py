@@ -187,16 +187,6 @@ def whole_round(side: int, seed: int) -> Contestant:
     return Contestant("whole round", 1, 2 * side, _rounds(_square(side), "NumPy", (), seed), side**2)
 
 
-def trust_update(side: int, seed: int) -> Contestant:
-    """The trust model alone: one update by the ratings of `side` raters of as many providers."""
-    rng, like = np.random.default_rng(seed), np.zeros((), np.float32)
-    model, shape = Game(_square(side), like=like).model, (side, side)
-    ratings, others = rng.random(shape, np.float32), rng.random(shape, np.float32)
-    # After the second update every rating has one before it, as in the middle of a game.
-    state = model.update(model.update(model.start(ratings), ratings, None), others, None)
-    return Contestant("trust model", 1, 2 * side, lambda: model.update(state, ratings, None), side**2)
-
-
 def _square(side: int) -> Scenario:
     groups = AgentGroup(role="SR", count=side, noise=0.005), AgentGroup(role="SP", count=side)
     return Scenario(name=f"{side}x{side}", agents=groups)
@@ -221,7 +211,7 @@ def _player(env: Any, seed: int) -> Callable[[], None]:
 
 def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int) -> Callable[[], None]:
     """A step of a game or of a batch under random actions."""
-    like, random = _source(library, seed)
+    like, random = source(library, seed)
     game = Game(scenario, like=like)
     s, p = game.roster.n_raters, game.roster.n_providers
     samples = [Actions(random.uniform((p, *shape)), random.uniform((s, p, *shape))) for _ in range(_BATCH_SAMPLES)]
@@ -232,15 +222,7 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
         return state, rewards, game.observations(state)
 
     if library == "compiled torch":
-        import torch
-
-        # Batches of several sizes share this code, and a code has few compilations, unless torch is told of it.
-        known = inspect.signature(torch.compile).parameters
-        apart: Any = {"isolate_recompiles": True} if "isolate_recompiles" in known else {}
-        # Nobody changes the library while it is timed; what tells rounds apart is still looked at.
-        unguarded: dict[str, Any] = {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe}
-        advance = torch.compile(advance, dynamic=False, fullgraph=True, options=unguarded, **apart)
-        advance = torch.inference_mode()(advance)
+        advance = compiled(advance)
 
     def play() -> Iterable[None]:
         while True:
@@ -257,7 +239,21 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
     return lambda: next(rounds)
 
 
-def _source(library: str, seed: int) -> tuple[Any, Random]:
+def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
+    """A step on tensors, compiled by torch into one graph."""
+    import torch
+
+    # Steps of several sizes share their code, and a code has few compilations, unless torch is told of it.
+    known = inspect.signature(torch.compile).parameters
+    apart: Any = {"isolate_recompiles": True} if "isolate_recompiles" in known else {}
+    # Nobody changes the library while it is timed; what tells rounds apart is still looked at.
+    unguarded: dict[str, Any] = {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe}
+    made: Any = torch.compile(step, dynamic=False, fullgraph=True, options=unguarded, **apart)
+    in_inference: Callable[..., Any] = torch.inference_mode()(made)
+    return in_inference
+
+
+def source(library: str, seed: int) -> tuple[Any, Random]:
     """An array that shows library and dtype, and a source of luck to go with it."""
     like: Any = np.zeros((), np.float32)
     if library != "NumPy":

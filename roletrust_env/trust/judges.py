@@ -74,12 +74,39 @@ def news(met: Array) -> Array:
 
 def in_common(met: Array) -> Array:
     """The number of providers that judge and adviser both rated in the round, shape (S, S, ...)."""
-    return by_judges(lambda some: total(met[some, None] * met[None], 2), met)
+    return product(met, met.swapaxes(0, 1))
 
 
 def weighed(credence: Array, said: Array) -> Array:
     """The sum over the advisers k of C[i, k] said[k, j], shape (S, P, ...)."""
-    return by_judges(lambda some: total(credence[some, :, None] * said[None], 1), said)
+    return product(credence, said)
+
+
+def product(one: Array, other: Array) -> Array:
+    """The matrix product of the first two axes, game by game: (A, B, ...) and (B, C, ...) make (A, C, ...)."""
+    xp = namespace(one)
+    here, there = (0, 1), (-2, -1)
+    return xp.moveaxis(xp.moveaxis(one, here, there) @ xp.moveaxis(other, here, there), there, here)
+
+
+def with_self(credence: Array) -> Array:
+    """Credence as before, shape (S, S, ...), but of 1 in oneself: a judge's own experience is believed in full."""
+    return 1 - others(credence) * (1 - credence)
+
+
+def heeded(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
+    """What each judge hears of each provider: the mean of ratings, each weighted by the credence in its rater.
+
+    Args:
+        credence: of the judges in the raters, shape (S, S, ...), at least 0.
+        sums: of the ratings, by rater and provider, shape (S, P, ...).
+        counts: of the ratings, likewise.
+
+    Returns:
+        The means, shape (S, P, ...), in [0, 1], and 0 where there is nothing to hear; and the weight that they have.
+    """
+    weight = weighed(credence, counts)
+    return _share(mean(weighed(credence, sums), weight)), weight
 
 
 # --- what is remembered -----------------------------------------------------------------------------

@@ -11,10 +11,14 @@ from roletrust_env.trust.models.central.median import Median
 from roletrust_env.trust.models.central.power_trust import PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
+from roletrust_env.trust.models.personal.clustering import Clustering
 from roletrust_env.trust.models.personal.fire import Fire
+from roletrust_env.trust.models.personal.peer_trust import PeerTrust
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
+from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
 from roletrust_env.trust.models.personal.subjective_logic import SubjectiveLogic
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
+from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
 
 register_trust_model("role-trust", RoleTrust)
 register_trust_model("constant", Constant)
@@ -27,7 +31,11 @@ register_trust_model("median", Median)
 register_trust_model("power-trust", PowerTrust)
 register_trust_model("trimmed-mean", TrimmedMean)
 
+register_trust_model("clustering", Clustering)
 register_trust_model("fire", Fire)
+register_trust_model("peer-trust", PeerTrust)
 register_trust_model("qor", QualityOfRecommendation)
+register_trust_model("regression-aligned", RegressionAligned)
 register_trust_model("subjective-logic", SubjectiveLogic)
 register_trust_model("yu-singh", YuSingh)
+register_trust_model("zhang-cohen", ZhangCohen)

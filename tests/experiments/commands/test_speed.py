@@ -71,15 +71,6 @@ def test_what_cannot_be_made_is_named(monkeypatch):
     assert "long story" not in output
 
 
-def test_threads_of_torch_are_as_before_afterwards(monkeypatch):
-    import torch
-
-    before = torch.get_num_threads()
-    with speed_module._torch_threads(3):
-        assert torch.get_num_threads() == 3
-    assert torch.get_num_threads() == before
-
-
 @pytest.mark.parametrize(
     "make",
     [
@@ -88,7 +79,6 @@ def test_threads_of_torch_are_as_before_afterwards(monkeypatch):
         partial(timing.batch, "NumPy", 5),
         partial(timing.batch, "torch", 5),
         partial(timing.whole_round, 4),
-        partial(timing.trust_update, 4),
     ],
 )
 def test_contestants_play_on_past_the_end_of_an_episode(make):

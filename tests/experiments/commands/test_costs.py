@@ -1,0 +1,66 @@
+import csv
+from functools import partial
+from math import inf
+
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from experiments.commands import costs as costs_module
+from experiments.timing.models import Limits, measure_models
+from roletrust_env.trust import trust_models
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["costs", "--side", "2", "--side", "3", *arguments], env={"COLUMNS": "160"})
+
+
+@pytest.fixture(autouse=True)
+def quickly(monkeypatch):
+    """Short turns, and no size left out but with these limits."""
+
+    def limited(**limits):
+        measured = partial(measure_models, repeats=1, slice_s=1e-9, limits=Limits(**limits))
+        monkeypatch.setattr(costs_module, "measure_models", measured)
+
+    limited(seconds=inf, memory=inf)
+    return limited
+
+
+def test_every_model_has_its_row_and_its_cells(tmp_path):
+    result = run("--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    with (tmp_path / "model-costs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["model"] for row in rows} == set(trust_models())
+    assert len(rows) == 4 * len(trust_models())
+    for row in rows:
+        assert row["library"] == "NumPy"
+        assert 0 < float(row["ns_per_rating_least"]) <= float(row["ns_per_rating"])
+        assert not row["left_out"]
+    page = (tmp_path / "model-costs.md").read_text()
+    for name in trust_models():
+        assert f"| {name} |" in page
+        assert name in result.output
+    assert "| clustering | S^2 P + S^3 log S |" in page
+    assert {line.count("|") for line in page.splitlines() if line.startswith("|")} == {7}
+
+
+def test_models_may_be_chosen_with_their_parameters(tmp_path):
+    assert run("--trust-model", "mean:lam=0.9", "--out", str(tmp_path)).exit_code == 0
+    assert (tmp_path / "model-costs.csv").read_text().count("mean:lam=0.9") == 4
+    assert "role-trust" not in (tmp_path / "model-costs.md").read_text()
+
+
+def test_what_is_left_out_is_named_with_its_reason(tmp_path, quickly):
+    quickly(memory=0)
+    result = run("--trust-model", "mean", "--out", str(tmp_path))
+    assert "left out: mean on NumPy, 3 x 3: an update would take about" in result.output
+    assert "- Left out: mean on NumPy, 3 x 3" in (tmp_path / "model-costs.md").read_text()
+    assert "an update would take" in (tmp_path / "model-costs.csv").read_text().splitlines()[-1]
+
+
+def test_one_size_does_not_show_growth():
+    result = CliRunner().invoke(app, ["costs", "--side", "3"])
+    assert result.exit_code == 2
+    assert "growth needs two" in result.output + result.stderr

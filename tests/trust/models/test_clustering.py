@@ -1,0 +1,68 @@
+"""Clustering against its rule, loop by loop, and cases worked by hand."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+from histories import History, Trusts, check_against, mean, played
+
+from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.models.personal.clustering import _connected
+
+
+def slow(history: History, lam: float, initial: float, threshold: float) -> Trusts:
+    raters, providers = range(len(history[0])), range(len(history[0][0]))
+    trust = [[initial for _ in providers] for _ in raters]
+    found = []
+    for now, current in enumerate(history, 1):
+        past = [[[at[i][j] for at in history[:now] if at[i][j] is not None] for j in providers] for i in raters]
+        vectors = [[mean(notes, -1) for notes in row] for row in past]
+
+        def both(i: int, k: int, past: list = past) -> list[int]:
+            return [j for j in providers if past[i][j] and past[k][j]]
+
+        def apart(i: int, k: int, vectors: list = vectors, both=both) -> float:
+            return sqrt(mean([(vectors[i][j] - vectors[k][j]) ** 2 for j in both(i, k)], 99))
+
+        clusters = []
+        for i in raters:
+            cluster, fresh = {i}, [i]
+            while fresh:
+                here = fresh.pop()
+                new = [k for k in raters if k not in cluster and apart(here, k) <= threshold]
+                cluster.update(new)
+                fresh += new
+            clusters.append(cluster)
+        for i in raters:
+            for j in providers:
+                heard = [current[k][j] for k in clusters[i] if current[k][j] is not None]
+                trust[i][j] = lam * mean(heard, trust[i][j]) + (1 - lam) * trust[i][j]
+        credence = [[1.0 if k in clusters[i] else 0.0 if both(i, k) else initial for k in raters] for i in raters]
+        tor = [mean([credence[i][k] for i in raters if i != k], 1.0) for k in raters]
+        found.append((tor, [mean([trust[i][j] for i in raters], 0) for j in providers]))
+    return found
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [{"lam": 0.5, "initial": 0.5, "threshold": 0.3}, {"lam": 0.7, "initial": 0.2, "threshold": 0.12}],
+)
+def test_it_is_the_rule(parameters: dict[str, float]) -> None:
+    check_against(lambda history: slow(history, **parameters), make_trust_model("clustering", **parameters))
+
+
+def test_liars_are_a_cluster_of_their_own_by_hand() -> None:
+    """Three rate 1 and two 0: an honest judge hears 1, a liar 0, and the liars are two of five judges."""
+    [[(tor, top)]] = played(make_trust_model("clustering", lam=0.5), [[[[1], [1], [1], [0], [0]]]], np.zeros(()))
+    assert tor == pytest.approx([2 / 4, 2 / 4, 2 / 4, 1 / 4, 1 / 4])
+    assert top == pytest.approx([0.5 * 3 / 5 + 0.5 * 0.5])
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 4, 5, 9, 10, 17, 18])
+def test_a_chain_is_one_cluster_however_long(length: int) -> None:
+    links = np.eye(length + 1, k=1)
+    links[-2:] = links[:, -1:] = 0  # the last is alone
+    order = np.random.default_rng(length).permutation(length + 1)
+    wanted = np.zeros((length + 1, length + 1))
+    wanted[:length, :length] = wanted[length, length] = 1
+    assert np.array_equal(_connected((links + links.T)[order][:, order]), wanted[order][:, order])

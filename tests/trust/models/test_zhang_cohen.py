@@ -1,0 +1,74 @@
+"""The personalised model of Zhang and Cohen against its formula, loop by loop, and a case worked by hand."""
+
+from math import log
+
+import pytest
+from histories import History, Trusts, check_against, mean, played
+from numpy import zeros
+
+from roletrust_env.trust import make_trust_model
+
+
+def slow(history: History, lam: float, initial: float, tolerance: float, confidence: float, error: float) -> Trusts:
+    raters, providers = range(len(history[0])), range(len(history[0][0]))
+    enough = -log((1 - confidence) / 2) / (2 * error**2)
+    trust = [[initial for _ in providers] for _ in raters]
+    found = []
+    for now, current in enumerate(history, 1):
+        public = []
+        for k in raters:
+            every = near = 0
+            for at in history[:now]:
+                for j in providers:
+                    beside = [at[i][j] for i in raters if i != k and at[i][j] is not None]
+                    if at[k][j] is not None and beside:
+                        every, near = every + 1, near + (abs(at[k][j] - mean(beside, 0)) <= tolerance)
+            public.append((near + 1) / (every + 2))
+
+        def credence(i: int, k: int, now: int = now, public: list[float] = public) -> float:
+            pairs = [
+                (at[i][j], at[k][j])
+                for at in history[:now]
+                for j in providers
+                if at[i][j] is not None and at[k][j] is not None
+            ]
+            agreeing = sum(min(f, g) + min(1 - f, 1 - g) for f, g in pairs)
+            w = min(1.0, len(pairs) / enough)
+            return w * (agreeing + 1) / (len(pairs) + 2) + (1 - w) * public[k]
+
+        for i in raters:
+            for j in providers:
+                said = [(1.0 if k == i else credence(i, k), current[k][j]) for k in raters if current[k][j] is not None]
+                if said:
+                    opinion = sum(c * f for c, f in said) / sum(c for c, _ in said)
+                    trust[i][j] = lam * opinion + (1 - lam) * trust[i][j]
+        tor = [mean([credence(i, k) for i in raters if i != k], 1.0) for k in raters]
+        found.append((tor, [mean([trust[i][j] for i in raters], 0) for j in providers]))
+    return found
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"lam": 0.5, "initial": 0.5, "tolerance": 0.1, "confidence": 0.8, "error": 0.25},
+        {"lam": 0.8, "initial": 0.3, "tolerance": 0.25, "confidence": 0.5, "error": 0.4},
+    ],
+)
+def test_it_is_the_formula(parameters: dict[str, float]) -> None:
+    check_against(lambda history: slow(history, **parameters), make_trust_model("zhang-cohen", **parameters))
+
+
+def test_n_min_is_that_of_the_paper() -> None:
+    assert make_trust_model("zhang-cohen").enough == pytest.approx(18.42, abs=0.005)
+
+
+def test_one_round_with_a_liar_by_hand() -> None:
+    """Three rate one provider 1, 1 and 0, so that N = 1 of each pair and w = 1 / 18.42 = 0.0543.
+
+    Nobody is within 0.1 of the mean of the two others, so public = 1/3 for all. Private is 2/3 among the honest and
+    1/3 with the liar. C(honest, honest) = 0.0543 * 2/3 + 0.9457 * 1/3 = 0.3514, and every other is 1/3.
+    An honest judge hears (1 + 0.3514) / (1 + 0.3514 + 1/3) = 0.8021, the liar (2/3) / (1 + 2/3) = 0.4.
+    """
+    [[(tor, top)]] = played(make_trust_model("zhang-cohen", lam=0.5), [[[[1], [1], [0]]]], zeros(()))
+    assert tor == pytest.approx([(0.3514 + 1 / 3) / 2, (0.3514 + 1 / 3) / 2, 1 / 3], abs=1e-4)
+    assert top == pytest.approx([0.5 * (2 * 0.8021 + 0.4) / 3 + 0.25], abs=1e-4)

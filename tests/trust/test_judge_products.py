@@ -1,0 +1,44 @@
+"""What a judge hears, and judges taken some at a time."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from histories import played, random_history
+
+from roletrust_env.trust import judges, make_trust_model
+from roletrust_env.trust.judges import heeded, product, published_raters, with_self
+
+
+@pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray])
+def test_the_product_is_that_of_every_game(batch: tuple[int, ...], asarray: Any) -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.random((3, 4, *batch)), rng.random((4, 2, *batch))
+    wanted = np.einsum("ab...,bc...->ac...", one, other)
+    np.testing.assert_allclose(np.asarray(product(asarray(one), asarray(other))), wanted, rtol=1e-12)
+
+
+def test_a_judge_hears_whom_it_believes() -> None:
+    credence, sums = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    mean, weight = heeded(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
+    assert mean == pytest.approx(np.array([[2 / 3, 0, 0.5 / 1.5], [0, 0, 1]]))
+    assert weight.tolist() == [[3, 0, 1.5], [2, 0, 1]]
+
+
+def test_nobody_publishes_what_it_thinks_of_itself() -> None:
+    credence = np.array([[0.9, 0.2, 0.4], [0.6, 0.9, 0.8], [0.2, 0.4, 0.9]])
+    assert published_raters(credence) == pytest.approx([0.4, 0.3, 0.6])
+    assert np.diag(with_self(credence)).tolist() == [1, 1, 1]
+    assert published_raters(with_self(credence)) == pytest.approx([0.4, 0.3, 0.6])
+    assert published_raters(np.array([[0.3]])) == 1
+
+
+@pytest.mark.parametrize("name", ["peer-trust", "clustering", "zhang-cohen", "regression-aligned"])
+@pytest.mark.parametrize("block", [1, 60])  # one judge at a time; two, and one in the end
+def test_judge_by_judge_is_all_at_once(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    history = random_history(7, 4, seed=0)
+    together = played(make_trust_model(name), [history], np.zeros(()))
+    monkeypatch.setattr(judges, "_BLOCK", block)
+    assert played(make_trust_model(name), [history], np.zeros(())) == together
