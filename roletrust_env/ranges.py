@@ -23,3 +23,6 @@ Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1)]
 
 Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 """Weight of the newest round in every trust."""
+
+Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
+"""The probability that is cut off at either end of a distribution."""

@@ -27,7 +27,7 @@ _TINY = 1e-30  # stands in for 0 in logarithms
 
 
 def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array:
-    """The mean of Beta(successes + 2 initial, failures + 2 (1 - initial)): `initial` is the base rate, worth two ratings.
+    """The mean of Beta(r + 2 initial, s + 2 (1 - initial)): `initial` is the base rate, worth two ratings.
 
     Args:
         successes: r, at least 0, of any shape.
