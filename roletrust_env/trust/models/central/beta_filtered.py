@@ -10,8 +10,8 @@ from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.beta import quantile, reputation
 from roletrust_env.trust.models.central.beta import left
 
-_PASSES = 32
-"""Most passes of the filter. Each drops somebody and none drops all, so S - 1 are enough; crowds took 20 at most."""
+_PASSES = 12
+"""Most passes of the filter. Each drops somebody and none drops all, so S - 1 end it; 30 raters took 9 at most."""
 
 
 class BetaFilteredState(NamedTuple):
@@ -37,7 +37,7 @@ class BetaFiltered:
     Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
     of a provider speak for Beta(1 + r, 1 + s). For each provider, all raters whose distribution has its `q` quantile
     above or its 1 - `q` quantile below the aggregate mean are dropped, and so again with the mean of those that are
-    left, until nobody is dropped. Everybody is heard again in the next round.
+    left, until nobody is dropped, or 12 times, which only crowds may need more of. Everybody is heard again in the next round.
 
     Evidence is counted, fades and has a base rate as in `Beta`, which this model is where nobody is dropped.
 
@@ -77,13 +77,13 @@ class BetaFiltered:
     def _filter(self, successes: Array, failures: Array) -> Array:
         """1 for each rater that is kept for a provider and 0 for each that is dropped, shape (S, P, ...)."""
         xp = namespace(successes)
-        low = quantile(self.q, 1 + successes, 1 + failures)
-        high = quantile(1 - self.q, 1 + successes, 1 + failures)
+        a, b = 1 + successes, 1 + failures
+        low, below_one = quantile(self.q, xp.stack([a, b]), xp.stack([b, a]))  # for a compiler, one is half of two
         evident = successes + failures > 0
         heard = xp.ones_like(successes)
         for _ in range(min(successes.shape[0] - 1, _PASSES)):
             mean = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
-            still = heard * cast((low <= mean) & (mean <= high), heard.dtype)
+            still = heard * cast((low <= mean) & (mean <= 1 - below_one), heard.dtype)
             heard = xp.where(xp.any((still > 0) & evident, axis=0), still, heard)
         return heard
 
