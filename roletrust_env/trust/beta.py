@@ -11,7 +11,6 @@ height of the peak is known from Stirling's formula, of which only the small rem
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array
     return (successes + 2 * initial) / (successes + failures + 2)
 
 
-def mass_below(x: Any, a: Array, b: Array) -> Array:
+def mass_below(x: Array, a: Array, b: Array) -> Array:
     """The mass of Beta(a, b) below x: the regularised incomplete beta function I_x(a, b).
 
     Args:
@@ -60,6 +59,11 @@ def mass_below(x: Any, a: Array, b: Array) -> Array:
     offset = -abs(offset)
     below = xp.exp(_log_density(offset, a, b)) * _tail(offset, a, b)
     return xp.where(above, 1.0 - below, below)
+
+
+def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
+    """The mass of Beta(a, b) between two bounds, low <= high; see `mass_below`. It is at least 0, whatever is rounded."""
+    return namespace(a).clip(mass_below(high, a, b) - mass_below(low, a, b), 0.0, 1.0)
 
 
 def quantile(q: float, a: Array, b: Array) -> Array:

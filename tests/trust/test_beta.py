@@ -60,6 +60,7 @@ def test_cases_by_hand() -> None:
     x = np.array([0.1, 0.5, 0.9])
     assert beta.mass_below(x, np.array(2.0), np.array(1.0)) == pytest.approx([0.01, 0.25, 0.81], abs=1e-9)
     assert beta.mass_below(x, np.array(1.0), np.array(3.0)) == pytest.approx([0.271, 0.875, 0.999], abs=1e-9)
+    assert beta.mass_between(np.array(0.1), x[1:], np.array(2.0), np.array(1.0)) == pytest.approx([0.24, 0.8], abs=1e-9)
     assert beta.quantile(0.25, np.array(2.0), np.array(1.0)) == pytest.approx(0.5)
     assert beta.reputation(3.0, 1.0) == pytest.approx(4 / 6)
     assert beta.reputation(3.0, 1.0, initial=0.2) == pytest.approx(3.4 / 6)

@@ -37,7 +37,8 @@ class BetaFiltered:
     Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
     of a provider speak for Beta(1 + r, 1 + s). For each provider, all raters whose distribution has its `q` quantile
     above or its 1 - `q` quantile below the aggregate mean are dropped, and so again with the mean of those that are
-    left, until nobody is dropped, or 12 times, which only crowds may need more of. Everybody is heard again in the next round.
+    left, until nobody is dropped; after 12 passes, of which only crowds may need more, whoever is left stays. Everybody
+    is heard again in the next round.
 
     Evidence is counted, fades and has a base rate as in `Beta`, which this model is where nobody is dropped.
 

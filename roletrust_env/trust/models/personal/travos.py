@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
-from roletrust_env.trust.beta import mass_below, reputation
+from roletrust_env.trust.beta import mass_between, reputation
 from roletrust_env.trust.judges import others, published_providers, published_raters
 
 _FLAT = 1 / math.sqrt(12)
@@ -112,12 +112,12 @@ class Travos:
     def _accuracy(self, good: Array, bad: Array) -> Array:
         """Rho, how right opinions in each bin were, shape (S, S, bins, ...)."""
         low, high = self._edges(good[0])
-        return mass_below(high, good + 1, bad + 1) - mass_below(low, good + 1, bad + 1)
+        return mass_between(low, high, good + 1, bad + 1)
 
     def _trust(self, successes: Array, failures: Array, accuracy: Array) -> Array:
         """The judges' trust in the providers, shape (S, P, ...), of rho, shape (S judges, S advisers, P, ...)."""
         own, a, b = reputation(successes, failures), successes + 1, failures + 1
-        confidence = mass_below(own + self.error, a, b) - mass_below(own - self.error, a, b)
+        confidence = mass_between(own - self.error, own + self.error, a, b)
         spread = (own * (1 - own) / (a + b + 1)) ** 0.5
         mean = 0.5 + accuracy * (own - 0.5)
         precision = 1 / (_FLAT + accuracy * (spread - _FLAT)) ** 2
