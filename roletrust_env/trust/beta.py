@@ -62,7 +62,7 @@ def mass_below(x: Array, a: Array, b: Array) -> Array:
 
 
 def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
-    """The mass of Beta(a, b) between two bounds, low <= high; see `mass_below`. It is at least 0, whatever is rounded."""
+    """The mass of Beta(a, b) between two bounds, low <= high, at least 0 whatever is rounded; see `mass_below`."""
     return namespace(a).clip(mass_below(high, a, b) - mass_below(low, a, b), 0.0, 1.0)
 
 

@@ -57,6 +57,8 @@ class Travos:
     the paper has of each opinion only, is the mean of rho over the opinions that the adviser now holds, or 1 / `bins`
     where it holds none, which is the rho of an untried opinion. Left out is the choice of whom to ask: all are.
 
+    What is remembered grows with S^2; while a round is worked out, arrays of S^2 P are held.
+
     Attributes:
         error: how far from the mean a judge tolerates the truth, in [0, 1].
         threshold: the confidence above which it asks nobody, in [0, 1]; with 1 it always asks.
