@@ -1,8 +1,9 @@
 """The Beta distribution in array arithmetic, for models that hold an opinion as successes and failures.
 
-Written for a and b of 1 up to ten thousand, which is more than a game counts. With float64, masses and quantiles are
-right to 1e-9 (quantiles of less than 1e-3 to 1e-6); with float32, quantiles to 1e-6 and masses to 1e-5 for a and b up
-to a hundred, but only to 3e-4 at ten thousand. All run on NumPy and on torch, batched, in a fixed number of operations.
+Written for a and b of 1 up to a million, which is more than a game counts. With float64, masses and quantiles are right
+to 1e-9 (quantiles of less than 1e-3 to 1e-6). With float32, quantiles are right to 1e-6, and masses to 1e-5 for a and b
+up to a hundred, but only to 3e-4 at ten thousand, and worse beyond. All run on NumPy and on torch, batched, in a fixed
+number of operations.
 
 The variable is the log odds, in which the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
 log-concave, and falls off at least exponentially. So a tail is an integral over an interval of known length, which

@@ -11,7 +11,7 @@ from scipy import special
 from roletrust_env.trust import beta
 
 
-def parameters(count: int = 5_000, most: int = 10_000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def parameters(count: int = 5_000, most: int = 1_000_000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A and b of 1 to a greatest, every tenth at its least, and x, of which more lie where the mass is."""
     rng = np.random.default_rng(0)
     a, b = np.exp(rng.uniform(0, math.log(most), (2, count)))
