@@ -35,3 +35,6 @@ Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
 
 LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
 """A share that is cut from both ends."""
+
+Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
+"""The probability that is cut off at either end of a distribution."""

@@ -1,6 +1,8 @@
 """The trust models that come with the package, by name."""
 
 from roletrust_env.trust.model import register_trust_model
+from roletrust_env.trust.models.central.beta import Beta
+from roletrust_env.trust.models.central.beta_filtered import BetaFiltered
 from roletrust_env.trust.models.central.constant import Constant
 from roletrust_env.trust.models.central.deviation_weighted import DeviationWeighted
 from roletrust_env.trust.models.central.eigentrust import EigenTrust
@@ -17,10 +19,13 @@ from roletrust_env.trust.models.personal.peer_trust import PeerTrust
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
 from roletrust_env.trust.models.personal.subjective_logic import SubjectiveLogic
+from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen
 
 register_trust_model("role-trust", RoleTrust)
+register_trust_model("beta", Beta)
+register_trust_model("beta-filtered", BetaFiltered)
 register_trust_model("constant", Constant)
 register_trust_model("deviation-weighted", DeviationWeighted)
 register_trust_model("eigentrust", EigenTrust)
@@ -37,5 +42,6 @@ register_trust_model("peer-trust", PeerTrust)
 register_trust_model("qor", QualityOfRecommendation)
 register_trust_model("regression-aligned", RegressionAligned)
 register_trust_model("subjective-logic", SubjectiveLogic)
+register_trust_model("travos", Travos)
 register_trust_model("yu-singh", YuSingh)
 register_trust_model("zhang-cohen", ZhangCohen)

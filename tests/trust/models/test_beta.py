@@ -1,0 +1,41 @@
+"""Beta reputation against a slow reference and by hand."""
+
+import numpy as np
+import pytest
+from models.played import KINDS, SHAPES, compare
+
+from roletrust_env.trust import make_trust_model
+
+
+def slow(game, keep=0.9, initial=0.5):
+    raters, providers = range(len(game[0][0])), range(len(game[0][0][0]))
+    good, bad, found = [0.0 for _ in providers], [0.0 for _ in providers], []
+    for ratings, mask in game:
+        for j in providers:
+            notes = [ratings[i][j] for i in raters if mask[i][j]]
+            if notes:
+                good[j] = keep * good[j] + sum(notes)
+                bad[j] = keep * bad[j] + sum(1 - f for f in notes)
+        found.append(([1.0 for _ in raters], [(good[j] + 2 * initial) / (good[j] + bad[j] + 2) for j in providers]))
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_it_is_the_formula(shape, kind) -> None:
+    compare(make_trust_model("beta"), slow, shape, kind)
+    compare(make_trust_model("beta", keep=0.5, initial=0.2), lambda game: slow(game, 0.5, 0.2), shape, kind)
+
+
+def test_two_rounds_by_hand() -> None:
+    """Notes 1 and 0.5, then 0: r = 1.5, s = 0.5, and then r = 0.9 * 1.5 = 1.35, s = 0.9 * 0.5 + 1 = 1.45."""
+    model = make_trust_model("beta")
+    state = model.update(model.start(np.zeros((2, 1))), np.array([[1.0], [0.5]]), None)
+    assert model.provider_trust(state) == pytest.approx([2.5 / 4])
+    state = model.update(state, np.array([[0.0], [0.7]]), np.array([[True], [False]]))
+    assert model.provider_trust(state) == pytest.approx([2.35 / 4.8])
+
+
+def test_what_is_kept_must_be_a_share() -> None:
+    with pytest.raises(ValueError, match=r"keep.*\[0, 1\]"):
+        make_trust_model("beta", keep=1.1)

@@ -1,0 +1,121 @@
+"""TRAVOS against a slow reference, and a case by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from models.played import KINDS, SHAPES, compare
+from scipy import special
+
+from roletrust_env.trust import make_trust_model
+
+
+def mass(a, b, low, high):
+    return special.betainc(a, b, min(high, 1)) - special.betainc(a, b, max(low, 0))
+
+
+def weakened(r, s, rho):
+    """The successes and failures that a judge makes of r and s, believing them as far as rho."""
+    flat = math.sqrt(1 / 12)
+    mu = (r + 1) / (r + s + 2)
+    sd = math.sqrt((r + 1) * (s + 1) / ((r + s + 2) ** 2 * (r + s + 3)))
+    mu, sd = 0.5 + rho * (mu - 0.5), flat + rho * (sd - flat)
+    return (mu**2 - mu**3) / sd**2 - mu - 1, ((1 - mu) ** 2 - (1 - mu) ** 3) / sd**2 - (1 - mu) - 1
+
+
+def slow(game, error=0.2, threshold=0.95, bins=5):
+    raters, providers = range(len(game[0][0])), range(len(game[0][0][0]))
+    good, bad = ([[0.0 for _ in providers] for _ in raters] for _ in range(2))
+    after, found = {}, []  # after opinions: (judge, adviser, bin) -> [successes, failures]
+
+    def opinion(k, j):
+        seen = good[k][j] + bad[k][j]
+        return int((good[k][j] + 1) / (seen + 2) * bins) if seen else None
+
+    def rho(i, k, part):
+        right, wrong = after.get((i, k, part), (0, 0))
+        return mass(right + 1, wrong + 1, part / bins, (part + 1) / bins)
+
+    for ratings, mask in game:
+        for i in raters:
+            for k in raters:
+                for j in providers:
+                    if mask[i][j] and opinion(k, j) is not None:
+                        counts = after.setdefault((i, k, opinion(k, j)), [0, 0])
+                        counts[0] += ratings[i][j]
+                        counts[1] += 1 - ratings[i][j]
+        for i in raters:
+            for j in providers:
+                if mask[i][j]:
+                    good[i][j] += ratings[i][j]
+                    bad[i][j] += 1 - ratings[i][j]
+        top = []
+        for j in providers:
+            trust = 0
+            for i in raters:
+                m, n = good[i][j], bad[i][j]
+                mu = (m + 1) / (m + n + 2)
+                if mass(m + 1, n + 1, mu - error, mu + error) <= threshold:
+                    for k in raters:
+                        if k != i and opinion(k, j) is not None:
+                            more, less = weakened(good[k][j], bad[k][j], rho(i, k, opinion(k, j)))
+                            m, n = m + more, n + less
+                    mu = (m + 1) / (m + n + 2)
+                trust += mu / len(raters)
+            top.append(trust)
+        tor = []
+        for k in raters:
+            held = [opinion(k, j) for j in providers if opinion(k, j) is not None]
+            judges = [i for i in raters if i != k]
+            credence = [sum(rho(i, k, part) for part in held) / len(held) if held else 1 / bins for i in judges]
+            tor.append(sum(credence) / len(judges) if judges else 1.0)
+        found.append((tor, top))
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_it_is_the_formula(shape, kind) -> None:
+    compare(make_trust_model("travos"), slow, shape, kind)
+
+
+def test_other_parameters_are_the_formula_too() -> None:
+    other = {"error": 0.1, "threshold": 0.7, "bins": 3}
+    compare(make_trust_model("travos", **other), lambda game: slow(game, **other), (4, 3), KINDS[0])
+
+
+def test_a_first_round_by_hand() -> None:
+    """The first of two saw one success, so mu = 2/3, and the mass of Beta(2, 1) above 7/15 and below 13/15 is 8/15.
+
+    It asks the second, which saw one failure: mu = 1/3, sd = 1 / sqrt(18), in the second bin, which holds 1/5 of what
+    has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 / sqrt(18) = 0.27808.
+    """
+    model = make_trust_model("travos")
+    state = model.update(model.start(np.zeros((2, 1))), np.array([[1.0], [0.0]]), None)
+    k = 7 / 15 * 8 / 15 / 0.278080**2 - 1
+    more, less = 7 / 15 * k - 1, 8 / 15 * k - 1
+    assert (more, less) == pytest.approx((0.03536, 0.18327), abs=1e-4)
+    trust = (1 + more + 1) / (1 + more + less + 2)
+    assert state.trust[:, 0] == pytest.approx([trust, 1 - trust], abs=1e-5)
+    assert model.rater_trust(state) == pytest.approx([0.2, 0.2])
+
+
+def test_a_liar_loses_credence_and_its_say() -> None:
+    """Two providers are good and one is bad, and it says the contrary; a judge that never saw the first is told."""
+    model = make_trust_model("travos")
+    notes = np.array([[1.0, 1.0, 0.0]] * 4 + [[0.0, 0.0, 1.0]])
+    mask = np.ones(notes.shape, bool)
+    mask[0, 0] = False
+    state = model.start(notes)
+    for _ in range(10):
+        state = model.update(state, notes, mask)
+    tor = model.rater_trust(state)
+    assert tor[4] < 0.01
+    assert tor[:4].min() > 0.6
+    assert state.trust[0, 0] > 0.8
+
+
+@pytest.mark.parametrize(("field", "value"), [("error", -0.1), ("threshold", 1.5), ("bins", 0)])
+def test_parameters_out_of_range_are_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        make_trust_model("travos", **{field: value})

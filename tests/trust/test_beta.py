@@ -1,0 +1,73 @@
+"""Masses and quantiles of Beta distributions, against SciPy, which has them."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+from scipy import special
+
+from roletrust_env.trust import beta
+
+
+def parameters(count: int = 5_000, most: int = 1_000_000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A and b of 1 to a greatest, every tenth at its least, and x, of which more lie where the mass is."""
+    rng = np.random.default_rng(0)
+    a, b = np.exp(rng.uniform(0, math.log(most), (2, count)))
+    a[::10], b[5::10], a[:50], b[:100] = 1, 1, most, most
+    return a, b, np.where(rng.random(count) < 0.7, rng.beta(a, b), rng.random(count))
+
+
+def test_masses_are_those_of_scipy() -> None:
+    a, b, x = parameters()
+    np.testing.assert_allclose(beta.mass_below(x, a, b), special.betainc(a, b, x), rtol=0, atol=1e-9)
+
+
+def test_masses_of_torch_are_those_of_scipy() -> None:
+    a, b, x = parameters()
+    tensors = map(torch.asarray, (x, a, b))
+    np.testing.assert_allclose(beta.mass_below(*tensors).numpy(), special.betainc(a, b, x), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+@pytest.mark.parametrize(("most", "within"), [(100, 1e-5), (10_000, 3e-4)])
+def test_single_precision_is_as_good_as_it_gets(asarray: Callable, most: int, within: float) -> None:
+    single = [array.astype(np.float32) for array in parameters(most=most)]
+    a, b, x = (array.astype(float) for array in single)
+    tensors = [asarray(array) for array in single]
+    mass, found = beta.mass_below(tensors[2], *tensors[:2]), beta.quantile(0.01, *tensors[:2])
+    assert mass.dtype == found.dtype == tensors[0].dtype
+    np.testing.assert_allclose(np.asarray(mass), special.betainc(a, b, x), rtol=0, atol=within)
+    np.testing.assert_allclose(np.asarray(found), special.betaincinv(a, b, 0.01), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("q", [1e-6, 1e-3, 0.01, 0.2, 0.45, 0.5, 0.8, 0.99, 1 - 1e-6])
+def test_quantiles_are_those_of_scipy(q: float) -> None:
+    a, b, _ = parameters(2_000)
+    within = 1e-9 if 1e-3 <= q <= 1 - 1e-3 else 1e-6
+    np.testing.assert_allclose(beta.quantile(q, a, b), special.betaincinv(a, b, q), rtol=0, atol=within)
+
+
+def test_the_ends_hold_nothing_and_all() -> None:
+    a, b, _ = parameters(1_000)
+    for x, mass in ((0.0, 0), (-0.2, 0), (1.0, 1), (1.2, 1)):
+        assert np.array_equal(beta.mass_below(np.full(1_000, x), a, b).round(15), np.full(1_000, mass))
+
+
+def test_cases_by_hand() -> None:
+    """Beta(2, 1) has density 2x, so mass x^2; Beta(1, 3) has density 3 (1 - x)^2, so mass 1 - (1 - x)^3."""
+    x = np.array([0.1, 0.5, 0.9])
+    assert beta.mass_below(x, np.array(2.0), np.array(1.0)) == pytest.approx([0.01, 0.25, 0.81], abs=1e-9)
+    assert beta.mass_below(x, np.array(1.0), np.array(3.0)) == pytest.approx([0.271, 0.875, 0.999], abs=1e-9)
+    assert beta.mass_between(np.array(0.1), x[1:], np.array(2.0), np.array(1.0)) == pytest.approx([0.24, 0.8], abs=1e-9)
+    assert beta.quantile(0.25, np.array(2.0), np.array(1.0)) == pytest.approx(0.5)
+    assert beta.reputation(3.0, 1.0) == pytest.approx(4 / 6)
+    assert beta.reputation(3.0, 1.0, initial=0.2) == pytest.approx(3.4 / 6)
+
+
+def test_both_compile_into_one_graph() -> None:
+    a, b, x = map(torch.asarray, parameters(100))
+    for function, given in ((beta.mass_below, (x, a, b)), (lambda a, b: beta.quantile(0.01, a, b), (a, b))):
+        compiled = torch.compile(function, fullgraph=True, backend="eager")
+        assert torch.equal(compiled(*given), function(*given))
