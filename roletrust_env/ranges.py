@@ -52,7 +52,11 @@ class Victims:
 
 
 class Accomplices:
-    """Annotated to a tuple of places on the provider axis: searches name the attacker's own providers."""
+    """Annotated to a tuple of places on the provider axis: the attacker's own providers, told where they are known."""
+
+
+class Length:
+    """Annotated to a number of rounds: the length of the game, told where it is known."""
 
 
 Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1), Searched(0, 1)]

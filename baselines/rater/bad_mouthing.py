@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic.dataclasses import dataclass
 
-from baselines.rater.lying import Lying
+from baselines.rater.lying import TargetedLying
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
@@ -12,7 +12,7 @@ from roletrust_env.ranges import Share, Tried
 
 
 @dataclass(frozen=True)
-class BadMouthing(Lying):
+class BadMouthing(TargetedLying):
     """Bad-mouthing attack (BMA): a rater that rates good services low.
 
     Su and Saint-Jore (EWSN 2023), section 3, Figure 4: the constant note 0.5.

@@ -19,7 +19,35 @@ Places = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
 @dataclass(frozen=True)
 class Lying(WindowedAttack):
-    """A rater that lies about some providers or about all, for a while.
+    """A rater that lies for a while, about all providers.
+
+    Attributes:
+        start: first round of the attack.
+        stop: first round after it; None attacks to the end.
+    """
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+
+    def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """What it would rate everybody, shape (P, ...), and its new memory."""
+        raise NotImplementedError
+
+    def about(self, view: RaterView) -> Array:
+        """About whom it lies now, boolean, (P, ...) or (...)."""
+        return self.active(view.round)
+
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Lies while active, the truth otherwise. See `Policy.ratings`."""
+        lies, memory = self.lies(view, memory, random)
+        return namespace(lies).where(self.about(view), lies, view.service), memory
+
+
+@dataclass(frozen=True)
+class TargetedLying(Lying):
+    """A rater that lies about chosen providers and tells the truth about the others.
+
+    So each of these attacks is discriminatory (Dellarocas 2000) by its targets. The other side of discrimination, to
+    serve chosen raters badly, is not in this game: a provider has one quality for all in a round.
 
     Attributes:
         targets: places of the victims on the provider axis; None lies about all.
@@ -28,19 +56,11 @@ class Lying(WindowedAttack):
     """
 
     targets: Annotated[Places | None, Victims()] = field(default=None, kw_only=True)
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
 
-    def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """What it would rate everybody, shape (P, ...), and its new memory."""
-        raise NotImplementedError
-
-    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Lies about the targets while active, the truth otherwise. See `Policy.ratings`."""
-        lies, memory = self.lies(view, memory, random)
-        about = self.active(view.round)
-        if self.targets is not None:
-            about = about & among(self.targets, view.service, "targets")
-        return namespace(lies).where(about, lies, view.service), memory
+    def about(self, view: RaterView) -> Array:
+        """The targets, while active. See `Lying.about`."""
+        active = self.active(view.round)
+        return active if self.targets is None else active & among(self.targets, view.service, "targets")
 
 
 def among(places: tuple[int, ...], providers: Array, what: str) -> Array:

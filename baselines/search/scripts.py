@@ -49,7 +49,8 @@ class Scripts:
         providers = list(enumerate(roster.provider_names))
         victims = tuple(place for place, name in providers if name not in bad)
         accomplices = tuple(place for place, name in providers if name in task.compromised)
-        spaces = [Space(kind, victims, accomplices) for kind in (USUAL if attacks is None else attacks)]
+        facts = victims, accomplices, task.game.scenario.max_cycles
+        spaces = [Space(kind, *facts) for kind in (USUAL if attacks is None else attacks)]
         serving, rating = ([space for space in spaces if channel in space.channels] for channel in _CHANNELS)
         agents = tuple(
             (name, bool(serving) and name in roster.provider_names, bool(rating) and name in roster.rater_names)

@@ -2,7 +2,7 @@
 
 A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal` and the
 places of `Victims` are coordinates, in the order of the class's signature. `Kept`, and every other field, keeps its
-default; `Accomplices` are the attacker's own providers.
+default, but for what an attacker is told: `Accomplices` and `Length`.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from roletrust_env.arrays import Array
 from roletrust_env.errors import explain
 from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.ranges import Accomplices, Kept, Searched, Tried, Victims
+from roletrust_env.ranges import Accomplices, Kept, Length, Searched, Tried, Victims
 
 Kind = Callable[..., Policy]
 """A policy's class, or `functools.partial` of one where some of its parameters are fixed."""
@@ -46,6 +46,7 @@ class Space:
         kind: of the attacks.
         victims: places of the honest providers on the provider axis.
         accomplices: places of the attacker's own providers there.
+        length: of the game, in rounds.
 
     Raises:
         ValueError: the kind has no defaults for what is neither searched nor fixed, or its fields cannot be read.
@@ -55,13 +56,12 @@ class Space:
         channels: on which that attacks.
     """
 
-    def __init__(self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...]) -> None:
+    def __init__(self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int) -> None:
         self._make: Any = kind.func if isinstance(kind, partial) else kind
         self._fixed: dict[str, Any] = dict(kind.keywords) if isinstance(kind, partial) else {}
         hints = _hints(self._make)
+        self._fixed = {**told(self._make, accomplices, length), **self._fixed}
         free = [name for name in hints if name not in self._fixed]
-        if accomplices:
-            self._fixed |= dict.fromkeys((name for name in free if _mark(hints[name], Accomplices)), accomplices)
         self.default = self._made()
         self.channels: frozenset[Channel] = self.default.attacks
         axes = (_axis(name, hints[name], getattr(self.default, name, None), victims) for name in free)
@@ -125,6 +125,19 @@ class Mixture:
         if len(self._spaces) == 1:
             return self._spaces[0].decode(point)
         return self._spaces[_part(float(point[0]), len(self._spaces))].decode(point[1:])
+
+
+def told(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
+    """What an attack of a kind asks to be told of the game, by its parameters.
+
+    Args:
+        kind: the class of the attack.
+        accomplices: places of the attacker's own providers on the provider axis; it is not told of none.
+        length: of the game, in rounds.
+    """
+    known = ((Accomplices, accomplices), (Length, length))
+    hints = _hints(kind).items()
+    return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
 def words(policy: Policy) -> str:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 import baselines
-from baselines.search.space import Kind
+from baselines.search.space import Kind, told
 from roletrust_env import Policy, Scenario
 from roletrust_env.registry import Registry
 from roletrust_env.trust import TrustModel
@@ -85,21 +85,27 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
     Args:
         texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
-            `targets` and `accomplices` may be names of agents.
+            `targets` and `accomplices` may be names of agents. Accomplices that are not given are all the providers
+            that attack, and the length of the game is the scenario's, where an attack asks for them.
         scenario: whose agents they are.
 
     Raises:
         ValueError: a text is not of that form, names no agent or an agent again, or the attacker cannot be made.
     """
-    policies: dict[str, Policy] = {}
-    roster = Roster.of(scenario)
+    roster, seated = Roster.of(scenario), []
     for text in texts:
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
+        seated.append((_agents(pattern.strip(), roster.names), attacker))
+    attacked = {agent for agents, _ in seated for agent in agents}
+    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
+    policies: dict[str, Policy] = {}
+    for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
-        policy = _made(registry, name, parameters, attacker)
-        for agent in _agents(pattern.strip(), roster.names):
+        facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        policy = _made(registry, name, {**facts, **parameters}, attacker)
+        for agent in agents:
             if agent in policies:
                 raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
             policies[agent] = policy

@@ -31,7 +31,7 @@ class Own(Policy):
 
 
 def test_a_class_of_python_itself_is_searched_by_what_its_fields_declare():
-    space = Space(Own, (1, 3, 4), (2,))
+    space = Space(Own, (1, 3, 4), (2,), 50)
     assert space.size == 5
     assert space.channels == {"quality"}
     assert space.decode([0.0] * 5) == Own(bad=0, rounds=2, mood="sour", power=-1, places=(1,), ring=(2,))
@@ -42,7 +42,7 @@ def test_a_class_of_python_itself_is_searched_by_what_its_fields_declare():
 
 
 def test_a_grid_tries_what_is_declared_or_both_ends_and_the_middle():
-    grid = Space(Own, (1, 3), ()).grid
+    grid = Space(Own, (1, 3), (), 50).grid
     assert len(grid) == 3 * 3 * 3 * 1 * 2
     assert {policy.bad for policy in grid} == {0, 0.5, 1}
     assert {policy.rounds for policy in grid} == {2, 4, 5}
@@ -52,20 +52,20 @@ def test_a_grid_tries_what_is_declared_or_both_ends_and_the_middle():
 
 
 def test_what_is_fixed_is_not_searched():
-    space = Space(partial(BadMouthing, lie="relative", targets=(4,)), (0, 1, 2), ())
+    space = Space(partial(BadMouthing, lie="relative", targets=(4,)), (0, 1, 2), (), 50)
     assert space.size == 1
     assert space.default == BadMouthing(lie="relative", targets=(4,))
     assert space.decode([0.3]) == BadMouthing(lie="relative", level=0.3, targets=(4,))
 
 
 def test_where_nobody_is_honest_there_are_no_victims():
-    space = Space(BadMouthing, (), ())
+    space = Space(BadMouthing, (), (), 50)
     assert {space.decode([0.0, 0.5, x]).targets for x in (0.0, 1.0)} == {None}
     assert {policy.targets for policy in space.grid} == {None}
 
 
 def test_a_mixture_picks_a_kind_and_its_parameters():
-    spaces = [Space(kind, (), ()) for kind in (OnOff, BadMouthing)]
+    spaces = [Space(kind, (), (), 50) for kind in (OnOff, BadMouthing)]
     mixture = Mixture(spaces)
     assert mixture.size == 5
     assert mixture.default == OnOff()
@@ -100,12 +100,12 @@ class Contrary(Policy):
 
 def test_what_cannot_be_searched_says_why():
     with pytest.raises(ValueError, match=r"attack Demanding cannot be searched, it refuses \{\}: field bad is missing"):
-        Space(Demanding, (), ())
-    assert Space(partial(Demanding, bad=0.5), (), ()).size == 0
+        Space(Demanding, (), (), 50)
+    assert Space(partial(Demanding, bad=0.5), (), (), 50).size == 0
     with pytest.raises(ValueError, match=r"attack Contrary .* refuses {'rounds': 0}: rounds is 0: .* greater than 0"):
-        Space(Contrary, (), ()).decode([0.0])
+        Space(Contrary, (), (), 50).decode([0.0])
     with pytest.raises(ValueError, match=r"attack Tried cannot be searched, it makes .*Tried.*, no Policy"):
-        Space(Tried, (), ())
+        Space(Tried, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
         with pytest.raises(ValueError, match=f"low={low}, high={high}.* no range"):
             Searched(low, high)
