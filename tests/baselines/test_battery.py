@@ -66,6 +66,18 @@ def test_it_plays_alone_as_in_a_batch_and_on_torch_as_on_numpy(name):
             assert one == pytest.approx(many[..., 0], abs=1e-12)
 
 
+@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize("name", NAMES)
+def test_it_keeps_to_the_games_dtype(name, like):
+    game = Game(SMALL, "role-trust", like)
+    random, cast = game.random(0), Cast(game, seated(made(name)))
+    state, memories = game.start(game.draw(random, (2,), start=True)), cast.begin(random, (2,))
+    for _ in range(3):
+        actions, memories = cast.act(state, memories, random)
+        assert {part.dtype for part in actions} == {like.dtype}
+        state, _ = game.step(state, actions, game.draw(random, (2,)))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_it_does_something(name):
     attacked, honest = (played(policy, np.zeros(()), (4,)) for policy in (made(name), Policy()))
