@@ -12,8 +12,6 @@ from roletrust_env.arrays import Array
 from roletrust_env.game.attack import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 
-_CHANNELS: tuple[Channel, Channel] = ("quality", "ratings")
-
 USUAL: tuple[Kind, ...] = (OnOff, BadMouthing)
 """The paper's attacks: a provider attacks on and off, a rater by bad-mouthing, an agent with both roles does both."""
 
@@ -51,19 +49,19 @@ class Scripts:
         accomplices = tuple(place for place, name in providers if name in task.compromised)
         facts = victims, accomplices, task.game.scenario.max_cycles
         spaces = [Space(kind, *facts) for kind in (USUAL if attacks is None else attacks)]
-        serving, rating = ([space for space in spaces if channel in space.channels] for channel in _CHANNELS)
+        roles: dict[Channel, tuple[str, ...]] = {"quality": roster.provider_names, "ratings": roster.rater_names}
+        decided = {channel for channel, names in roles.items() if not set(names).isdisjoint(task.compromised)}
+        for space in spaces if attacks is not None else ():
+            if not space.channels & decided:
+                by, who = " and ".join(sorted(space.channels)) or "nothing", ", ".join(task.compromised)
+                raise ValueError(
+                    f"{words(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
+                )
+        serving, rating = ([space for space in spaces if channel in space.channels] for channel in roles)
         agents = tuple(
             (name, bool(serving) and name in roster.provider_names, bool(rating) and name in roster.rater_names)
             for name in task.compromised
         )
-        there = {channel for k, channel in enumerate(_CHANNELS, start=1) if any(agent[k] for agent in agents)}
-        for space in spaces if attacks is not None else ():
-            if not space.channels & there:
-                by = " and ".join(sorted(space.channels)) or "nothing"
-                who = ", ".join(task.compromised)
-                raise ValueError(
-                    f"{words(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
-                )
         return cls(agents, Mixture(serving), Mixture(rating))
 
     @property

@@ -21,7 +21,6 @@ from roletrust_env.ranges import Accomplices, Kept, Length, Searched, Tried, Vic
 Kind = Callable[..., Policy]
 """A policy's class, or `functools.partial` of one where some of its parameters are fixed."""
 
-
 HONEST = Policy()
 
 
@@ -57,10 +56,10 @@ class Space:
     """
 
     def __init__(self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int) -> None:
-        self._make: Any = kind.func if isinstance(kind, partial) else kind
-        self._fixed: dict[str, Any] = dict(kind.keywords) if isinstance(kind, partial) else {}
+        self._make: Any
+        self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
+        self._fixed = {**told(self._make, accomplices, length), **given}
         hints = _hints(self._make)
-        self._fixed = {**told(self._make, accomplices, length), **self._fixed}
         free = [name for name in hints if name not in self._fixed]
         self.default = self._made()
         self.channels: frozenset[Channel] = self.default.attacks
