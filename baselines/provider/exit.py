@@ -17,8 +17,8 @@ from roletrust_env.ranges import Length, Searched, Tried
 class Exit(Cheating):
     """Exit: a provider that serves well up to the last rounds, and cheats in these.
 
-    Kerr and Cohen (2009) call it exit or re-entry: who is about to leave has no trust to lose. It has to know when the
-    game ends; the command line and the searches tell it.
+    Who is about to leave has no trust to lose; with a new identity afterwards it is the re-entry of Kerr and Cohen
+    (2009), "Smart Cheaters Do Prosper". It has to know when the game ends; the command line and the searches tell it.
 
     Attributes:
         length: of the game, in rounds.

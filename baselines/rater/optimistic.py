@@ -14,7 +14,7 @@ from roletrust_env.randomness import Random
 class Optimistic(TargetedLying):
     """Optimistic ratings: a rater that sees everything half as bad, (x + 1) / 2 on the scale [-1, 1].
 
-    The ratings of `BallotStuffing(level=0.5)`, under the name that testbeds give them, and about chosen providers.
+    The ratings of `BallotStuffing(level=0.5)`, about targets: praise of honest providers.
 
     Attributes:
         targets: places of the victims on the provider axis; None lies about all.

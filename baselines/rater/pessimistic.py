@@ -14,7 +14,7 @@ from roletrust_env.randomness import Random
 class Pessimistic(TargetedLying):
     """Pessimistic ratings: a rater that sees everything half as good, (x - 1) / 2 on the scale [-1, 1].
 
-    The same as `BadMouthing(lie="relative", level=0.5)`, under the name that testbeds give it.
+    The ratings of `BadMouthing(lie="relative", level=0.5)`, with nothing left to search but the targets.
 
     Attributes:
         targets: places of the victims on the provider axis; None lies about all.

@@ -14,7 +14,7 @@ from roletrust_env.randomness import Random
 class RandomRating(TargetedLying):
     """Random ratings: a rater whose notes are drawn from U[0, 1) and say nothing.
 
-    The mildest of the dishonest raters of most testbeds, such as ATB (Jelenc et al. 2013).
+    The random scenario of ATB (Jelenc et al. 2013).
 
     Attributes:
         targets: places of the victims on the provider axis; None lies about all.
