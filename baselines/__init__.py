@@ -2,14 +2,50 @@
 
 from typing import Any
 
+from baselines.coalition.collusion import Collusion
+from baselines.coalition.orchestrated import Orchestrated
+from baselines.coalition.self_promotion import SelfPromotion
+from baselines.provider.camouflage import Camouflage
+from baselines.provider.exit import Exit
 from baselines.provider.on_off import OnOff
+from baselines.provider.opportunistic import Opportunistic
+from baselines.provider.reputation_lag import ReputationLag
+from baselines.provider.threshold_surfing import ThresholdSurfing
+from baselines.provider.value_imbalance import ValueImbalance
 from baselines.rater.bad_mouthing import BadMouthing
+from baselines.rater.ballot_stuffing import BallotStuffing
+from baselines.rater.camouflage_rating import CamouflageRating
+from baselines.rater.complementary import Complementary
+from baselines.rater.flip_flop import FlipFlop
+from baselines.rater.optimistic import Optimistic
+from baselines.rater.pessimistic import Pessimistic
+from baselines.rater.random_rating import RandomRating
+from baselines.rater.rep_trap import RepTrap
+from baselines.rater.transitive_lying import TransitiveLying
 from roletrust_env.game.policy import Policy
 from roletrust_env.registry import Registry
 
 registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
 registry.register("on-off", OnOff)
+registry.register("camouflage", Camouflage)
+registry.register("exit", Exit)
+registry.register("opportunistic", Opportunistic)
+registry.register("reputation-lag", ReputationLag)
+registry.register("threshold-surfing", ThresholdSurfing)
+registry.register("value-imbalance", ValueImbalance)
 registry.register("bad-mouthing", BadMouthing)
+registry.register("ballot-stuffing", BallotStuffing)
+registry.register("camouflage-rating", CamouflageRating)
+registry.register("complementary", Complementary)
+registry.register("flip-flop", FlipFlop)
+registry.register("optimistic", Optimistic)
+registry.register("pessimistic", Pessimistic)
+registry.register("random-rating", RandomRating)
+registry.register("rep-trap", RepTrap)
+registry.register("transitive-lying", TransitiveLying)
+registry.register("collusion", Collusion)
+registry.register("orchestrated", Orchestrated)
+registry.register("self-promotion", SelfPromotion)
 
 
 def register_attacker(name: str, factory: Any) -> None:
@@ -47,4 +83,28 @@ def attackers() -> dict[str, str]:
     return registry.describe()
 
 
-__all__ = ["BadMouthing", "OnOff", "attackers", "make_attacker", "register_attacker"]
+__all__ = [
+    "BadMouthing",
+    "BallotStuffing",
+    "Camouflage",
+    "CamouflageRating",
+    "Collusion",
+    "Complementary",
+    "Exit",
+    "FlipFlop",
+    "OnOff",
+    "Opportunistic",
+    "Optimistic",
+    "Orchestrated",
+    "Pessimistic",
+    "RandomRating",
+    "RepTrap",
+    "ReputationLag",
+    "SelfPromotion",
+    "ThresholdSurfing",
+    "TransitiveLying",
+    "ValueImbalance",
+    "attackers",
+    "make_attacker",
+    "register_attacker",
+]

@@ -1,6 +1,6 @@
 """When an attack is active."""
 
-from typing import Self
+from typing import Any, Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
 from pydantic.dataclasses import dataclass
@@ -31,3 +31,9 @@ class WindowedAttack(Policy):
         """Whether the attack is on in a round, shape (...), boolean."""
         on = round >= self.start
         return on if self.stop is None else on & (round < self.stop)
+
+
+def woken(now: Array, memory: Any) -> tuple[Array, Array]:
+    """Whether a sleeper is awake, and that as its memory: since the first round in which it should wake."""
+    awake = now if memory is None else now | memory
+    return awake, awake

@@ -1,7 +1,9 @@
-"""Ranges that values of scenarios, trust models and policies are kept to."""
+"""Ranges that values of scenarios, trust models and policies are kept to, and those on which attacks are searched."""
 
 from collections.abc import Callable
-from typing import Annotated
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 from pydantic_core import PydanticCustomError
@@ -18,7 +20,46 @@ def _within(allowed: str, holds: Callable[[float], bool]) -> AfterValidator:
     return AfterValidator(check)
 
 
-Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1)]
+@dataclass(frozen=True)
+class Searched:
+    """Annotated to a number's type: the range, both ends included, on which searches look for its best value.
+
+    Raises:
+        ValueError: the range is empty, or an end is not finite.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not -inf < self.low <= self.high < inf:
+            raise ValueError(f"{self} is no range; low must not be above high, and both must be finite")
+
+
+class Tried:
+    """Annotated to a parameter's type: the few values that a grid tries; by default both ends and the middle."""
+
+    def __init__(self, *values: Any) -> None:
+        self.values = values
+
+
+class Kept:
+    """Annotated to a parameter's type: searches leave it at its default, whatever its range."""
+
+
+class Victims:
+    """Annotated to a tuple of places on the provider axis: searches pick how many honest providers it names."""
+
+
+class Accomplices:
+    """Annotated to a tuple of places on the provider axis: the attacker's own providers, told where they are known."""
+
+
+class Length:
+    """Annotated to a number of rounds: the length of the game, told where it is known."""
+
+
+Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1), Searched(0, 1)]
 """A trust, a quality, a rating, a probability."""
 
 Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]

@@ -48,7 +48,7 @@ def test_the_model_resists_a_liar_better_than_the_mean(said):
 
 
 def test_the_attacker_plays(said):
-    top = record(said["opportunist"], said["game"].random(seed=0)).top
+    top = record(said["fading"], said["game"].random(seed=0)).top
     assert top[-1, 0] < 0.7 < top[-1, 1]
 
 

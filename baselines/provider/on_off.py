@@ -1,6 +1,6 @@
 """The on-off attack (OOA)."""
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
@@ -10,7 +10,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share
+from roletrust_env.ranges import Kept, Searched, Share, Tried
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class OnOff(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    period: PositiveInt = 2
-    duty: Share = 0.5
-    bad: Share = 0.0
-    good: Share = 1.0
-    switching: Literal["regular", "random"] = "regular"
+    period: Annotated[PositiveInt, Searched(1, 12), Tried(2, 3, 5, 10)] = 2
+    duty: Annotated[Share, Tried(0.25, 0.5, 0.75)] = 0.5
+    bad: Annotated[Share, Tried(0.0, 0.5)] = 0.0
+    good: Annotated[Share, Tried(1.0)] = 1.0
+    switching: Annotated[Literal["regular", "random"], Kept()] = "regular"
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:

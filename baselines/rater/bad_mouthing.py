@@ -1,20 +1,18 @@
 """The bad-mouthing attack (BMA)."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, NonNegativeInt
 from pydantic.dataclasses import dataclass
 
-from baselines.window import WindowedAttack
-from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.policy import Channel
+from baselines.rater.lying import TargetedLying
+from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share
+from roletrust_env.ranges import Share, Tried
 
 
 @dataclass(frozen=True)
-class BadMouthing(WindowedAttack):
+class BadMouthing(TargetedLying):
     """Bad-mouthing attack (BMA): a rater that rates good services low.
 
     Su and Saint-Jore (EWSN 2023), section 3, Figure 4: the constant note 0.5.
@@ -27,19 +25,9 @@ class BadMouthing(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    lie: Literal["constant", "relative"] = "constant"
-    level: Share = 0.5
-    targets: Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None = None
-    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+    lie: Annotated[Literal["constant", "relative"], Tried("constant")] = "constant"
+    level: Annotated[Share, Tried(0.0, 0.25, 0.5, 0.75)] = 0.5
 
-    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Lies about the targets while active, the truth otherwise. See `Policy.ratings`."""
-        xp, service = namespace(view.service), view.service
-        lie = service * (1 - self.level) if self.lie == "relative" else 0 * service + self.level
-        lies = self.active(view.round)
-        if self.targets is not None:
-            if max(self.targets) >= service.shape[0]:
-                raise ValueError(f"targets is {self.targets}; the last provider is {service.shape[0] - 1}")
-            victim = xp.stack([lies & (j in self.targets) for j in range(service.shape[0])])
-            return xp.where(victim, lie, service), memory
-        return xp.where(lies, lie, service), memory
+    def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """The note, or what is left of the perceived one. See `Lying.lies`."""
+        return view.service * (1 - self.level) if self.lie == "relative" else 0 * view.service + self.level, memory

@@ -1,5 +1,6 @@
 """What is written behind `--attack`, `--trust-model` and `--set`, as policies, models and values."""
 
+import inspect
 import os
 import re
 import sys
@@ -7,9 +8,11 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
+from functools import partial
 from typing import Any
 
 import baselines
+from baselines.search.space import Kind, told
 from roletrust_env import Policy, Scenario
 from roletrust_env.registry import Registry
 from roletrust_env.trust import TrustModel
@@ -18,6 +21,9 @@ from roletrust_env.world.roster import Roster
 
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
 _COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
+
+# The parameters of an attack that are places on the provider axis, and may be named.
+_PLACES = ("targets", "accomplices")
 
 # The parameters of a trust model that a field of the scenario gives it.
 _SHARED = {"lam": "lam", "initial": "initial_trust"}
@@ -79,27 +85,53 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
     Args:
         texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
-            `targets` may be names of agents.
+            `targets` and `accomplices` may be names of agents. Accomplices that are not given are all the providers
+            that attack, and the length of the game is the scenario's, where an attack asks for them.
         scenario: whose agents they are.
 
     Raises:
         ValueError: a text is not of that form, names no agent or an agent again, or the attacker cannot be made.
     """
-    policies: dict[str, Policy] = {}
-    roster = Roster.of(scenario)
+    roster, seated = Roster.of(scenario), []
     for text in texts:
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        registry, name, parameters = _parsed(baselines.registry, attacker)
-        if "targets" in parameters:
-            parameters["targets"] = _targets(parameters["targets"], roster.provider_names)
-        policy = _made(registry, name, parameters, attacker)
-        for agent in _agents(pattern.strip(), roster.names):
+        seated.append((_agents(pattern.strip(), roster.names), attacker))
+    attacked = {agent for agents, _ in seated for agent in agents}
+    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
+    policies: dict[str, Policy] = {}
+    for agents, attacker in seated:
+        registry, name, parameters = _parsed_attack(attacker, roster)
+        facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        policy = _made(registry, name, {**facts, **parameters}, attacker)
+        for agent in agents:
             if agent in policies:
                 raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
             policies[agent] = policy
     return policies
+
+
+def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[Kind, ...]:
+    """`NAME` or `NAME:key=value,...` texts as kinds of attack whose other parameters are searched.
+
+    Args:
+        texts: as behind the = of `parse_attacks`.
+        scenario: whose agents `targets` and `accomplices` may name.
+
+    Raises:
+        ValueError: a text is not of that form, or the attack has no such parameter.
+    """
+    kinds, roster = [], Roster.of(scenario)
+    for text in texts:
+        registry, name, parameters = _parsed_attack(text, roster)
+        kind = registry.factory(name)
+        known = inspect.signature(kind).parameters
+        for key in parameters:
+            if key not in known:
+                raise ValueError(f"attacker {text!r} has no parameter {key!r}; it takes {', '.join(known)}")
+        kinds.append(partial(kind, **parameters) if parameters else kind)
+    return tuple(kinds)
 
 
 def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
@@ -144,6 +176,15 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
     return registry, name, parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
 
 
+def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """The same of an attack, with its places by number."""
+    registry, name, parameters = _parsed(baselines.registry, text)
+    for key in _PLACES:
+        if key in parameters:
+            parameters[key] = _places(key, parameters[key], roster.provider_names)
+    return registry, name, parameters
+
+
 def _explain_unknown(registry: Registry[Any], name: str) -> None:
     try:
         registry.factory(name)
@@ -170,16 +211,16 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _targets(targets: Any, names: Sequence[str]) -> Any:
-    """Targets with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the provider axis."""
-    if isinstance(targets, str):
-        targets = tuple(parse_value(part.strip()) for part in targets.strip("[] ").split(","))
-    if not isinstance(targets, tuple):
-        return targets
-    for target in targets:
-        if isinstance(target, str) and target not in names:
-            raise ValueError(f"targets has {target!r}; the providers are {names[0]} ... {names[-1]}")
-    return tuple(names.index(target) if isinstance(target, str) else target for target in targets)
+def _places(key: str, given: Any, names: Sequence[str]) -> Any:
+    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the provider axis."""
+    if isinstance(given, str):
+        given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
+    if not isinstance(given, tuple):
+        return given
+    for place in given:
+        if isinstance(place, str) and place not in names:
+            raise ValueError(f"{key} has {place!r}; the providers are {names[0]} ... {names[-1]}")
+    return tuple(names.index(place) if isinstance(place, str) else place for place in given)
 
 
 def _agents(pattern: str, names: Sequence[str]) -> list[str]:

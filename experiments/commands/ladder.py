@@ -15,8 +15,8 @@ from rich.table import Table
 from agents.ladder.known import HonestPlay, learned_rungs
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
-from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-from experiments.commands.attacks import parse_settings, parse_trust_model
+from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, Scripts
+from experiments.commands.attacks import parse_kinds, parse_settings, parse_trust_model
 from experiments.commands.console import console
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
@@ -44,6 +44,15 @@ def ladder(
     compromised: Annotated[
         list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.", show_default=False)
     ] = None,
+    attack: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:key=value,...]",
+            help="Which attack is tried and searched, those given by key=value aside; repeat for a mixture. "
+            "By default on-off for providers and bad-mouthing for raters.",
+            show_default=False,
+        ),
+    ] = None,
     stealth_weight: StealthWeight = 0.0,
     stealth_tolerance: StealthTolerance = 0.1,
     budget: Annotated[
@@ -69,8 +78,8 @@ def ladder(
     or over the games of a single run. Its [bold]share[/] is 0 for honest play and 1 for the exact optimum,
     for a bound that is proven, or for the best found where neither is known.
 
-    scripted: on-off and bad-mouthing, as in the paper and the best of a grid.
-    random search, CMA-ES: over the scripted attackers' parameters.
+    scripted: on-off and bad-mouthing, as in the paper and the best of a grid; or other attacks, --attack.
+    random search, CMA-ES: over the parameters that the scripted attacks declare.
     white-box planner: follows the gradient through the game. learned: --learned.
     exact: dynamic programming, for one provider (exploit, no stealth), where nothing is left to chance.
     best known: lies that are planned, for raters (damage), where nothing is left to chance; for one rater
@@ -86,6 +95,9 @@ def ladder(
 
     [dim]# a rater that must not be told apart[/]
     [cyan]roletrust ladder RaterAttack --stealth-weight 2 --set noise=0 --set 'perturbations=\[]'[/]
+
+    [dim]# which of three lies, and how?[/]
+    [cyan]roletrust ladder RaterAttack --attack bad-mouthing --attack flip-flop --attack rep-trap[/]
 
     [dim]# three colluders in a crowd, and what learning reaches there, five times over[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
@@ -107,7 +119,10 @@ def ladder(
         "compromised": tuple(compromised or defaults["compromised"]),
         "stealth": {"weight": stealth_weight, "tolerance": stealth_tolerance},
     }
-    searches: list[Rung] = [HonestPlay(), PaperAttacks(), Grid(), RandomSearch(), CmaEs(), Planner()]
+    kinds = parse_kinds(attack, rules) if attack else None
+    Scripts.of(exact_task(arguments), kinds)  # what does not fit is better known now
+    scripted: list[Rung] = [rung(attacks=kinds) for rung in (PaperAttacks, Grid, RandomSearch, CmaEs)]
+    searches: list[Rung] = [HonestPlay(), *scripted, Planner()]
     paths = learned or []
     # What is broken is better known now than at the end.
     trained = [
@@ -133,6 +148,7 @@ def ladder(
         "compromised": list(arguments["compromised"]),
         "objective": defaults["objective"],
         "stealth": arguments["stealth"],
+        "attacks": attack or [],
         "budget": budget,
         "held_out_games": games,
         "share_1": dict(zip(("score", "is"), top(rows), strict=True)),

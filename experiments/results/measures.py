@@ -7,9 +7,9 @@ import numpy as np
 
 from baselines.window import WindowedAttack
 from experiments.results.confidence import Floats, over_games
-from experiments.results.names import policy_name
 from experiments.results.recording import Curves
 from roletrust_env import Policy, metrics
+from roletrust_env.game.policy import policy_name
 from roletrust_env.metrics.score import mean_where
 from roletrust_env.world.roster import Roster
 

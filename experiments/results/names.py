@@ -1,23 +1,10 @@
-"""What policies and attacks are called."""
+"""What attacks are called."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping
 
 from roletrust_env import Policy
-
-
-def policy_name(policy: Policy) -> str:
-    """What to call a policy.
-
-    Example:
-        >>> import baselines
-        >>> policy_name(baselines.BadMouthing()), policy_name(Policy())
-        ('bad-mouthing', 'honest')
-    """
-    if type(policy) is Policy:
-        return "honest"
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", type(policy).__name__).lower()
+from roletrust_env.game.policy import policy_name
 
 
 def attacks_in_words(attackers: Mapping[str, Policy]) -> str:

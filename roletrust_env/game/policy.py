@@ -1,5 +1,6 @@
 """Policies: how an agent plays, as functions of what it may see."""
 
+import re
 from typing import Any, ClassVar, Literal
 
 from roletrust_env.arrays import Array
@@ -39,3 +40,16 @@ class Policy:
         quality, memory = self.quality(view.provider, memory, random)
         ratings, memory = self.ratings(view.rater, memory, random)
         return quality, ratings, memory
+
+
+def policy_name(policy: Policy) -> str:
+    """What to call a policy: its class, in words.
+
+    Example:
+        >>> class BadMouthing(Policy): ...
+        >>> policy_name(BadMouthing()), policy_name(Policy())
+        ('bad-mouthing', 'honest')
+    """
+    if type(policy) is Policy:
+        return "honest"
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", type(policy).__name__).lower()

@@ -5,9 +5,11 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from baselines.search import Scripts
 from experiments.cli import app
-from experiments.commands.attacks import parse_attacks, parse_settings, parse_trust_model, parse_value
+from experiments.commands.attacks import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
 from roletrust_env import make_scenario
+from roletrust_env.game.attack import make_task
 
 PAPER = make_scenario("paper-3x3")
 
@@ -37,6 +39,29 @@ def test_trust_model_takes_the_scenarios_lam_unless_told():
     scenario = make_scenario("paper-3x3").change(lam=0.7)
     assert parse_trust_model("role-trust", scenario).lam == 0.7
     assert parse_trust_model("role-trust:lam=0.6", scenario).lam == 0.6
+
+
+def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, monkeypatch):
+    """It is one file and one line of the package's own; nothing here knows of it."""
+    (tmp_path / "package_of_lies.py").write_text(
+        "from dataclasses import dataclass\n"
+        "from typing import Annotated, ClassVar\n"
+        "from roletrust_env import Policy\n"
+        "from roletrust_env.ranges import Searched\n"
+        "@dataclass(frozen=True)\n"
+        "class Shift(Policy):\n"
+        "    by: Annotated[int, Searched(-3, 3)] = 0\n"
+        "    attacks: ClassVar = frozenset({'ratings'})\n"
+    )
+    about = tmp_path / "package_of_lies-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: package-of-lies\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[roletrust_env.attackers]\nshift = package_of_lies:Shift\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    kinds = parse_kinds(["shift", "shift:by=2"], PAPER)
+    space = Scripts.of(make_task(PAPER, ("sr_0",)), kinds)
+    found = [space.decode([kind, x])["sr_0"].by for kind, x in ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0))]
+    assert found == [-3, 0, 3, 2]
 
 
 @pytest.fixture

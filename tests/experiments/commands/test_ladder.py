@@ -98,6 +98,21 @@ def test_an_agent_with_both_roles(tmp_path):
     assert results["trust_model"]["class"].endswith("Mean")
 
 
+def test_other_attacks_are_searched_also_your_own_and_with_some_parameters_given(tmp_path, monkeypatch):
+    (tmp_path / "my_lies_for_test.py").write_text(
+        "from dataclasses import dataclass\nfrom baselines import BadMouthing\nfrom roletrust_env.ranges import Share\n"
+        "@dataclass(frozen=True)\nclass Liar(BadMouthing):\n    zeal: Share = 0.5\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    kinds = ["my_lies_for_test:Liar", "bad-mouthing:lie=relative,targets=sp_1"]
+    options = [part for kind in kinds for part in ("--attack", kind)]
+    results, _ = climb(tmp_path / "out", "RaterAttack", *CERTAIN, *options)
+    rungs = {rung["rung"]: rung["runs"][0]["attack"] for rung in results["rungs"]}
+    assert results["attacks"] == kinds
+    assert rungs["scripted, default"] == "sr_2: liar:lie=constant,level=0.5,zeal=0.5"
+    assert rungs["random search"].startswith("sr_2: liar:lie=")
+
+
 def test_a_trained_attacker():
     zoo = Learned(ZOO / "provider-3x3")
     arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
@@ -159,6 +174,15 @@ def test_names_of_tasks(text):
         (["RaterAttack", "--set", "colour=blue"], "there is no field 'colour'"),
         (["RaterAttack", "--compromised", "sr_9"], "there is no 'sr_9'"),
         (["RaterAttack", "--learned", "/nowhere"], "/nowhere"),
+        (
+            ["RaterAttack", "--attack", "on-off"],
+            "attacks by quality, on which no",
+        ),
+        (
+            ["RaterAttack", "--attack", "bad-mouthing:depth=3"],
+            "has no parameter 'depth'; it takes start, stop, lie",
+        ),
+        (["RaterAttack", "--attack", "bad-mouthing:level=3"], "level is 3: it must lie in [0, 1]"),
     ],
 )
 def test_bad_input_is_one_clean_error_and_writes_nothing(tmp_path, arguments, said):

@@ -10,12 +10,16 @@ import numpy.typing as npt
 
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import SEARCHED, Arguments, Attempt, Counter, Tell, UnsuitableError, is_certain, measure
-from baselines.scripts import Scripts, describe, side_by_side
+from baselines.search.scripts import Scripts, describe
+from baselines.search.space import Kind
+from baselines.search.together import side_by_side
 from roletrust_env.game.attack import make_task
 from roletrust_env.game.policy import Policy
 
 Points = npt.NDArray[np.float64]
 Attack = Mapping[str, Policy]
+Attacks = tuple[Kind, ...] | None
+"""The kinds of attack that are searched, see `Scripts.of`."""
 
 GAMES = 8
 """Games in which an attack is tried where luck has a part."""
@@ -30,10 +34,11 @@ class PaperAttacks:
     """The scripted attackers with their default parameters, those of the paper."""
 
     name: str = "scripted, default"
+    attacks: Attacks = None
 
     def attack(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> Attempt:
         """See `Rung.attack`."""
-        attack = Scripts.of(make_task(**arguments)).default
+        attack = Scripts.of(make_task(**arguments), self.attacks).default
         return Attempt(Scripted(attack), 0, describe(attack))
 
 
@@ -42,10 +47,11 @@ class Grid:
     """The best of a small grid of the scripted attackers' parameters, see `Scripts.grid`."""
 
     name: str = "scripted, best of grid"
+    attacks: Attacks = None
 
     def attack(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> Attempt:
         """See `Rung.attack`."""
-        trial = _Trial(arguments, budget, seed, tell)
+        trial = _Trial(arguments, self.attacks, budget, seed, tell)
         attacks = trial.scripts.grid
         if len(attacks) > trial.left:
             attacks = [attacks[k] for k in np.random.default_rng(seed).permutation(len(attacks))[: trial.left]]
@@ -57,11 +63,12 @@ class RandomSearch:
     """The best of points drawn uniformly from the cube of the scripted attackers' parameters."""
 
     name: str = "random search"
+    attacks: Attacks = None
 
     def attack(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> Attempt:
         """See `Rung.attack`."""
-        trial = _Trial(arguments, budget, seed, tell)
-        points = np.random.default_rng(seed).random((trial.left, trial.scripts.size))
+        trial = _Trial(arguments, self.attacks, budget, seed, tell)
+        points = np.random.default_rng(seed).random((trial.left, trial.dimensions(1)))
         return trial.best_point(points, trial.score_points(points))
 
 
@@ -74,18 +81,21 @@ class CmaEs:
     Attributes:
         spread: standard deviation of the first generation.
         name: in tables.
+        attacks: see `Scripts.of`.
     """
 
     spread: float = 0.3
     name: str = "CMA-ES"
+    attacks: Attacks = None
 
     def attack(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> Attempt:
         """See `Rung.attack`."""
-        trial = _Trial(arguments, budget, seed, tell)
+        trial = _Trial(arguments, self.attacks, budget, seed, tell)
         random = np.random.default_rng(seed)
-        points, scores = np.empty((0, trial.scripts.size)), np.empty(0)
+        size = trial.dimensions(2)  # in one it does not work; a further coordinate counts for nothing
+        points, scores = np.empty((0, size)), np.empty(0)
         while trial.left >= _GENERATION:
-            search = self._begin(trial.scripts.size, random)
+            search = self._begin(size, random)
             while trial.left >= _GENERATION and not search.stop():
                 generation = search.ask()
                 found = trial.score_points(np.asarray(generation))
@@ -97,7 +107,6 @@ class CmaEs:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it would like matplotlib's plots
             import cma  # type: ignore[import-untyped]
-        # In one dimension it does not work; every attack has three parameters or more.
         options = {"bounds": [0, 1], "popsize": _GENERATION, "seed": int(random.integers(1, 2**31)), "verbose": -9}
         return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), self.spread, options)
 
@@ -109,9 +118,9 @@ class _Trial:
     are tried again: the best of many noisy scores is mostly the luckiest.
     """
 
-    def __init__(self, arguments: Arguments, budget: int, seed: int, tell: Tell) -> None:
+    def __init__(self, arguments: Arguments, attacks: Attacks, budget: int, seed: int, tell: Tell) -> None:
         self.task = make_task(**arguments)
-        self.scripts = Scripts.of(self.task)
+        self.scripts = Scripts.of(self.task, attacks)
         self._seed, self._budget, self._luck = seed, budget, 0
         self._counter = Counter(tell)
         self._rounds = self.task.game.scenario.max_cycles
@@ -129,6 +138,16 @@ class _Trial:
         """How many more attacks can be tried."""
         spare = self._budget - self._counter.rounds - self._again * _FINALISTS * self._rounds
         return max(0, spare // (self._rounds * self._games))
+
+    def dimensions(self, least: int) -> int:
+        """Of the cube to search, at least so many.
+
+        Raises:
+            UnsuitableError: there is nothing to search.
+        """
+        if not self.scripts.size:
+            raise UnsuitableError(f"{describe(self.scripts.default)} has no parameters to search")
+        return max(least, self.scripts.size)
 
     def scores(self, attacks: Sequence[Attack], games: int | None = None) -> Points:
         """Mean score of each attack; all those tried in one go meet the same luck."""

@@ -1,14 +1,23 @@
 """Scripted attackers as points to search through, and the searchers."""
 
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from typing import Annotated, ClassVar
+
 import numpy as np
 import pytest
 
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import SEARCHED, UnsuitableError, exact_task, find, measure
 from baselines import BadMouthing, OnOff
-from baselines.scripts import Both, Scripts, describe, side_by_side
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
+from baselines.search.scripts import Scripts, describe
+from baselines.search.space import HONEST
+from baselines.search.together import Both, side_by_side
+from roletrust_env import Policy
 from roletrust_env.game.attack import make_task
+from roletrust_env.ranges import Searched
 
 PROVIDER = {
     "scenario": "paper-3x3",
@@ -21,6 +30,17 @@ PROVIDER = {
 CROWD = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
 SEARCHERS = [Grid(), RandomSearch(), CmaEs()]
+
+
+@dataclass(frozen=True)
+class Stingy(Policy):
+    """A user's own attack, always the same service, not much below what would be honest."""
+
+    service: Annotated[float, Searched(0.9, 1.0)] = 1.0
+    attacks: ClassVar = frozenset({"quality"})
+
+    def quality(self, view, memory, random):
+        return 0 * view.trust + self.service, memory
 
 
 def nobody(rounds):
@@ -39,7 +59,7 @@ def test_the_cube_has_the_parameters_of_every_compromised_agent():
     assert [scripts(arguments).size for arguments in (PROVIDER, CROWD, DUAL)] == [4, 10, 7]
 
 
-def test_corners_of_the_cube_are_attacks():
+def test_corners_of_the_cube_are_attacks_on_the_honest_only():
     space = scripts(CROWD)
     low, high = space.decode(np.zeros(10)), space.decode(np.ones(10))
     assert low["sp_9"] == OnOff(period=1, duty=0, bad=0, good=0)
@@ -48,15 +68,70 @@ def test_corners_of_the_cube_are_attacks():
     assert high["sr_9"] == BadMouthing(lie="relative", level=1, targets=tuple(range(9)))
 
 
-def test_accomplices_are_no_victims():
-    assert 9 not in scripts(CROWD).victims
-    assert len(scripts(CROWD).victims) == 9
+def test_the_default_grid_and_cube_are_what_they_have_always_been():
+    """Worked out here as before attacks declared their ranges."""
+
+    def on_off(x):
+        return OnOff(period=1 + min(int(x[0] * 12), 11), duty=float(x[1]), bad=float(x[2]), good=float(x[3]))
+
+    def lie(x):
+        told, number = "constant" if x[0] < 0.5 else "relative", 1 + min(int(x[2] * 9), 8)
+        return BadMouthing(lie=told, level=float(x[1]), targets=tuple(range(number)))
+
+    space = scripts(CROWD)
+    points = [*np.random.default_rng(5).random((200, 10)), np.full(10, 0.5), np.zeros(10), np.ones(10)]
+    for x in points:
+        assert space.decode(x) == {"sr_8": lie(x[:3]), "sr_9": lie(x[3:6]), "sp_9": on_off(x[6:])}
+
+    cycles = [
+        OnOff(period=period, duty=duty, bad=bad)
+        for period, duty, bad in product((2, 3, 5, 10), (0.25, 0.5, 0.75), (0.0, 0.5))
+    ]
+    lies = [BadMouthing(level=level, targets=t) for level, t in product((0.0, 0.25, 0.5, 0.75), (None, (0,)))]
+    assert [attack["sp_2"] for attack in scripts(PROVIDER).grid] == cycles
+    assert [(attack["sp_9"], attack["sr_8"]) for attack in space.grid] == [*product([*cycles, HONEST], [*lies, HONEST])]
+
+
+def test_a_mixture_is_searched_and_its_best_kind_is_found():
+    """The first kind is never bad and earns nothing, the second is a user's own with one parameter."""
+    kinds = (partial(OnOff, duty=0.0, good=1.0), Stingy, OnOff)
+    space = Scripts.of(make_task(**PROVIDER), kinds)
+    assert space.size == 1 + 4
+    assert space.decode([0.5, 0.25, 0.3, 0.3, 0.3]) == {"sp_2": Stingy(service=0.925)}
+    for rung in (Grid, RandomSearch, CmaEs):
+        finding = found(rung(attacks=kinds), PROVIDER, 20_000)
+        assert finding.words.startswith("sp_2: on-off:period=")
+        assert finding.scores.mean() > 0.1
+
+
+def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_refused():
+    space = Scripts.of(make_task(**CROWD), (OnOff,))
+    assert space.size == 4
+    assert [attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))] == [HONEST] * 3
+    with pytest.raises(ValueError, match=r"bad-mouthing.*attacks by ratings, on which no compromised agent.*sp_2"):
+        Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
+
+
+@pytest.mark.parametrize("rung", [RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
+def test_attacks_with_one_parameter_are_searched_and_without_any_refused(rung):
+    one = (partial(OnOff, period=5, bad=0.0, good=1.0),)
+    assert found(rung(attacks=one), PROVIDER, 12_000).scores.mean() > 0.1
+    none = (partial(OnOff, period=2, duty=0.5, bad=0.0, good=1.0),)
+    with pytest.raises(UnsuitableError, match=r"on-off.* has no parameters to search"):
+        found(rung(attacks=none), PROVIDER, 12_000)
+    assert (
+        found(Grid(attacks=none), PROVIDER, 12_000).scores.tolist()
+        == found(PaperAttacks(), PROVIDER, 0).scores.tolist()
+    )
 
 
 def test_an_agent_with_both_roles_attacks_on_both_channels():
     policy = scripts(DUAL).default["srsp_5"]
     assert policy == Both(OnOff(), BadMouthing())
-    assert describe({"srsp_5": policy}) == "srsp_5: on-off 2 rounds, 0.5 of them at 0, else 1 and rates all 0.5"
+    assert (
+        describe({"srsp_5": policy})
+        == "srsp_5: on-off:period=2,duty=0.5,bad=0,good=1 and bad-mouthing:lie=constant,level=0.5"
+    )
 
 
 @pytest.mark.parametrize("arguments", [PROVIDER, CROWD, DUAL], ids=["provider", "crowd", "dual"])

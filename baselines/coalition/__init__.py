@@ -1,0 +1,1 @@
+"""Scripted attacks of several agents that know each other."""

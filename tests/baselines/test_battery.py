@@ -1,0 +1,114 @@
+"""What holds for every attack that has a name."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from baselines import attackers, make_attacker, registry
+from baselines.search.space import Space
+from experiments.cli import app
+from roletrust_env import Cast, Game, Policy, record
+from roletrust_env.game.policy import policy_name
+from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
+
+SMALL = Scenario(
+    agents=(
+        AgentGroup(role="SR", count=3, noise=0.1),
+        AgentGroup(role="SP", count=3),
+        AgentGroup(role="SR+SP", count=2, noise=0.1),
+    ),
+    values=(1.0, 5.0),
+    access=Choice(providers=3, temperature=0.2),
+    max_cycles=25,
+)
+SEATS = {"ratings": ("sr_0", "srsp_1"), "quality": ("sp_0", "srsp_1")}
+NAMES = [name for name in attackers() if name != "learned"]
+DRAWN = ("random-rating", "transitive-lying")
+
+
+def seated(policy):
+    return {agent: policy for channel in policy.attacks for agent in SEATS[channel]}
+
+
+def space(name):
+    return Space(registry.factory(name), (1, 2, 3), (0, 4), SMALL.max_cycles)
+
+
+def played(policy, like, batch):
+    game = Game(SMALL, "role-trust", like)
+    history = record(Cast(game, seated(policy)), game.random(seed=3), batch)
+    return [np.asarray(part) for part in (history.quality, history.ratings, history.top)]
+
+
+def made(name):
+    """An attack with its usual parameters, but that sleepers wake early enough to be seen."""
+    facts = {"length": SMALL.max_cycles, "accomplices": (0, 4)}
+    early = {"start": 3, "wakes_at": 0.5} if name.startswith("camouflage") else {}
+    return make_attacker(name, **registry.taken(name, {**facts, **early}))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_class_is_called_as_it_is(name):
+    assert policy_name(space(name).default) == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_plays_alone_as_in_a_batch_and_on_torch_as_on_numpy(name):
+    policy, numpy, tensor = made(name), np.zeros(()), torch.zeros((), dtype=torch.float64)
+    alone, batch, tensors = played(policy, numpy, ()), played(policy, numpy, (4,)), played(policy, tensor, (4,))
+    for one, many, torches in zip(alone, batch, tensors, strict=True):
+        assert torches == pytest.approx(many, abs=1e-12)
+        assert np.isfinite(many).all()
+        if name not in DRAWN:
+            assert one == pytest.approx(many[..., 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize("name", NAMES)
+def test_it_keeps_to_the_games_dtype(name, like):
+    game = Game(SMALL, "role-trust", like)
+    random, cast = game.random(0), Cast(game, seated(made(name)))
+    state, memories = game.start(game.draw(random, (2,), start=True)), cast.begin(random, (2,))
+    for _ in range(3):
+        actions, memories = cast.act(state, memories, random)
+        assert {part.dtype for part in actions} == {like.dtype}
+        state, _ = game.step(state, actions, game.draw(random, (2,)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_does_something(name):
+    attacked, honest = (played(policy, np.zeros(()), (4,)) for policy in (made(name), Policy()))
+    assert any(np.abs(ours - theirs).max() > 0.01 for ours, theirs in zip(attacked, honest, strict=True))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_searches_take_what_it_declares(name):
+    searched = space(name)
+    corners = [searched.decode([x] * searched.size) for x in (0.0, 0.5, 1.0)]
+    assert len(searched.grid) <= 50
+    for policy in (*corners, *searched.grid):
+        assert policy.attacks == searched.channels
+    for policy in corners:
+        for part in played(policy, np.zeros(()), (2,)):
+            assert ((part >= 0) & (part <= 1)).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_plays_from_the_command_line(tmp_path, name):
+    seats = sorted(
+        {agent for channel in space(name).channels for agent in {"ratings": ["sr_2"], "quality": ["sp_2"]}[channel]}
+    )
+    options = [part for agent in seats for part in ("--attack", f"{agent}={name}")]
+    arguments = ["play", "paper-3x3", "--set", "max_cycles=12", *options, "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "results.json").read_text())["attackers"]
+    assert list(found) == seats
+    assert found[seats[0]]["class"].endswith(registry.factory(name).__name__)
+    parameters = found[seats[0]]["parameters"]
+    assert parameters.get("length", 12) == 12
+    if "sp_2" in seats:
+        assert parameters.get("accomplices", [2]) == [2]
