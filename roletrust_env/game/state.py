@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from roletrust_env.arrays import Array
 from roletrust_env.world.channel import InTransit
 from roletrust_env.world.mobility import Places
+from roletrust_env.world.nature import Nature
 from roletrust_env.world.presence import Population
 
 
@@ -38,6 +39,7 @@ class State(NamedTuple):
         population: who is present, if that changes.
         places: where the agents are, if they move.
         transit: the ratings that are late, if any can be.
+        nature: what agents are like, as far as they differ from the usual.
         full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
     """
 
@@ -53,14 +55,15 @@ class State(NamedTuple):
     population: Population | None
     places: Places | None
     transit: InTransit | None
+    nature: Nature
     full: bool
 
 
 class Noise(NamedTuple):
     """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
 
-    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at
-    the start only, `position` (N, 2, ...).
+    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal`
+    (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: Array
@@ -71,3 +74,6 @@ class Noise(NamedTuple):
     value: Array | None = None
     goal: Array | None = None
     position: Array | None = None
+    ability: Array | None = None
+    bias: Array | None = None
+    scale: Array | None = None

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from roletrust_env.registry import Registry
+from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.scenario import (
     Admission,
-    AgentGroup,
     Choice,
     InRange,
     Perturbation,

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.world.scenario import AgentGroup, Role, Scenario
+from roletrust_env.world.group import AgentGroup, Role
+from roletrust_env.world.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,9 @@ class Slow:
         self.phase, self.low = dict.fromkeys(self.names, WAITING), dict.fromkeys(self.names, 0)
         self.come_and_go(0, noise)
         self.value = self.draw_values(noise)
+        self.ability = self.draw_trait("ability", self.providers, noise.ability)
+        self.bias = self.draw_trait("bias", self.raters, noise.bias)
+        self.scale = self.draw_trait("scale", self.raters, noise.scale)
         self.place = self.goal = None
         if scenario.access.kind == "in-range":
             self.place, self.goal = self.spots(noise.position), self.spots(noise.goal)
@@ -47,6 +50,15 @@ class Slow:
             j: values[0] if len(set(values)) == 1 else values[int(noise.value[n] * len(values))]
             for n, j in enumerate(self.providers)
         }
+
+    def draw_trait(self, trait: str, agents: list[str], luck: np.ndarray | None) -> dict[str, float]:
+        drawn = {}
+        for n, k in enumerate(agents):
+            drawn[k] = getattr(self.group[k], trait)
+            if isinstance(drawn[k], tuple):
+                low, high = drawn[k]
+                drawn[k] = low if low == high else low * (1 - luck[n]) + high * luck[n]
+        return drawn
 
     def come_and_go(self, round: int, noise: Noise) -> None:
         for n, k in enumerate(self.names):
@@ -155,12 +167,13 @@ class Slow:
             self.awaiting |= {(i, j) for _, j in within}
         strength = max((b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop), default=0.0)
         serving = {j for _, j in self.awaiting}
-        self.quality = {j: quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
+        self.quality = {j: self.ability[j] * quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
         self.service = {}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
                 if (i, j) in self.awaiting:
-                    seen = self.quality[j] * (1 - strength) + self.group[i].noise * noise.perception[s, p]
+                    seen = self.scale[i] * self.quality[j] * (1 - strength) + self.bias[i]
+                    seen += self.group[i].noise * noise.perception[s, p]
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
 
     def rewards(self) -> dict[str, float]:
