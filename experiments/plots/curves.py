@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 
 from baselines.window import WindowedAttack
 from experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
-from experiments.results.confidence import Floats, mean_where, over_games
+from experiments.results.confidence import Floats, over_games
 from experiments.results.footage import loop_note
 from experiments.results.recording import Curves
 from roletrust_env import Game, Policy
+from roletrust_env.metrics.score import mean_where
 
 _FAINT = 0.3  # opacity
 _VISIBLE = 0.005  # width of a band that can be seen

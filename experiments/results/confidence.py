@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.metrics.score import mean_where
+
 Floats = npt.NDArray[np.float64]
 
 _MANY, _NORMAL_95 = 1000, 1.959963984540054  # degrees of freedom, and Student's quantile for infinitely many
@@ -35,14 +37,6 @@ def over_games(values: Floats) -> Mean:
     counts, which = np.unique(n, return_inverse=True)
     quantile = np.array([student_95(int(k) - 1) for k in counts])[which].reshape(n.shape)
     return Mean(mean, np.where(n > 1, quantile * error, np.nan), n)
-
-
-def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
-    """The mean of what is not NaN along some axes; NaN where nothing is."""
-    there = ~np.isnan(values)
-    with np.errstate(invalid="ignore"):
-        total: Floats = np.where(there, values, 0.0).sum(axis=axis) / there.sum(axis=axis)
-    return total
 
 
 @functools.cache

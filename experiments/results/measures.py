@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.window import WindowedAttack
-from experiments.results.confidence import Floats, mean_where, over_games
+from experiments.results.confidence import Floats, over_games
 from experiments.results.names import policy_name
 from experiments.results.recording import Curves
-from roletrust_env import Policy
+from roletrust_env import Policy, metrics
+from roletrust_env.metrics.score import mean_where
 from roletrust_env.world.roster import Roster
 
 MEASURES = ("mean trust", "lowest trust", "final trust", "mean reward")
@@ -74,10 +75,7 @@ def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
 
 
 def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy]) -> dict[str, Estimate]:
-    """What an attack took from the honest: their mean trust without it, less their mean trust under it.
-
-    Both are over the rounds in which an agent is present in either run. Where it is gone in one of them, such as cut
-    off because of the attack, its last trust there counts; else the worst hit would drop out of the mean.
+    """What an attack took from the honest, see `roletrust_env.metrics.damage`.
 
     Args:
         roster: who is who.
@@ -88,15 +86,13 @@ def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str,
     Returns:
         The damage to each role, and to all honest agents.
     """
-    difference = _held(twin.trust) - _held(curves.trust)
-    difference = np.where(np.isnan(twin.trust) & np.isnan(curves.trust), np.nan, difference)
     honest = [i for i, name in enumerate(roster.names) if name not in attackers]
     roles: dict[str, list[int]] = {}
     for i in honest:
         roles.setdefault(_role(roster.names[i]), []).append(i)
     who = {f"{len(places)} {role}": places for role, places in roles.items()} if len(roles) > 1 else {}
     who |= {f"all {len(honest)} honest": honest} if honest else {}
-    return {label: _estimate(mean_where(difference[:, places], axis=(0, 1))) for label, places in who.items()}
+    return {label: _estimate(metrics.damage(curves.trust, twin.trust, places).value) for label, places in who.items()}
 
 
 def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
@@ -115,14 +111,6 @@ def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]
 def _estimate(per_game: Floats) -> Estimate:
     mean, half, _ = over_games(per_game)
     return Estimate(float(mean), float(half))
-
-
-def _held(trust: Floats) -> Floats:
-    """Trust, (T, ...), in which who is gone keeps its last value; NaN before there is one."""
-    rounds = np.arange(len(trust)).reshape(-1, *[1] * (trust.ndim - 1))
-    last = np.maximum.accumulate(np.where(np.isnan(trust), 0, rounds), axis=0)
-    held: Floats = np.take_along_axis(trust, last, axis=0)
-    return held
 
 
 def _role(agent: str) -> str:

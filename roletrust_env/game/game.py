@@ -18,6 +18,7 @@ from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, check_trust_model
+from roletrust_env.trust.guard import needs_watching, watched_update
 from roletrust_env.trust.model import Traits, start_model
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, channel, mobility
@@ -77,6 +78,7 @@ class Game:
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
+        self._watched = needs_watching(trust_model)
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
@@ -151,7 +153,7 @@ class Game:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
 
         Raises:
-            ValueError: the shapes of the actions are not those of the state.
+            ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
@@ -165,7 +167,11 @@ class Game:
         full = state.full and self._lossless
         if full:
             ratings = copied(ratings)  # whoever sent them may write to theirs again
-        trust = self.model.update(state.trust, ratings, None if full and self._takes_full_rounds else rated)
+        mask = None if full and self._takes_full_rounds else rated
+        if self._watched:
+            trust = watched_update(self.model, state.trust, ratings, mask, state.round)
+        else:
+            trust = self.model.update(state.trust, ratings, mask)
         tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
 
         counts = state.counts

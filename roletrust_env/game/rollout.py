@@ -26,6 +26,7 @@ class History(NamedTuple):
         quality: delivered quality, (T, P, ...).
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
+        served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
         rewards: (T, N, ...).
         present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
             initial one before it joins, and stays where it was after it has gone; leave it out of means.
@@ -37,6 +38,7 @@ class History(NamedTuple):
     quality: Array
     ratings: Array
     rated: Array
+    served: Array
     rewards: Array
     present: Array
 
@@ -86,6 +88,6 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
         present = cast.game.present(state)
         if present is None:
             present = trust == trust  # everybody
-        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, rewards, present))
+        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
     stack = namespace(rows[0][0]).stack
     return History(*(stack(column) for column in zip(*rows, strict=True)))

@@ -102,16 +102,17 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
         like: an array of the library, dtype and device that it has to work with.
 
     Raises:
-        ValueError: a read-out has the wrong shape, or is not in [0, 1].
+        ValueError: the model raises something, or a read-out has the wrong shape or is not in [0, 1].
     """
     xp = namespace(like)
     n_raters, n_providers = peers.shape
     ratings = xp.zeros((n_raters, n_providers, 1), dtype=like.dtype, device=like.device) + 0.5
-    state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
-    for what, trust, count in (
-        ("rater_trust", model.rater_trust(state), n_raters),
-        ("provider_trust", model.provider_trust(state), n_providers),
-    ):
+    try:
+        state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
+        of_raters, of_providers = model.rater_trust(state), model.provider_trust(state)
+    except Exception as error:  # whatever a foreign model raises
+        raise ValueError(f"trust model {model!r} cannot play one round: {type(error).__name__}: {error}") from error
+    for what, trust, count in (("rater_trust", of_raters, n_raters), ("provider_trust", of_providers, n_providers)):
         if tuple(trust.shape) != (count, 1):
             raise ValueError(f"{what} of {model!r} has shape {tuple(trust.shape)}; it must be {(count, 1)}")
         if not bool(((trust >= 0) & (trust <= 1)).all()):

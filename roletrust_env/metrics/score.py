@@ -1,0 +1,59 @@
+"""What a metric returns, and what metrics share.
+
+Axis 0 of recorded trust is the round, axis 1 the agent, every further axis the games of a batch, as in `History`; NaN
+is the trust of who is not there. A score has one number for each game. Where it is undefined it is NaN, and says why.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.game.rollout import History
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+class Score(NamedTuple):
+    """A number for each game.
+
+    Attributes:
+        value: shape (...), that of the batch; NaN where the metric is undefined.
+        why: why it is undefined in some games; empty if it is not.
+    """
+
+    value: Floats
+    why: str = ""
+
+    @classmethod
+    def where(cls, defined: npt.ArrayLike, value: npt.ArrayLike, why: str) -> "Score":
+        """The value where it is defined, and NaN elsewhere, with the reason."""
+        known = np.asarray(defined)
+        return cls(np.where(known, value, np.nan), "" if known.all() else why)
+
+
+def seen(history: History) -> Floats:
+    """The trust of the agents, (T, N, ...), NaN where they are not there: what metrics take of a recorded game."""
+    return np.where(np.asarray(history.present), np.asarray(history.trust, np.float64), np.nan)
+
+
+def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+    """The mean of what is not NaN along some axes; NaN where nothing is."""
+    there = ~np.isnan(values)
+    return ratio(np.where(there, values, 0.0).sum(axis=axis), there.sum(axis=axis))
+
+
+def ratio(part: npt.ArrayLike, whole: npt.ArrayLike) -> Floats:
+    """A quotient, NaN where it is one by 0."""
+    below = np.asarray(whole, np.float64)
+    found: Floats = np.asarray(part, np.float64) / np.where(below == 0, np.nan, below)
+    return found
+
+
+def pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """All differences within a and within b of two that both are known in, (K (K - 1) / 2, ...) each; else NaN."""
+    i, j = np.triu_indices(len(a), 1)
+    difference, other = a[i] - a[j], b[i] - b[j]
+    unknown = np.isnan(difference) | np.isnan(other)
+    return np.where(unknown, np.nan, difference), np.where(unknown, np.nan, other)

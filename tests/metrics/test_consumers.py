@@ -1,0 +1,37 @@
+"""What consumers get, worked out by hand and read off a game."""
+
+import numpy as np
+import pytest
+
+from baselines.provider.on_off import OnOff
+from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env.metrics import auc, damage, robustness, seen, utility
+
+
+def test_utility_goes_by_the_trust_of_the_round_before() -> None:
+    trust = np.array([[0.9, 0.1], [0.2, 0.8], [0.5, 0.5]])[:, :, None]
+    quality = np.array([[0.0, 0.0], [0.4, 0.8], [0.6, 1.0]])[:, :, None]
+    assert utility(trust, quality).value == pytest.approx((0.4 + 1.0) / (0.8 + 1.0))
+    equal = utility(np.full_like(trust, 0.5), quality)
+    assert equal.value == pytest.approx((0.6 + 0.8) / 1.8)
+    assert "served well" in utility(trust, 0 * quality).why
+
+
+def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() -> None:
+    served = np.zeros((2, 2, 3, 1), bool)
+    served[:, 0, 0] = served[0, 1, 1] = served[1, 1, 2] = True
+    assert robustness(served, [0, 1], [0, 1, 2]).value == 1
+    assert robustness(served, [0, 1], [0]).value == 0
+    assert robustness(served, [1], [0]).value == -1
+    assert "never" not in robustness(served, [0], [0]).why
+    assert "ever served" in robustness(served, [], [0]).why
+
+
+def test_metrics_take_recorded_games() -> None:
+    game = Game(make_scenario("paper-3x3").change(max_cycles=40))
+    attacked, twin = (record(Cast(game, policies), game.random(0), (5,)) for policies in ({"sp_2": OnOff()}, {}))
+    trust = seen(attacked)
+    assert damage(trust, seen(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
+    assert (auc(trust[-1, 3:], [2]).value == 1).all()
+    assert (utility(attacked.top, attacked.quality).value > 0.9).all()
+    assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)
