@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from baselines.identity.sybil import Sybil
+from baselines.identity.whitewashing import Whitewashing
 from baselines.provider.on_off import OnOff
 from baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.game.policy import Policy
@@ -10,6 +12,8 @@ from roletrust_env.registry import Registry
 registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
 registry.register("on-off", OnOff)
 registry.register("bad-mouthing", BadMouthing)
+registry.register("whitewashing", Whitewashing)
+registry.register("sybil", Sybil)
 
 
 def register_attacker(name: str, factory: Any) -> None:
@@ -47,4 +51,4 @@ def attackers() -> dict[str, str]:
     return registry.describe()
 
 
-__all__ = ["BadMouthing", "OnOff", "attackers", "make_attacker", "register_attacker"]
+__all__ = ["BadMouthing", "OnOff", "Sybil", "Whitewashing", "attackers", "make_attacker", "register_attacker"]

@@ -95,7 +95,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         if "targets" in parameters:
             parameters["targets"] = _targets(parameters["targets"], roster.provider_names)
         policy = _made(registry, name, parameters, attacker)
-        for agent in _agents(pattern.strip(), roster.names):
+        for agent in _agents(pattern.strip(), roster.first_names):
             if agent in policies:
                 raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
             policies[agent] = policy

@@ -87,6 +87,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     Truncation for all after the scenario's `max_cycles` steps. Termination of an agent when it leaves or when admission
     control cuts it off, both for good. Agents that join later appear in `agents` when they do. If nobody is present
     any more the episode is over, also when others would have joined later: PettingZoo has no step without agents.
+    Identities in reserve stay away: no action of PettingZoo's calls them.
 
     ## Information
 

@@ -161,6 +161,11 @@ class Game:
                 f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
                 f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
             )
+        wanted, population = actions.presence, state.population
+        if wanted is not None and (population is None or wanted.shape != population.phase.shape):
+            raise ValueError(
+                f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
+            )
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
@@ -183,10 +188,9 @@ class Game:
                 counts.provided + roster.both(state.awaiting.sum(axis=0, dtype=top.dtype)),
             )
 
-        population = state.population
         if population is not None:
             agents = self._payoff.agent_trust(tor, top, counts)
-            population = self.presence.step(population, state.round + 1, agents, noise.presence)
+            population = self.presence.step(population, state.round + 1, agents, noise.presence, actions.presence)
         places = state.places
         if places is not None and isinstance(rules.access, InRange):
             places = mobility.move(rules.access, places, noise.goal)

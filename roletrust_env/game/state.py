@@ -10,10 +10,18 @@ from roletrust_env.world.presence import Population
 
 
 class Actions(NamedTuple):
-    """What the agents do in one round: `quality`, shape (P, ...), and `ratings`, shape (S, P, ...), in [0, 1]."""
+    """What the agents do in one round.
+
+    Attributes:
+        quality: of the services, shape (P, ...), in [0, 1].
+        ratings: shape (S, P, ...), in [0, 1].
+        presence: which identities those with a reserve want to be there, boolean, (N, ...), see `Presence.step`; None
+            leaves everybody where they are.
+    """
 
     quality: Array
     ratings: Array
+    presence: Array | None = None
 
 
 class Counts(NamedTuple):

@@ -20,6 +20,8 @@ class AgentGroup(Frozen):
     """`SR` rates services, `SP` provides them, `SR+SP` does both."""
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Number of agents; each is an identity of its own, also one that joins late."""
+    reserve: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Further identities of each agent, not there until it takes them: newcomers to all others (not in PettingZoo)."""
     turns: tuple[Role, ...] = ()
     """For `SR+SP` agents: the roles that they play in turn, over and over; empty: both roles in every round."""
     turn_length: PositiveInt = 1
@@ -67,4 +69,5 @@ class AgentGroup(Frozen):
     @property
     def open(self) -> bool:
         """Whether members join or leave while the game runs."""
-        return self.joins > 0 or self.join_rate < 1 or self.leaves is not None or self.leave_rate > 0
+        late = self.joins > 0 or self.join_rate < 1
+        return late or self.leaves is not None or self.leave_rate > 0 or self.reserve > 0
