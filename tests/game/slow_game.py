@@ -16,10 +16,12 @@ class Slow:
 
     def __init__(self, scenario: Scenario, noise: Noise) -> None:
         self.rules, self.round = scenario, 0
-        self.group = {}
+        self.group, self.in_reserve = {}, set()
         for role, prefix in (("SR", "sr"), ("SP", "sp"), ("SR+SP", "srsp")):
-            members = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
-            self.group |= {f"{prefix}_{i}": group for i, group in enumerate(members)}
+            owners = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
+            reserves = [group for group in owners for _ in range(group.reserve)]
+            self.group |= {f"{prefix}_{i}": group for i, group in enumerate(owners + reserves)}
+            self.in_reserve |= {f"{prefix}_{i}" for i in range(len(owners), len(owners + reserves))}
         self.names = list(self.group)
         self.raters = [k for k in self.names if "SR" in self.group[k].role]
         self.providers = [k for k in self.names if "SP" in self.group[k].role]
@@ -32,7 +34,7 @@ class Slow:
         self.late, self.arrived = [], {}  # late: (round, pair, rating)
         self.n_rated, self.n_provided = dict.fromkeys(self.both, 0), dict.fromkeys(self.both, 0)
         self.phase, self.low = dict.fromkeys(self.names, WAITING), dict.fromkeys(self.names, 0)
-        self.come_and_go(0, noise)
+        self.come_and_go(0, noise, None)
         self.value = self.draw_values(noise)
         self.ability = self.draw_trait("ability", self.providers, noise.ability)
         self.bias = self.draw_trait("bias", self.raters, noise.bias)
@@ -60,13 +62,15 @@ class Slow:
                 drawn[k] = low if low == high else low * (1 - luck[n]) + high * luck[n]
         return drawn
 
-    def come_and_go(self, round: int, noise: Noise) -> None:
+    def come_and_go(self, round: int, noise: Noise, wanted: np.ndarray | None) -> None:
         for n, k in enumerate(self.names):
             group = self.group[k]
             luck = 0.5 if noise.presence is None else noise.presence[n]
-            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate:
+            called = k not in self.in_reserve or (wanted is not None and wanted[n])
+            withdraws = wanted is not None and group.reserve > 0 and not wanted[n]
+            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate and called:
                 self.phase[k] = PRESENT
-            elif self.phase[k] == PRESENT and luck < group.leave_rate:
+            elif self.phase[k] == PRESENT and (luck < group.leave_rate or withdraws):
                 self.phase[k] = LEFT
             if self.phase[k] in (WAITING, PRESENT) and group.leaves is not None and round >= group.leaves:
                 self.phase[k] = LEFT
@@ -94,7 +98,7 @@ class Slow:
                 self.low[k] = self.low[k] + 1 if danger else 0
                 if self.low[k] >= self.rules.admission.rounds:
                     self.phase[k] = CUT_OFF
-        self.come_and_go(self.round + 1, noise)
+        self.come_and_go(self.round + 1, noise, actions.presence)
         if self.place is not None:
             self.move(noise)
         acting = {k for k in self.names if before[k] == self.phase[k] == PRESENT}

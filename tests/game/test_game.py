@@ -30,6 +30,7 @@ def busy(**fields: Any) -> Scenario:
             {"role": "SR+SP", "count": 3, "turns": ["SR", "SP", "SR+SP"], "turn_length": 2},
             {"role": "SR", "count": 2, "joins": 3, "join_rate": 0.4, "leave_rate": 0.1, "noise": 0.2},
             {"role": "SP", "count": 2, "joins": 1, "leaves": 14, "leave_rate": 0.05},
+            {"role": "SR+SP", "count": 2, "reserve": 2, "join_rate": 0.7, "noise": 0.1},
         ],
         "ratings": {"lost": 0.2, "late": 0.3, "delay": 3},
         "perturbations": [{"start": 4, "stop": 8, "strength": 0.6}, {"start": 6, "stop": 9, "strength": 0.3}],
@@ -133,9 +134,12 @@ def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, lis
     def notes(*shape: int) -> np.ndarray:
         return np.where(rng.random((*shape, *batch)) < 0.5, rng.integers(0, 5, (*shape, *batch)) / 4, rng.random())
 
+    def wanted() -> np.ndarray | None:
+        return rng.random((game.roster.n_agents, *batch)) < 0.8 if any(game.roster.turn) else None
+
     start = game.draw(source, batch, start=True)
     rounds = range(game.scenario.max_cycles)
-    return start, [Actions(notes(p), notes(s, p)) for _ in rounds], [game.draw(source, batch) for _ in rounds]
+    return start, [Actions(notes(p), notes(s, p), wanted()) for _ in rounds], [game.draw(source, batch) for _ in rounds]
 
 
 def play(game: Game, start: Noise, actions: list[Actions], noises: list[Noise]) -> Iterator[tuple[State, Any]]:

@@ -29,6 +29,15 @@ def test_honest_providers_deliver_their_ability_and_pay_for_no_more() -> None:
     np.testing.assert_allclose(game.views(start(game.scenario))[0].trust, 0.5)
 
 
+def test_in_the_market_who_chooses_by_trust_is_served_better_than_the_mean() -> None:
+    game = Game(make_scenario("market").change(max_cycles=60))
+    history = record(Cast(game, {}), game.random(0), (30,))
+    bought = (history.quality[:, None] * history.served)[30:].sum() / history.served[30:].sum()
+    ability = history.quality.max(axis=0)
+    assert ability.min() >= 0.3
+    assert bought > ability.mean() + 0.15
+
+
 def test_raters_perceive_scale_times_quality_plus_bias() -> None:
     game = Game(crowd({"bias": 0.1, "scale": 0.5}, {"ability": 0.6}))
     history = record(Cast(game, {}), game.random(0))
