@@ -43,10 +43,7 @@ Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1)]
 Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 """Weight of the newest round in every trust."""
 
-DrawnShare = Annotated[
-    float | tuple[float, float],
-    _drawn("[0, 1]", lambda x: 0 <= x <= 1),
-]
+DrawnShare = Annotated[float | tuple[float, float], _drawn("[0, 1]", lambda x: 0 <= x <= 1)]
 """A share, or a range of them from which one is drawn."""
 
 DrawnBias = Annotated[float | tuple[float, float], _drawn("[-1, 1]", lambda x: -1 <= x <= 1)]

@@ -89,9 +89,10 @@ class Cast:
         for name, policy in policies.items():
             _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
+        seated = roster.with_reserves(policies)
         groups: dict[tuple[str, Policy], _Seats] = {}
         for place, name in enumerate(roster.names):
-            policy = policies.get(roster.owners[name], honest)
+            policy = seated.get(name, honest)
             seats = groups.setdefault((_role(name), policy), _Seats(policy, [], [], []))
             seats.agent.append(place)
             if name in roster.provider_names:
@@ -106,8 +107,8 @@ class Cast:
     @property
     def attackers(self) -> tuple[str, ...]:
         """The names of the agents that do not play honestly, their identities in reserve included."""
-        bad = {name for name, policy in self.policies.items() if policy.attacks}
-        return tuple(name for name, owner in self.game.roster.owners.items() if owner in bad)
+        policies = self.game.roster.with_reserves(self.policies)
+        return tuple(name for name, policy in policies.items() if policy.attacks)
 
     def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
         """What the policies remember before the first round."""

@@ -1,7 +1,9 @@
 """Who is who: the agents of a scenario, and their places on the rater, provider and agent axes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +11,8 @@ import numpy.typing as npt
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.world.group import AgentGroup, Role
 from roletrust_env.world.scenario import Scenario
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,10 @@ class Roster:
         for _, name, before in sorted(zip(self.turn, self.names, self.before, strict=True)):
             owners[name] = owners.get(self.names[before], name)
         return {name: owners[name] for name in self.names}
+
+    def with_reserves(self, by_name: Mapping[str, T]) -> dict[str, T]:
+        """What is said of agents by name, such as how they play, said of their identities in reserve, too."""
+        return {name: by_name[owner] for name, owner in self.owners.items() if owner in by_name}
 
     @cached_property
     def first_names(self) -> tuple[str, ...]:

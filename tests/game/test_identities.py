@@ -46,6 +46,7 @@ def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> N
         **{"srsp_1": "srsp_0", "srsp_2": "srsp_0"},
     }
     before = {name: roster.names[roster.before[n]] for n, name in enumerate(roster.names)}
+    assert roster.with_reserves({"sp_1": 5, "sr_0": 6}) == {"sr_0": 6, "sp_1": 5, "sp_5": 5, "sp_6": 5}
     assert before["sp_6"] == "sp_5"
     assert before["sp_5"] == "sp_1"
     assert before["sp_1"] == "sp_1"
