@@ -5,6 +5,8 @@ from typing import Any
 from baselines.coalition.collusion import Collusion
 from baselines.coalition.orchestrated import Orchestrated
 from baselines.coalition.self_promotion import SelfPromotion
+from baselines.identity.sybil import Sybil
+from baselines.identity.whitewashing import Whitewashing
 from baselines.provider.camouflage import Camouflage
 from baselines.provider.exit import Exit
 from baselines.provider.on_off import OnOff
@@ -46,6 +48,8 @@ registry.register("transitive-lying", TransitiveLying)
 registry.register("collusion", Collusion)
 registry.register("orchestrated", Orchestrated)
 registry.register("self-promotion", SelfPromotion)
+registry.register("whitewashing", Whitewashing)
+registry.register("sybil", Sybil)
 
 
 def register_attacker(name: str, factory: Any) -> None:
@@ -101,9 +105,11 @@ __all__ = [
     "RepTrap",
     "ReputationLag",
     "SelfPromotion",
+    "Sybil",
     "ThresholdSurfing",
     "TransitiveLying",
     "ValueImbalance",
+    "Whitewashing",
     "attackers",
     "make_attacker",
     "register_attacker",

@@ -13,8 +13,11 @@ from roletrust_env.arrays import Array, namespace
 Dealt = TypeVar("Dealt", covariant=True)
 Keys = npt.NDArray[np.uint32]
 
-STREAMS = 8
-"""Kinds of luck in a round, each with a key of its own; one more is that of policies."""
+STREAMS = 12
+"""Kinds of luck in a round, each with a key of its own, but for the one that is never dealt: `POLICIES`."""
+
+POLICIES = 8
+"""The stream of the numbers that policies draw. It lies among the others, since those behind it came later."""
 
 _AHEAD = 64
 """Rounds whose keys are made at once."""
@@ -94,7 +97,7 @@ class Random:
 
     def _numbers(self, made: Callable[..., Array], shape: Sequence[int]) -> Array:
         index = np.asarray([self._calls], np.uint32)
-        key = self._on_device(np.stack(self._subkey(STREAMS, index)))
+        key = self._on_device(np.stack(self._subkey(POLICIES, index)))
         self._calls += 1
         games = counter.whole(self.like, math.prod(shape[1:]))
         return made(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 from pydantic_core import PydanticCustomError
 
 
@@ -59,6 +59,24 @@ class Length:
     """Annotated to a number of rounds: the length of the game, told where it is known."""
 
 
+def _drawn(allowed: str, holds: Callable[[float], bool]) -> WrapValidator:
+    """A validator of a number, or of a range from which one is drawn."""
+
+    def check(value: Any, read: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            found = read(value)
+        except ValidationError:
+            found = None
+        low, high = found if isinstance(found, tuple) else (found, found)
+        flags = isinstance(value, list | tuple) and any(isinstance(bound, bool) for bound in value)
+        if found is None or flags or not (holds(low) and holds(high) and low <= high):
+            message = "it must be a number in {allowed}, or a range (low, high) of two such numbers"
+            raise PydanticCustomError("drawn", message, {"allowed": allowed})
+        return found
+
+    return WrapValidator(check)
+
+
 Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1), Searched(0, 1)]
 """A trust, a quality, a rating, a probability."""
 
@@ -79,3 +97,12 @@ LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
 
 Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
 """The probability that is cut off at either end of a distribution."""
+
+DrawnShare = Annotated[float | tuple[float, float], _drawn("[0, 1]", lambda x: 0 <= x <= 1)]
+"""A share, or a range of them from which one is drawn."""
+
+DrawnBias = Annotated[float | tuple[float, float], _drawn("[-1, 1]", lambda x: -1 <= x <= 1)]
+"""What is added to a quality, or a range to draw it from."""
+
+DrawnScale = Annotated[float | tuple[float, float], _drawn("[0, inf)", lambda x: 0 <= x < inf)]
+"""What a quality is multiplied by, or a range to draw it from."""

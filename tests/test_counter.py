@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -89,6 +90,20 @@ def test_the_first_game_of_a_batch_has_the_luck_of_a_game_alone(preset: str) -> 
             assert (a is None) == (b is None)
             if a is not None:
                 np.testing.assert_allclose(a, b[..., 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("preset", "expected"),
+    [("robots-that-move", "57ad67e29ba5f426"), ("open-system", "345829c3be8090db")],
+)
+def test_seeds_deal_what_they_have_always_dealt(preset: str, expected: str) -> None:
+    """Uniform numbers are whole multiples of 2 ** -24, the same on every machine; these are of version 0.1.0."""
+    game, digest = Game(make_scenario(preset)), sha256()
+    random = game.random(0)
+    for start in (True, False, False):
+        for luck in (*game.draw(random, (2,), start=start)[1:], random.uniform((3,))):
+            digest.update(b"" if luck is None else (luck * 2**24).astype("<u4").tobytes())
+    assert digest.hexdigest()[:16] == expected
 
 
 def test_what_policies_draw_does_not_change_the_luck_of_the_game() -> None:

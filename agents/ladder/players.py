@@ -25,12 +25,21 @@ class Attacker(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Scripted:
-    """Each compromised agent has a policy of its own, and plays honestly without."""
+    """Each compromised agent has a policy of its own, and plays honestly without.
+
+    An action of a task has no presence, so a policy that takes identities in reserve is refused.
+    """
 
     policies: Mapping[str, Policy]
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
         """See `Attacker.begin`."""
+        for name, policy in self.policies.items():
+            if policy.reserve:
+                raise ValueError(
+                    f"agent {name!r} cannot play {policy!r} in a task: that calls identities in reserve, and an action "
+                    "of a task cannot; it plays in a Cast, and as one of the task's others"
+                )
         cast = Cast(task.game, self.policies)
         return cast, cast.begin(random, batch)
 

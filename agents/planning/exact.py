@@ -218,6 +218,8 @@ def check_certain(scenario: Scenario) -> None:
         "the service is seen through a camera": rules.service != "synthetic",
         "not everyone is served by everyone": not isinstance(rules.access, Everyone),
         "raters perceive with noise": any(group.noise > 0 for group in groups),
+        "providers differ in ability": any(group.ability != 1 for group in groups),
+        "raters are subjective": any(group.subjective for group in groups),
         "services are perturbed": bool(rules.perturbations),
         "ratings get lost or come late": rules.ratings.lost > 0 or rules.ratings.late > 0,
         "agents come and go": any(group.open for group in groups),

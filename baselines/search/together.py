@@ -20,6 +20,11 @@ class Both(Policy):
     rates: Policy
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
+    @property
+    def reserve(self) -> int:  # type: ignore[override]
+        """As many identities as either takes."""
+        return max(self.serves.reserve, self.rates.reserve)
+
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """What the two remember. See `Policy.begin`."""
         return self.serves.begin(random, shape), self.rates.begin(random, shape)
@@ -48,6 +53,11 @@ class SideBySide(Policy):
     def attacks(self) -> frozenset[Channel]:  # type: ignore[override]
         """The channels on which any of them attacks."""
         return frozenset[Channel]().union(*(policy.attacks for policy in self.policies))
+
+    @property
+    def reserve(self) -> int:  # type: ignore[override]
+        """As many identities as any takes."""
+        return max(policy.reserve for policy in self.policies)
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """What each remembers. See `Policy.begin`."""

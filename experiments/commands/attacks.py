@@ -97,7 +97,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        seated.append((_agents(pattern.strip(), roster.names), attacker))
+        seated.append((_agents(pattern.strip(), roster.first_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
     accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
     policies: dict[str, Policy] = {}

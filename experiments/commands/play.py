@@ -177,7 +177,8 @@ def _write(
     for one in played:
         name = f"{_file('curves', one.model, played)}.png"
         title = f"{one.game.scenario.name}, {one.model}, {attacks_in_words(attackers)}"
-        write_figure(out / name, curve_figure(title, one.game, one.curves, attackers))
+        identities = one.game.roster.with_reserves(attackers)
+        write_figure(out / name, curve_figure(title, one.game, one.curves, identities))
         written.append(name)
     measured = {
         one.model: {

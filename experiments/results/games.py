@@ -65,6 +65,7 @@ def play_games(
 ) -> Played:
     """Play under one trust model, with the attack and once more without, and measure it."""
     game, lost = cast.game, {}
+    attackers = game.roster.with_reserves(attackers)
     curves = record(cast, seed, progress, f"Playing, {model}", games=games)
     if has_twin(game, attackers):
         twin = record(Cast(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)

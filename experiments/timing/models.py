@@ -129,7 +129,7 @@ def too_much(trials: Mapping[Size, Trial], size: Size, limits: Limits) -> str:
         return ""
     small, long, wide = corners[-1]
     seconds = long.seconds * wide.seconds / small.seconds
-    memory = long.memory * wide.memory / small.memory
+    memory = long.memory * wide.memory / max(1, small.memory)
     if seconds > limits.seconds:
         return f"an update would take about {in_time(seconds)}"
     return f"an update would take about {in_bytes(memory)}" if memory > limits.memory else ""

@@ -41,7 +41,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     | agent | shape | action |
     |---|---|---|
-    | `sp_0 ...` | (1,) | quality of its service |
+    | `sp_0 ...` | (1,) | quality of its service; it delivers its ability times that |
     | `sr_0 ...` | (P,) | its rating of each provider; those of providers that served it not are ignored |
     | `srsp_0 ...` | (1 + P,) | quality first, then ratings; its rating of itself is ignored |
 
@@ -74,19 +74,20 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Rewards
 
-    SR: ToR. SP: ToP less the cost of the quality that it provided (cost x value x quality). SR+SP: ToA less that cost.
+    SR: ToR. SP: ToP less the cost of the quality that it delivered (cost x value x quality). SR+SP: ToA less that cost.
     The weights are the scenario's `rewards`.
 
     ## Starting State
 
     Everyone has the scenario's `initial_trust`; nothing has been served or rated. Positions, values and presence are
-    drawn where the scenario has them.
+    drawn where the scenario has them, and so are abilities, biases and scales.
 
     ## Episode End
 
     Truncation for all after the scenario's `max_cycles` steps. Termination of an agent when it leaves or when admission
     control cuts it off, both for good. Agents that join later appear in `agents` when they do. If nobody is present
     any more the episode is over, also when others would have joined later: PettingZoo has no step without agents.
+    Identities in reserve stay away: no action of PettingZoo's calls them.
 
     ## Information
 

@@ -209,9 +209,9 @@ class AttackTask:
             if name in roster.rater_names:
                 ratings.append(action[at : at + p])
                 at += p
-        return Actions(
-            _replace(xp, scripted.quality, self._providers, quality),
-            _replace(xp, scripted.ratings, self._raters, ratings),
+        return scripted._replace(
+            quality=_replace(xp, scripted.quality, self._providers, quality),
+            ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
 
     def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:

@@ -9,14 +9,16 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.state import Actions, State
-from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
+from roletrust_env.world.presence import PRESENT
 
 _CHANNELS: dict[str, frozenset[Channel]] = {
     "sr": frozenset({"ratings"}),
     "sp": frozenset({"quality"}),
     "srsp": frozenset({"quality", "ratings"}),
 }
+_PRESENCE: frozenset[Channel] = frozenset({"presence"})
 
 
 class Player:
@@ -31,11 +33,12 @@ class Player:
         seed: for policies that play at random.
 
     Raises:
-        ValueError: the policy attacks on no channel that the agent has.
+        ValueError: the policy attacks on no channel that the agent has, or takes identities in reserve: in PettingZoo
+            they stay where they are.
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
-        _check_channels(agent, policy)
+        _check_channels(agent, policy, 0)
         self.policy = policy
         self._role = _role(agent)
         self._layout = layout
@@ -58,11 +61,12 @@ class Player:
 
 
 class _Seats(NamedTuple):
-    """Agents that share a policy and a role, by their places on the provider and on the rater axis."""
+    """Agents that share a policy and a role, by their places on the provider, the rater and the agent axis."""
 
     policy: Policy
     provider: list[int]
     rater: list[int]
+    agent: list[int]
 
 
 class Cast:
@@ -72,10 +76,11 @@ class Cast:
 
     Args:
         game: the game to play.
-        policies: agent's name -> policy; agents not named play honestly.
+        policies: agent's name -> policy, which plays its identities in reserve, too; agents not named play honestly.
 
     Raises:
-        ValueError: a name is no agent of the scenario, or a policy attacks on no channel that its agent has.
+        ValueError: a name is no agent of the scenario or an identity in reserve, a policy attacks on no channel that
+            its agent has, or takes more identities than it has in reserve.
     """
 
     def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
@@ -84,39 +89,58 @@ class Cast:
         for name, policy in policies.items():
             _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
+        seated = roster.with_reserves(policies)
         groups: dict[tuple[str, Policy], _Seats] = {}
-        for name in roster.names:
-            policy = policies.get(name, honest)
-            seats = groups.setdefault((_role(name), policy), _Seats(policy, [], []))
+        for place, name in enumerate(roster.names):
+            policy = seated.get(name, honest)
+            seats = groups.setdefault((_role(name), policy), _Seats(policy, [], [], []))
+            seats.agent.append(place)
             if name in roster.provider_names:
                 seats.provider.append(roster.provider_names.index(name))
             if name in roster.rater_names:
                 seats.rater.append(roster.rater_names.index(name))
         self._seats = tuple(groups.values())
-        self._first_both = roster.n_agents - roster.n_providers  # from a place among providers to one among agents
+        self._has_reserve = any(roster.turn)
+        self._before = list(roster.before)
+        self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
 
     @property
     def attackers(self) -> tuple[str, ...]:
-        """The names of the agents that do not play honestly."""
-        return tuple(name for name, policy in self.policies.items() if policy.attacks)
+        """The names of the agents that do not play honestly, their identities in reserve included."""
+        policies = self.game.roster.with_reserves(self.policies)
+        return tuple(name for name, policy in policies.items() if policy.attacks)
 
     def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
         """What the policies remember before the first round."""
-        return tuple(
-            seats.policy.begin(random, (max(len(seats.provider), len(seats.rater)), *batch)) for seats in self._seats
-        )
+        return tuple(seats.policy.begin(random, (len(seats.agent), *batch)) for seats in self._seats)
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
         """What everybody does in a state, and what they remember of it."""
         views = self.game.views(state)
-        qualities, ratings, after = [], [], []
+        identities = self._identities(state) if self._has_reserve else None
+        qualities, ratings, wanted, after = [], [], [], []
         for seats, memory in zip(self._seats, memories, strict=True):
             quality, given, remembered = self._ask(seats, state, *views, memory, random)
             qualities += [] if quality is None else [quality]
             ratings += [] if given is None else [given.swapaxes(0, 1)]
+            if identities is not None:
+                mine = IdentityView(*(field[seats.agent, ...] for field in identities))
+                there, remembered = seats.policy.presence(mine, remembered, random)
+                wanted.append(there)
             after.append(remembered)
         order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]
-        return Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1])), tuple(after)
+        presence = _arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None
+        return Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1]), presence), tuple(after)
+
+    def _identities(self, state: State) -> IdentityView:
+        """What is known of all identities, with one further axis, (N, ...)."""
+        assert state.population is not None  # somebody has a reserve
+        trust, phase = self.game.agent_trust(state), state.population.phase
+        over = namespace(trust).broadcast_to
+        turn = over(self._turn.reshape(-1, *[1] * (trust.ndim - 1)), trust.shape)
+        return IdentityView(
+            over(state.round, trust.shape), trust, turn, phase == PRESENT, phase[self._before, ...] > PRESENT
+        )
 
     def _ask(
         self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
@@ -125,7 +149,7 @@ class Cast:
         provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
         rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
         if provider is not None and rater is not None:
-            trust = self.game.agent_trust(state)[[place + self._first_both for place in seats.provider], ...]
+            trust = self.game.agent_trust(state)[seats.agent, ...]
             return seats.policy.both(AgentView(trust, provider, rater), memory, random)
         if provider is not None:
             quality, memory = seats.policy.quality(provider, memory, random)
@@ -141,23 +165,33 @@ def _role(agent: str) -> str:
 
 
 def _check_seat(game: Game, name: str, policy: Policy) -> None:
-    names = game.roster.names
+    names, owners = game.roster.names, game.roster.owners
+    if name in names and owners[name] != name:
+        raise ValueError(f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that")
     if name not in names:
         shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
-    _check_channels(name, policy)
+    _check_channels(name, policy, list(owners.values()).count(name) - 1)
 
 
-def _check_channels(name: str, policy: Policy) -> None:
+def _check_channels(name: str, policy: Policy, reserve: int) -> None:
+    """Refuse a policy that an agent with so many identities in reserve cannot play."""
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
     if _role(name) not in _CHANNELS:
         raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
     channels = _CHANNELS[_role(name)]
+    if reserve:
+        channels = channels | _PRESENCE
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(
             f"agent {name!r} cannot play {policy!r}: that attacks by {_words(policy.attacks)}, "
             f"and the agent only decides on {_words(channels)}"
+        )
+    if policy.reserve > reserve:
+        raise ValueError(
+            f"agent {name!r} cannot play {policy!r}: that takes {policy.reserve} identities in reserve, and the agent "
+            f"has {reserve} here; the reserve of its group in the scenario gives them, and PettingZoo leaves them out"
         )
 
 

@@ -13,14 +13,16 @@ import numpy as np
 
 from roletrust_env.arrays import Array, cast, copied, namespace
 from roletrust_env.game.luck import Luck
+from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
-from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
+from roletrust_env.trust import TrustModel, check_trust_model
 from roletrust_env.trust.guard import needs_watching, watched_update
 from roletrust_env.trust.model import Traits, start_model
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, channel, mobility
+from roletrust_env.world.nature import Natures
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -66,6 +68,7 @@ class Game:
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
+        self._natures = Natures(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
         self._luck = Luck(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
@@ -80,10 +83,7 @@ class Game:
         self._watched = needs_watching(trust_model)
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
-        self._values = None
-        if len(set(scenario.values)) > 1:
-            self._values = self._constant(np.asarray(scenario.values) / max(scenario.values), like.dtype)
-        self._costs = scenario.rewards.quality_cost * max(scenario.values)
+        self._payoff = Payoff(scenario, roster, like)
 
     def random(self, seed: int | None = None) -> Random:
         """A source of luck for this game: of its array library, dtype and device.
@@ -99,9 +99,9 @@ class Game:
         Args:
             random: the source.
             batch: shape of the batch.
-            start: whether this is for `start`, which alone scatters the agents.
+            start: whether this is for `start`, which takes luck of its own.
         """
-        if self._on_numpy and not (start and self._luck.scatters):
+        if self._on_numpy and not (start and self._luck.starts):
             return random.deal(self._luck, batch)
         return self.luck(random.round_key(), batch, start=start)
 
@@ -113,7 +113,7 @@ class Game:
         Args:
             key: of the round, see `Random.round_key`.
             batch: shape of the batch.
-            start: whether this is for `start`, which alone scatters the agents.
+            start: whether this is for `start`, which takes luck of its own.
         """
         return self._luck.of_round(key, batch, start)
 
@@ -130,7 +130,7 @@ class Game:
             quality=xp.zeros_like(nothing[0]),
             service=xp.zeros_like(nothing),
             awaiting=self._over(self._stranger & False, nothing.shape),
-            value=self._next_value(nothing[0] + 1, noise),
+            value=self._payoff.next_value(nothing[0] + 1, noise.value),
             counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
             if roster.n_both
             else None,
@@ -139,6 +139,7 @@ class Game:
             if isinstance(rules.access, InRange)
             else None,
             transit=channel.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+            nature=self._natures.start(nothing, noise.ability, noise.bias, noise.scale),
             full=False,
         )
 
@@ -162,6 +163,11 @@ class Game:
                 f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
                 f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
             )
+        wanted, population = actions.presence, state.population
+        if wanted is not None and (population is None or wanted.shape != population.phase.shape):
+            raise ValueError(
+                f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
+            )
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
         )
@@ -184,19 +190,19 @@ class Game:
                 counts.provided + roster.both(state.awaiting.sum(axis=0, dtype=top.dtype)),
             )
 
-        population = state.population
         if population is not None:
-            agents = self._agent_trust(tor, top, counts)
-            population = self.presence.step(population, state.round + 1, agents, noise.presence)
+            agents = self._payoff.agent_trust(tor, top, counts)
+            population = self.presence.step(population, state.round + 1, agents, noise.presence, actions.presence)
         places = state.places
         if places is not None and isinstance(rules.access, InRange):
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        quality = actions.quality
+        ability, taste = state.nature
+        quality = actions.quality if ability is None else ability * actions.quality
         quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
         service = self.service.perceive(
-            quality, self._perturbations.strength(state.round), state.round, noise.perception
+            quality, self._perturbations.strength(state.round), state.round, noise.perception, taste
         )
         if not self._everyone:
             service = xp.where(served, service, self._zero)
@@ -208,15 +214,15 @@ class Game:
             quality=quality,
             service=service,
             awaiting=served,
-            value=self._next_value(state.value, noise),
+            value=self._payoff.next_value(state.value, noise.value),
             counts=counts,
             population=population,
             places=places,
             transit=transit,
+            nature=state.nature,
             full=self._everyone,
         )
-        costs = self._costs * quality if self._values is None else self._costs * state.value * quality
-        return after, self._rewards(tor, top, counts, costs)
+        return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
     def published(self, state: State) -> tuple[Array, Array]:
         """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
@@ -224,7 +230,7 @@ class Game:
 
     def agent_trust(self, state: State) -> Array:
         """The trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
-        return self._agent_trust(*self.published(state), state.counts)
+        return self._payoff.agent_trust(*self.published(state), state.counts)
 
     def present(self, state: State) -> Array | None:
         """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
@@ -318,35 +324,6 @@ class Game:
             return constant
         batch = (1,) * (len(shape) - constant.ndim)
         return namespace(constant).broadcast_to(constant.reshape(constant.shape + batch), shape)
-
-    def _rewards(self, tor: Array, top: Array, counts: Counts | None, costs: Array) -> Array:
-        weights, roster = self.scenario.rewards, self.roster
-        of_both = None
-        if counts is not None:
-            toa = self._both_trust(tor, top, counts)
-            of_both = weights.agent_trust * toa - roster.both(costs)
-        of_raters = tor if weights.rater_trust == 1 else weights.rater_trust * tor
-        of_providers = top if weights.provider_trust == 1 else weights.provider_trust * top
-        return roster.agents(of_raters, of_providers - costs, of_both)
-
-    def _agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
-        toa = None if counts is None else self._both_trust(tor, top, counts)
-        return self.roster.agents(tor, top, toa)
-
-    def _both_trust(self, tor: Array, top: Array, counts: Counts) -> Array:
-        roster = self.roster
-        return agent_trust(
-            roster.both(tor),
-            roster.both(top),
-            rated=counts.rated,
-            provided=counts.provided,
-            initial=self.scenario.initial_trust,
-        )
-
-    def _next_value(self, value: Array, noise: Noise) -> Array:
-        if self._values is None or noise.value is None:
-            return value
-        return self._values[namespace(self.like).astype(noise.value * len(self._values), namespace(self.like).int64)]
 
     def _constant(self, values: Any, dtype: Any = None) -> Array:
         return namespace(self.like).asarray(values, dtype=dtype, device=self.like.device)

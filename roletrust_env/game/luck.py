@@ -9,6 +9,8 @@ import numpy as np
 from roletrust_env import counter
 from roletrust_env.arrays import Array
 from roletrust_env.game.state import Noise
+from roletrust_env.randomness import POLICIES, STREAMS
+from roletrust_env.world.nature import varies
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, InRange, Scenario
 
@@ -17,6 +19,11 @@ _AHEAD = 256
 
 _MANY = 4096
 """Numbers in a round from which on calls cost less than keys that differ from round to round."""
+
+_OF_THE_START = ("position", "ability", "bias", "scale")
+"""Luck that only the start of a game takes."""
+
+_STREAM = dict(zip(Noise._fields, (k for k in range(STREAMS) if k != POLICIES), strict=True))
 
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
 """How numbers are made, and their shape in one game."""
@@ -32,7 +39,7 @@ class Luck:
         like: an array of the library, dtype and device to work with.
 
     Attributes:
-        scatters: whether the start takes luck of its own, to place the agents.
+        starts: whether the start takes luck of its own: to place the agents, or to draw what they are like.
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array) -> None:
@@ -47,9 +54,12 @@ class Luck:
             "value": (counter.uniform, (p,)) if len(set(scenario.values)) > 1 else None,
             "goal": (counter.uniform, (n, 2)) if moves else None,
             "position": (counter.uniform, (n, 2)) if moves else None,
+            "ability": (counter.uniform, (p,)) if varies(roster, "ability") else None,
+            "bias": (counter.uniform, (s,)) if varies(roster, "bias") else None,
+            "scale": (counter.uniform, (s,)) if varies(roster, "scale") else None,
         }
         self._wanted = {name: kind for name, kind in wanted.items() if kind is not None}
-        self.scatters = moves
+        self.starts = any(name in self._wanted for name in _OF_THE_START)
         self._like = like
         self._cells = sum(prod(shape) for _, shape in self._wanted.values())
 
@@ -59,7 +69,7 @@ class Luck:
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter.BLOCK // numbers)
 
     def of_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
-        """The luck of one round, or of the start, which alone scatters the agents; the key is (STREAMS, 4)."""
+        """The luck of one round, or of the start, which alone takes all; the key is (STREAMS, 4)."""
         games = counter.whole(self._like, prod(batch))
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
@@ -85,8 +95,8 @@ class Luck:
     def _noise(self, made: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
         return Noise(
             **{
-                name: made(*kind, Noise._fields.index(name))
+                name: made(*kind, _STREAM[name])
                 for name, kind in self._wanted.items()
-                if start or name != "position"
+                if start or name not in _OF_THE_START
             }
         )

@@ -4,10 +4,10 @@ import re
 from typing import Any, ClassVar, Literal
 
 from roletrust_env.arrays import Array
-from roletrust_env.game.views import AgentView, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView
 from roletrust_env.randomness import Random
 
-Channel = Literal["quality", "ratings"]
+Channel = Literal["quality", "ratings", "presence"]
 
 
 class Policy:
@@ -18,10 +18,12 @@ class Policy:
     one object plays in a PettingZoo loop, in one game and in a million.
 
     Attributes:
-        attacks: the channels on which it does not play honestly: `"quality"`, `"ratings"`, both or none.
+        attacks: the channels on which it does not play honestly, of `"quality"`, `"ratings"` and `"presence"`.
+        reserve: identities in reserve that it takes; an agent must have as many.
     """
 
     attacks: ClassVar[frozenset[Channel]] = frozenset()
+    reserve: int = 0
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Its memory before the first round, for agents and batch of this shape; None if it remembers nothing."""
@@ -40,6 +42,14 @@ class Policy:
         quality, memory = self.quality(view.provider, memory, random)
         ratings, memory = self.ratings(view.rater, memory, random)
         return quality, ratings, memory
+
+    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Whether it wants this identity to be there, boolean, (...), and its new memory.
+
+        Asked of each identity of an agent, after quality and ratings, where anybody has a reserve; it counts for those
+        that have one. An honest agent keeps to its first.
+        """
+        return view.turn == 0, memory
 
 
 def policy_name(policy: Policy) -> str:

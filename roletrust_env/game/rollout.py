@@ -64,7 +64,7 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
     memories = cast.begin(random, batch)
     for _ in range(game.scenario.max_cycles):
         actions, memories = cast.act(state, memories, random)
-        for channel, chosen in zip(("quality", "ratings"), actions, strict=True):
+        for channel, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
             if not bool(((chosen >= 0) & (chosen <= 1)).all()):
                 raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
         state, rewards = game.step(state, actions, game.draw(random, batch))

@@ -5,14 +5,23 @@ from typing import Any, NamedTuple
 from roletrust_env.arrays import Array
 from roletrust_env.world.channel import InTransit
 from roletrust_env.world.mobility import Places
+from roletrust_env.world.nature import Nature
 from roletrust_env.world.presence import Population
 
 
 class Actions(NamedTuple):
-    """What the agents do in one round: `quality`, shape (P, ...), and `ratings`, shape (S, P, ...), in [0, 1]."""
+    """What the agents do in one round.
+
+    Attributes:
+        quality: of the services, shape (P, ...), in [0, 1].
+        ratings: shape (S, P, ...), in [0, 1].
+        presence: which identities those with a reserve want to be there, boolean, (N, ...), see `Presence.step`; None
+            leaves everybody where they are.
+    """
 
     quality: Array
     ratings: Array
+    presence: Array | None = None
 
 
 class Counts(NamedTuple):
@@ -38,6 +47,7 @@ class State(NamedTuple):
         population: who is present, if that changes.
         places: where the agents are, if they move.
         transit: the ratings that are late, if any can be.
+        nature: what agents are like, as far as they differ from the usual.
         full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
     """
 
@@ -53,14 +63,15 @@ class State(NamedTuple):
     population: Population | None
     places: Places | None
     transit: InTransit | None
+    nature: Nature
     full: bool
 
 
 class Noise(NamedTuple):
     """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
 
-    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal` and, at
-    the start only, `position` (N, 2, ...).
+    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal`
+    (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: Array
@@ -71,3 +82,6 @@ class Noise(NamedTuple):
     value: Array | None = None
     goal: Array | None = None
     position: Array | None = None
+    ability: Array | None = None
+    bias: Array | None = None
+    scale: Array | None = None

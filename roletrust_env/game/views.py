@@ -63,6 +63,24 @@ class AgentView(NamedTuple):
     rater: RaterView
 
 
+class IdentityView(NamedTuple):
+    """What an owner of several identities knows of one of them.
+
+    Attributes:
+        round: number of the round, (...).
+        trust: of the identity, by its role, (...).
+        turn: 0 for the owner's first identity, from 1 on for those in reserve, (...).
+        present: whether it is there, boolean, (...).
+        succeeds: whether the identity before it is gone for good, boolean, (...).
+    """
+
+    round: Array
+    trust: Array
+    turn: Array
+    present: Array
+    succeeds: Array
+
+
 View = TypeVar("View", ProviderView, RaterView)
 
 

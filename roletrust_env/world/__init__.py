@@ -1,9 +1,9 @@
 """The world: scenarios, who is there, who serves whom, and what is perceived."""
 
+from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.presets import make_scenario, register_scenario, scenarios
 from roletrust_env.world.scenario import (
     Admission,
-    AgentGroup,
     Choice,
     Everyone,
     InRange,

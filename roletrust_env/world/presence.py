@@ -46,14 +46,19 @@ class Presence:
         self._join_rate = column([group.join_rate for group in roster.groups])
         self._leaves = column([never if group.leaves is None else group.leaves for group in roster.groups])
         self._leave_rate = column([group.leave_rate for group in roster.groups])
+        self._owned = None
+        if any(roster.turn):
+            self._owned = column([group.reserve for group in roster.groups]) > 0, column(list(roster.turn)) > 0
 
     def start(self, luck: Array) -> Population:
         """The population of round 0. `luck` is uniform noise of shape (N, ...)."""
         xp = namespace(luck)
         waiting = xp.zeros_like(luck, dtype=xp.int32)
-        return Population(self._come_and_go(waiting, waiting[0], luck), waiting)
+        return Population(self._come_and_go(waiting, waiting[0], luck, None), waiting)
 
-    def step(self, population: Population, round: Array, trust: Array, luck: Array) -> Population:
+    def step(
+        self, population: Population, round: Array, trust: Array, luck: Array, wanted: Array | None = None
+    ) -> Population:
         """The population of the next round.
 
         Args:
@@ -61,21 +66,29 @@ class Presence:
             round: number of the round that begins, shape (...).
             trust: of each agent after the round that ends, shape (N, ...).
             luck: uniform noise, shape (N, ...).
+            wanted: where an owner with identities in reserve wants an identity to be there, boolean, (N, ...): one that
+                is there and not wanted leaves for good, and one in reserve comes when it is wanted. It counts for
+                agents of groups with a reserve only; None leaves everybody where they are.
         """
         xp = namespace(luck)
         phase, low = population
         if self._admission is not None:
             low = xp.where((phase == PRESENT) & (trust < self._admission.threshold), low + 1, 0)
             phase = xp.where(low >= self._admission.rounds, CUT_OFF, phase)
-        return Population(self._come_and_go(phase, round, luck), low)
+        return Population(self._come_and_go(phase, round, luck, wanted), low)
 
-    def _come_and_go(self, phase: Array, round: Array, luck: Array) -> Array:
+    def _come_and_go(self, phase: Array, round: Array, luck: Array, wanted: Array | None) -> Array:
         def over(column: Array) -> Array:
             return column.reshape(column.shape + (1,) * (luck.ndim - 1))
 
         xp = namespace(luck)
         joins = (phase == WAITING) & (round >= over(self._joins)) & (luck < over(self._join_rate))
         leaves = (phase == PRESENT) & (luck < over(self._leave_rate))
+        if self._owned is not None:
+            has_reserve, in_reserve = map(over, self._owned)
+            joins = joins & (~in_reserve if wanted is None else ~in_reserve | wanted)
+            if wanted is not None:
+                leaves = leaves | (phase == PRESENT) & has_reserve & ~wanted
         expired = (round >= over(self._leaves)) & (phase <= PRESENT)
         phase = xp.where(joins, PRESENT, xp.where(leaves, LEFT, phase))
         return xp.where(expired, LEFT, phase)

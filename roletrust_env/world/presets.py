@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from roletrust_env.registry import Registry
+from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.scenario import (
     Admission,
-    AgentGroup,
     Choice,
     InRange,
     Perturbation,
@@ -134,6 +134,29 @@ for _preset in (
         agents=(
             AgentGroup(role="SR+SP", count=6, noise=0.005),
             AgentGroup(role="SR+SP", count=3, noise=0.005, turns=("SR", "SP"), turn_length=10),
+        ),
+        max_cycles=200,
+    ),
+    Scenario(
+        name="market",
+        description="Twenty buyers choose among twelve sellers of differing ability by their trust",
+        tags=("market", "choice", "ability", "lossy"),
+        agents=(
+            AgentGroup(role="SR", count=20, noise=0.05),
+            AgentGroup(role="SP", count=12, ability=(0.3, 1.0)),
+        ),
+        access=Choice(providers=2, temperature=0.1),
+        ratings=RatingChannel(lost=0.05),
+        values=(1.0, 1.0, 1.0, 5.0),
+        max_cycles=200,
+    ),
+    Scenario(
+        name="subjective",
+        description="Ten raters see ten providers of differing ability each in its own way: no two notes mean the same",
+        tags=("crowd", "ability", "subjective"),
+        agents=(
+            AgentGroup(role="SR", count=10, noise=0.02, bias=(-0.1, 0.1), scale=(0.7, 1.1)),
+            AgentGroup(role="SP", count=10, ability=(0.3, 1.0)),
         ),
         max_cycles=200,
     ),

@@ -1,33 +1,50 @@
 """Who is who: the agents of a scenario, and their places on the rater, provider and agent axes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.world.scenario import AgentGroup, Role, Scenario
+from roletrust_env.world.group import AgentGroup, Role
+from roletrust_env.world.scenario import Scenario
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Roster:
     """The agents of a scenario in the order SR, SP, SR+SP, so that every axis is a slice of another.
 
-    Agents: `[SR | SP | SR+SP]`; raters: `[SR | SR+SP]`; providers: `[SP | SR+SP]`.
+    Agents: `[SR | SP | SR+SP]`; raters: `[SR | SR+SP]`; providers: `[SP | SR+SP]`. An identity in reserve is an agent
+    of its own, behind all of its role that are not.
 
     Attributes:
         groups: the group of each agent, in this order.
+        turn: of each agent among the identities of one owner: 0 is the first, and those from 1 on are in reserve.
+        before: the identity before it, as a place among the agents; of a first one its own.
     """
 
     groups: tuple[AgentGroup, ...]
+    turn: tuple[int, ...]
+    before: tuple[int, ...]
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Roster":
         """The roster of a scenario."""
-        members = [group for group in scenario.agents for _ in range(group.count)]
+        owners = [group for group in scenario.agents for _ in range(group.count)]
         order: dict[Role, int] = {"SR": 0, "SP": 1, "SR+SP": 2}
-        return cls(tuple(sorted(members, key=lambda group: order[group.role])))
+        agents = [(owner, turn) for owner, group in enumerate(owners) for turn in range(1 + group.reserve)]
+        agents.sort(key=lambda agent: (order[owners[agent[0]].role], agent[1] > 0))
+        place = {agent: n for n, agent in enumerate(agents)}
+        return cls(
+            groups=tuple(owners[owner] for owner, _ in agents),
+            turn=tuple(turn for _, turn in agents),
+            before=tuple(place[owner, max(turn - 1, 0)] for owner, turn in agents),
+        )
 
     @cached_property
     def _count(self) -> dict[Role, int]:
@@ -70,8 +87,25 @@ class Roster:
         return self.names[self._count["SR"] :]
 
     @cached_property
+    def owners(self) -> dict[str, str]:
+        """Each agent's name, and that of the first identity of its owner, which is its own but for those in reserve."""
+        owners: dict[str, str] = {}
+        for _, name, before in sorted(zip(self.turn, self.names, self.before, strict=True)):
+            owners[name] = owners.get(self.names[before], name)
+        return {name: owners[name] for name in self.names}
+
+    def with_reserves(self, by_name: Mapping[str, T]) -> dict[str, T]:
+        """What is said of agents by name, such as how they play, said of their identities in reserve, too."""
+        return {name: by_name[owner] for name, owner in self.owners.items() if owner in by_name}
+
+    @cached_property
+    def first_names(self) -> tuple[str, ...]:
+        """The names of all agents but the identities in reserve."""
+        return tuple(name for name, turn in zip(self.names, self.turn, strict=True) if turn == 0)
+
+    @cached_property
     def stranger(self) -> npt.NDArray[np.bool_]:
-        """Shape (S, P): true where rater and provider are two agents, so that one may rate the other."""
+        """Shape (S, P): true where rater and provider are two identities, so that one may rate the other."""
         raters, providers = np.asarray(self.rater_names), np.asarray(self.provider_names)
         return np.asarray(raters[:, None] != providers)
 

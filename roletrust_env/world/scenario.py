@@ -2,13 +2,10 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
-from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     NonNegativeFloat,
     NonNegativeInt,
@@ -20,80 +17,18 @@ from pydantic import (
 
 from roletrust_env.errors import explain
 from roletrust_env.ranges import Lam, Share
-
-Role = Literal["SR", "SP", "SR+SP"]
-
-
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Tell of the fields in the class's own documentation, too."""
-        fields = [f"    {name}: {info.description}" for name, info in cls.model_fields.items()]
-        cls.__doc__ = "\n".join([cleandoc(cls.__doc__ or ""), "", "Attributes:", *fields])
-
-    @model_validator(mode="before")
-    @classmethod
-    def _check_fields(cls, data: Any) -> Any:
-        for name, value in data.items() if isinstance(data, dict) else ():
-            if name not in cls.model_fields:
-                raise ValueError(f"there is no field {name!r}; there are {', '.join(cls.model_fields)}")
-            if isinstance(value, bool):  # would pass for 0 or 1
-                raise ValueError(f"{name} is {value}; no field is true or false")
-        return data
+from roletrust_env.world.frozen import Frozen
+from roletrust_env.world.group import AgentGroup
 
 
-class AgentGroup(_Frozen):
-    """Agents of one kind."""
-
-    role: Role
-    """`SR` rates services, `SP` provides them, `SR+SP` does both."""
-    count: Annotated[int, Field(ge=1, le=100_000)] = 1
-    """Number of agents; each is an identity of its own, also one that joins late."""
-    turns: tuple[Role, ...] = ()
-    """For `SR+SP` agents: the roles that they play in turn, over and over; empty: both roles in every round."""
-    turn_length: PositiveInt = 1
-    """Rounds that a turn lasts."""
-    joins: NonNegativeInt = 0
-    """First round in which a member may be present."""
-    join_rate: Share = 1.0
-    """Probability, in each round from `joins` on, that a member that is not there yet joins."""
-    leaves: PositiveInt | None = None
-    """First round in which no member is present any more."""
-    leave_rate: Share = 0.0
-    """Probability, in each round, that a present member leaves, for good."""
-    noise: NonNegativeFloat = 0.0
-    """Standard deviation of a rater's perception of quality (synthetic service only)."""
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.turns and self.role != "SR+SP":
-            raise ValueError(f"turns are for agents with the role 'SR+SP', not {self.role!r}")
-        if self.leaves is not None and self.leaves <= self.joins:
-            raise ValueError(f"leaves is {self.leaves}; it must be later than joins, {self.joins}")
-        if self.join_rate == 0:
-            raise ValueError("join_rate is 0; it must be above 0, or the group never joins")
-        return self
-
-    def role_in(self, round: int) -> Role:
-        """The role that its members play in a round."""
-        return self.turns[round // self.turn_length % len(self.turns)] if self.turns else self.role
-
-    @property
-    def open(self) -> bool:
-        """Whether members join or leave while the game runs."""
-        return self.joins > 0 or self.join_rate < 1 or self.leaves is not None or self.leave_rate > 0
-
-
-class Everyone(_Frozen):
+class Everyone(Frozen):
     """Every rater is served by every provider, as in the paper."""
 
     kind: Literal["everyone"] = "everyone"
     """`everyone`."""
 
 
-class InRange(_Frozen):
+class InRange(Frozen):
     """Agents are robots that move from waypoint to waypoint; a rater is served by the providers near it."""
 
     kind: Literal["in-range"] = "in-range"
@@ -106,7 +41,7 @@ class InRange(_Frozen):
     """Distance that a robot moves in a round, in metres."""
 
 
-class Choice(_Frozen):
+class Choice(Frozen):
     """Each rater chooses a few providers by their published trust."""
 
     kind: Literal["choice"] = "choice"
@@ -117,7 +52,7 @@ class Choice(_Frozen):
     """0 chooses greedily, ties broken at random; above 0, by softmax of trust / temperature, without replacement."""
 
 
-class RatingChannel(_Frozen):
+class RatingChannel(Frozen):
     """What happens to ratings on their way to the trust manager."""
 
     lost: Share = 0.0
@@ -128,7 +63,7 @@ class RatingChannel(_Frozen):
     """Rounds by which a late rating is late. It yields to a newer rating that arrives in the same round."""
 
 
-class Perturbation(_Frozen):
+class Perturbation(Frozen):
     """A disturbance that strikes all services for a while, as the fast-moving target does in the paper."""
 
     start: NonNegativeInt
@@ -145,7 +80,7 @@ class Perturbation(_Frozen):
         return self
 
 
-class Admission(_Frozen):
+class Admission(Frozen):
     """Admission control: an agent whose trust stays too low is cut off, for good."""
 
     threshold: Share
@@ -154,7 +89,7 @@ class Admission(_Frozen):
     """Rounds in succession under the threshold after which it is cut off."""
 
 
-class Rewards(_Frozen):
+class Rewards(Frozen):
     """Weights of the rewards that honest agents play for."""
 
     rater_trust: NonNegativeFloat = 1.0
@@ -164,10 +99,10 @@ class Rewards(_Frozen):
     agent_trust: NonNegativeFloat = 1.0
     """Weight of ToA in the reward of an agent with both roles."""
     quality_cost: NonNegativeFloat = 0.1
-    """Cost of providing a service of quality 1 and value 1."""
+    """Cost of a service of quality 1 and value 1; the quality is that which is delivered."""
 
 
-class Scenario(_Frozen):
+class Scenario(Frozen):
     """Everything that is fixed before a game starts. Times are in rounds; a round lasts `period_s` seconds.
 
     Example:
@@ -225,6 +160,8 @@ class Scenario(_Frozen):
             raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
         if self.frames is not None and self.service != "hog":
             raise ValueError(f"frames are for the service 'hog', not {self.service!r}")
+        if self.service != "synthetic" and any(group.subjective for group in self.agents):
+            raise ValueError(f"raters' bias and scale are for the service 'synthetic', not {self.service!r}")
         if self.playback == "loop" and not isinstance(self.frames, str):
             raise ValueError(f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}")
         return self

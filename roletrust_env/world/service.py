@@ -5,6 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.world.nature import Taste
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -12,7 +13,7 @@ from roletrust_env.world.scenario import Scenario
 class Service(Protocol):
     """What lies between a provider's quality and a rater's perception of it."""
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Taste | None) -> Array:
         """The quality that each rater perceives in each service.
 
         Args:
@@ -20,6 +21,7 @@ class Service(Protocol):
             strength: of the perturbation that strikes all services, shape (...), in [0, 1].
             round: number of the round, shape (...).
             noise: standard normal, shape (S, P, ...).
+            taste: the raters' own bias and scale; None where they have none.
 
         Returns:
             Perceived quality, shape (S, P, ...), in [0, 1].
@@ -29,6 +31,9 @@ class Service(Protocol):
 
 class SyntheticService:
     """Perceived quality is delivered quality, dimmed by perturbations, plus the rater's Gaussian noise, clipped.
+
+    A rater with a bias and a scale of its own perceives scale x quality + bias + noise, clipped: it is subjective, and
+    not dishonest.
 
     Args:
         roster: whose raters have their perception noise.
@@ -45,13 +50,16 @@ class SyntheticService:
         # Arrays, since numbers cost twice as much as small arrays; so does `clip`.
         self._bounds = constant(0), constant(1)
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array) -> Array:
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Taste | None) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation
         if deviation.ndim and noise.ndim > 2:
             deviation = deviation.reshape(deviation.shape + (1,) * (noise.ndim - 2))
         xp, (least, most) = namespace(noise), self._bounds
-        return xp.minimum(xp.maximum(quality * (1 - strength) + deviation * noise, least), most)
+        seen = quality * (1 - strength)
+        if taste is not None:
+            seen = taste.scale[:, None, ...] * seen + taste.bias[:, None, ...]
+        return xp.minimum(xp.maximum(seen + deviation * noise, least), most)
 
 
 def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:

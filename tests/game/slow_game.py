@@ -16,10 +16,12 @@ class Slow:
 
     def __init__(self, scenario: Scenario, noise: Noise) -> None:
         self.rules, self.round = scenario, 0
-        self.group = {}
+        self.group, self.in_reserve = {}, set()
         for role, prefix in (("SR", "sr"), ("SP", "sp"), ("SR+SP", "srsp")):
-            members = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
-            self.group |= {f"{prefix}_{i}": group for i, group in enumerate(members)}
+            owners = [group for group in scenario.agents if group.role == role for _ in range(group.count)]
+            reserves = [group for group in owners for _ in range(group.reserve)]
+            self.group |= {f"{prefix}_{i}": group for i, group in enumerate(owners + reserves)}
+            self.in_reserve |= {f"{prefix}_{i}" for i in range(len(owners), len(owners + reserves))}
         self.names = list(self.group)
         self.raters = [k for k in self.names if "SR" in self.group[k].role]
         self.providers = [k for k in self.names if "SP" in self.group[k].role]
@@ -32,8 +34,11 @@ class Slow:
         self.late, self.arrived = [], {}  # late: (round, pair, rating)
         self.n_rated, self.n_provided = dict.fromkeys(self.both, 0), dict.fromkeys(self.both, 0)
         self.phase, self.low = dict.fromkeys(self.names, WAITING), dict.fromkeys(self.names, 0)
-        self.come_and_go(0, noise)
+        self.come_and_go(0, noise, None)
         self.value = self.draw_values(noise)
+        self.ability = self.draw_trait("ability", self.providers, noise.ability)
+        self.bias = self.draw_trait("bias", self.raters, noise.bias)
+        self.scale = self.draw_trait("scale", self.raters, noise.scale)
         self.place = self.goal = None
         if scenario.access.kind == "in-range":
             self.place, self.goal = self.spots(noise.position), self.spots(noise.goal)
@@ -48,13 +53,24 @@ class Slow:
             for n, j in enumerate(self.providers)
         }
 
-    def come_and_go(self, round: int, noise: Noise) -> None:
+    def draw_trait(self, trait: str, agents: list[str], luck: np.ndarray | None) -> dict[str, float]:
+        drawn = {}
+        for n, k in enumerate(agents):
+            drawn[k] = getattr(self.group[k], trait)
+            if isinstance(drawn[k], tuple):
+                low, high = drawn[k]
+                drawn[k] = low if low == high else low * (1 - luck[n]) + high * luck[n]
+        return drawn
+
+    def come_and_go(self, round: int, noise: Noise, wanted: np.ndarray | None) -> None:
         for n, k in enumerate(self.names):
             group = self.group[k]
             luck = 0.5 if noise.presence is None else noise.presence[n]
-            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate:
+            called = k not in self.in_reserve or (wanted is not None and wanted[n])
+            withdraws = wanted is not None and group.reserve > 0 and not wanted[n]
+            if self.phase[k] == WAITING and round >= group.joins and luck < group.join_rate and called:
                 self.phase[k] = PRESENT
-            elif self.phase[k] == PRESENT and luck < group.leave_rate:
+            elif self.phase[k] == PRESENT and (luck < group.leave_rate or withdraws):
                 self.phase[k] = LEFT
             if self.phase[k] in (WAITING, PRESENT) and group.leaves is not None and round >= group.leaves:
                 self.phase[k] = LEFT
@@ -82,7 +98,7 @@ class Slow:
                 self.low[k] = self.low[k] + 1 if danger else 0
                 if self.low[k] >= self.rules.admission.rounds:
                     self.phase[k] = CUT_OFF
-        self.come_and_go(self.round + 1, noise)
+        self.come_and_go(self.round + 1, noise, actions.presence)
         if self.place is not None:
             self.move(noise)
         acting = {k for k in self.names if before[k] == self.phase[k] == PRESENT}
@@ -155,12 +171,13 @@ class Slow:
             self.awaiting |= {(i, j) for _, j in within}
         strength = max((b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop), default=0.0)
         serving = {j for _, j in self.awaiting}
-        self.quality = {j: quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
+        self.quality = {j: self.ability[j] * quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
         self.service = {}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
                 if (i, j) in self.awaiting:
-                    seen = self.quality[j] * (1 - strength) + self.group[i].noise * noise.perception[s, p]
+                    seen = self.scale[i] * self.quality[j] * (1 - strength) + self.bias[i]
+                    seen += self.group[i].noise * noise.perception[s, p]
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
 
     def rewards(self) -> dict[str, float]:

@@ -24,12 +24,13 @@ def busy(**fields: Any) -> Scenario:
     """Every feature at once: all roles, turns, joining, leaving, a bad channel, perturbations, admission, values."""
     defaults = {
         "agents": [
-            {"role": "SP", "count": 2},
-            {"role": "SR+SP", "count": 2, "noise": 0.1},
-            {"role": "SR", "count": 3, "noise": 0.05},
+            {"role": "SP", "count": 2, "ability": [0.3, 0.9]},
+            {"role": "SR+SP", "count": 2, "noise": 0.1, "ability": 0.8, "scale": [0.5, 1.2]},
+            {"role": "SR", "count": 3, "noise": 0.05, "bias": [-0.2, 0.1]},
             {"role": "SR+SP", "count": 3, "turns": ["SR", "SP", "SR+SP"], "turn_length": 2},
             {"role": "SR", "count": 2, "joins": 3, "join_rate": 0.4, "leave_rate": 0.1, "noise": 0.2},
             {"role": "SP", "count": 2, "joins": 1, "leaves": 14, "leave_rate": 0.05},
+            {"role": "SR+SP", "count": 2, "reserve": 2, "join_rate": 0.7, "noise": 0.1},
         ],
         "ratings": {"lost": 0.2, "late": 0.3, "delay": 3},
         "perturbations": [{"start": 4, "stop": 8, "strength": 0.6}, {"start": 6, "stop": 9, "strength": 0.3}],
@@ -69,6 +70,11 @@ def groups(draw: st.DrawFn, role: str, least: int = 1, core: bool = False) -> di
     group = {"role": role, "count": draw(st.integers(least, 3)), "noise": draw(st.sampled_from([0.0, 0.2]))}
     if role == "SR+SP" and not core and draw(st.booleans()):
         group |= {"turns": draw(st.permutations(["SR", "SP", "SR+SP"])), "turn_length": draw(st.integers(1, 2))}
+    if role != "SR":
+        group["ability"] = draw(st.sampled_from([1.0, 1.0, 0.5, (0.2, 1.0), (0.7, 0.7)]))
+    if role != "SP":
+        group |= {"bias": draw(st.sampled_from([0.0, 0.0, -0.1, (-0.3, 0.3)]))}
+        group |= {"scale": draw(st.sampled_from([1.0, 1.0, 0.7, (0.5, 1.5)]))}
     return group | draw(presences) | ({"joins": 0, "join_rate": 1.0} if core else {})
 
 
@@ -128,9 +134,12 @@ def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, lis
     def notes(*shape: int) -> np.ndarray:
         return np.where(rng.random((*shape, *batch)) < 0.5, rng.integers(0, 5, (*shape, *batch)) / 4, rng.random())
 
+    def wanted() -> np.ndarray | None:
+        return rng.random((game.roster.n_agents, *batch)) < 0.8 if any(game.roster.turn) else None
+
     start = game.draw(source, batch, start=True)
     rounds = range(game.scenario.max_cycles)
-    return start, [Actions(notes(p), notes(s, p)) for _ in rounds], [game.draw(source, batch) for _ in rounds]
+    return start, [Actions(notes(p), notes(s, p), wanted()) for _ in rounds], [game.draw(source, batch) for _ in rounds]
 
 
 def play(game: Game, start: Noise, actions: list[Actions], noises: list[Noise]) -> Iterator[tuple[State, Any]]:
@@ -299,7 +308,7 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
     cells = np.ix_(i, j)
 
     def shuffle(noise: Noise) -> Noise:
-        axes = Noise(cells, cells, cells, cells, order, j, order, order)
+        axes = Noise(cells, cells, cells, cells, order, j, order, order, j, i, i)
         return Noise(*(None if a is None else a[axis] for a, axis in zip(noise, axes, strict=True)))
 
     permuted = play(

@@ -17,7 +17,7 @@ from roletrust_env.rendering.drawing import Canvas, Picture
 from roletrust_env.rendering.renderer import Renderer
 from roletrust_env.rendering.scene import look
 from roletrust_env.rendering.text import as_text
-from roletrust_env.world.scenario import AgentGroup
+from roletrust_env.world.group import AgentGroup
 
 PRESETS = [name for name in scenarios() if "hog" not in name]
 LIARS = {"sr_2": BadMouthing(level=0.5)}

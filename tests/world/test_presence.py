@@ -72,7 +72,10 @@ def test_admission_of_any_length(rounds: int) -> None:
     assert phases.index(CUT_OFF) == rounds
 
 
-@pytest.mark.parametrize("group", [{}, {"joins": 1}, {"join_rate": 0.9}, {"leaves": 1}, {"leave_rate": 0.1}], ids=str)
+GROUPS = [{}, {"joins": 1}, {"join_rate": 0.9}, {"leaves": 1}, {"leave_rate": 0.1}, {"reserve": 1}]
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=str)
 def test_whether_anybody_ever_comes_or_goes(group: dict[str, Any]) -> None:
     assert presence(group)[0].changes is (group != {})
     assert presence(group, admission={"threshold": 0.1})[0].changes
@@ -86,3 +89,24 @@ def test_shares_are_as_told() -> None:
     assert (first.phase == PRESENT).mean() == pytest.approx(0.1, abs=0.02)
     assert (second.phase[first.phase == PRESENT] == LEFT).mean() == pytest.approx(0.05, abs=0.03)
     assert second.phase.dtype == first.phase.dtype
+
+
+def test_an_identity_in_reserve_comes_when_it_is_wanted_and_who_is_not_wanted_leaves_for_good() -> None:
+    rules, n = presence({"reserve": 1, "joins": 1})  # sr_0, sr_1 in reserve of it, sp_0 and sp_1 without
+    assert n == 4
+    population, phases = rules.start(np.zeros(n)), []
+    plan = [[1, 1, 0, 0], [1, 1, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0]]
+    for round, wanted in enumerate(plan):
+        population = rules.step(population, np.asarray(round), np.ones(n), np.zeros(n), np.asarray(wanted, bool))
+        phases.append(population.phase[:2].tolist())
+        assert population.phase[2:].tolist() == [PRESENT, PRESENT]
+    here, gone = [PRESENT, PRESENT], [LEFT, PRESENT]
+    assert phases == [[WAITING, WAITING], here, gone, [LEFT, LEFT], [LEFT, LEFT]]  # nobody before the group joins
+
+
+def test_nobody_is_called_where_nobody_says_what_is_wanted() -> None:
+    rules, n = presence({"reserve": 1})
+    population = rules.start(np.zeros(n))
+    for round in range(1, 4):
+        population = rules.step(population, np.asarray(round), np.ones(n), np.zeros(n))
+        assert population.phase.tolist() == [PRESENT, WAITING, PRESENT, PRESENT]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from roletrust_env.world.nature import Taste
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
 from roletrust_env.world.vision.degrade import degrade, received
 from roletrust_env.world.vision.detector import best_margin, probability, view
@@ -72,7 +73,12 @@ class HogService:
         return min((length for length in lengths if length is not None), default=None)
 
     def perceive(
-        self, quality: ArrayLike, strength: ArrayLike, round: ArrayLike, noise: ArrayLike
+        self,
+        quality: ArrayLike,
+        strength: ArrayLike,
+        round: ArrayLike,
+        noise: ArrayLike,
+        taste: Taste | None = None,
     ) -> NDArray[np.floating[Any]]:
         """The probability, for each rater and provider, that the target is in the frame.
 
@@ -81,6 +87,7 @@ class HogService:
             strength: of the perturbation, (...), in [0, 1].
             round: number of the round, (...), an integer that is not negative; its time is round * period_s.
             noise: standard normals (S, P, ...). Each makes one rater's copy of one frame; nothing else is random.
+            taste: must be None: a detector has no bias or scale.
 
         Returns:
             Probabilities (S, P, ...) in [0, 1], in the precision of the noise. Extra axes are batch; strength and
@@ -89,6 +96,8 @@ class HogService:
         Raises:
             ValueError: an argument of the wrong shape, or with values that are not allowed.
         """
+        if taste is not None:
+            raise ValueError("taste is not None; raters that see through a detector have no bias or scale")
         noise = np.asarray(noise)
         quality, strength, round = self._checked(quality, strength, round, noise)
         perceived = np.empty(noise.shape, np.float64)

@@ -251,3 +251,20 @@ def test_students_interval():
     mean, half, games = over_games(np.array([1.0, 2.0, np.nan, 3.0]))
     assert (mean, games) == (2.0, 3)
     assert half == pytest.approx(4.303 / 3**0.5, abs=1e-3)
+
+
+def test_identities_in_reserve_count_as_their_attackers(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text('agents = [{role = "SR", count = 5}, {role = "SP", count = 3}, {role = "SP", reserve = 2}]')
+    short, out = ["--set", "max_cycles=30"], tmp_path / "out"
+    for attack, seats in (("sp_*=on-off", 4), ("sp_3=whitewashing:reserve=2", 1)):
+        result = run("play", str(mine), "--attack", attack, "--games", "3", *short, "--out", str(out), "--force")
+        assert result.exit_code == 0, result.output
+        results = json.loads((out / "results.json").read_text())
+        assert len(results["attackers"]) == seats
+    groups = results["measured"]["role-trust"]["groups"]
+    assert {label: group["agents"] for label, group in groups.items()} == {
+        "5 sr, honest": 5,
+        "3 sp, honest": 3,
+        "3 sp, whitewashing": 3,
+    }

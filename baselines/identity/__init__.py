@@ -1,0 +1,1 @@
+"""Scripted attacks by owners of several identities."""
