@@ -132,7 +132,7 @@ def walk(tmp_path):
 
 @pytest.mark.parametrize(("sure", "seen"), [(0.02, False), (0.99, True)])
 def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, sure, seen):
-    monkeypatch.setattr(HogService, "perceive", lambda self, quality, strength, round, noise, *_: np.full(noise.shape, sure))
+    monkeypatch.setattr(HogService, "perceive", lambda self, *given: np.full(given[3].shape, sure))  # as the noise
     captions = []
     draw = paper.paper_figure
     monkeypatch.setattr(paper, "paper_figure", lambda *given: captions.append(given[-1]) or draw(*given))
