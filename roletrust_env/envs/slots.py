@@ -145,7 +145,9 @@ class Slots(VecEnv):
         self._spectator.close()
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
-        """The picture of the first game; the other games have none."""
+        """The picture of the first game alone, which SB3 tiles; without pictures None for each slot, as in SB3."""
+        if self.render_mode != "rgb_array":
+            return [None] * self.num_envs
         picture = self._spectator.render()
         return [picture if isinstance(picture, np.ndarray) else None]
 

@@ -134,3 +134,9 @@ def test_a_batch_for_stable_baselines_shows_its_first_game() -> None:
     assert pictures.render().shape == (720, 1280, 3)
     assert len(pictures.get_images()) == 1
     pictures.close()
+
+
+def test_slots_without_pictures_have_none():
+    env = AttackVecEnv(make_task("paper-3x3", ("sp_2",), objective="exploit"), 3)
+    env.reset()
+    assert env.get_images() == [None] * 3
