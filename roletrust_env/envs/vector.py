@@ -18,8 +18,6 @@ from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.game.attack import make_task
 
-_MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
-
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
     """Many games of one attack task at once.
@@ -27,10 +25,11 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
     Spaces, rewards and arguments are those of the task's `AttackEnv`; everything has one more axis in front, the game.
     Made by `gymnasium.make_vec(id, num_envs=1024)`.
 
-    A game that ends is restarted by itself, as `autoreset_mode` says: in the step after (`"NextStep"`, Gymnasium's
+    A game that ends is restarted as `autoreset_mode` says: by itself in the step after (`"NextStep"`, Gymnasium's
     default; that step ignores the action and rewards with 0) or in the same one (`"SameStep"`; the last observation is
-    then in `infos["final_obs"]`, the last infos are in `infos["final_info"]`). As Gymnasium has it, each name in the
-    infos has a mask beside it, such as `infos["_final_obs"]`, that says for which games.
+    then in `infos["final_obs"]`, the last infos are in `infos["final_info"]`), or by nobody but you (`"Disabled"`; see
+    `reset_mask` in `reset`). As Gymnasium has it, each name in the infos has a mask beside it, such as
+    `infos["_final_obs"]`, that says for which games.
 
     Args:
         task_id: one of `TASKS`.
@@ -58,9 +57,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         **arguments: Any,
     ) -> None:
         refuse_unknown(type(self), arguments, make_task)
-        mode = next((mode for mode in _MODES if autoreset_mode in (mode, mode.value)), None)
+        mode = next((mode for mode in AutoresetMode if autoreset_mode in (mode, mode.value)), None)
         if mode is None:
-            known = ", ".join(f"{mode} or {mode.value!r}" for mode in _MODES)
+            known = ", ".join(f"{mode} or {mode.value!r}" for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be {known}")
         _check_number("num_envs", num_envs)
         if max_episode_steps is not None:
@@ -74,7 +73,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self.single_observation_space, self.single_action_space = task_spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._same_step = mode is AutoresetMode.SAME_STEP
+        self._mode = mode
         self._batch = TaskBatch(self.task, (num_envs,), max_episode_steps)
         self._random = self.task.game.random()
         self._ended: Array | None = None  # games to restart in the next step
@@ -118,7 +117,8 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if seed is not None:
             self._random = self.task.game.random(seed)
         self._batch.restart(self._random, mask)
-        self._ended = None if mask is None or self._ended is None else self._ended & ~mask
+        left = None if mask is None or self._ended is None else self._ended & ~mask
+        self._ended = left if left is not None and bool(left.any()) else None
         self._spectator.follow(self._batch.games)
         nothing = self._zeros()
         return self._observe(), self._infos(nothing, nothing, mask)
@@ -128,12 +128,14 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
 
         Raises:
             ValueError: the actions are of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
-            RuntimeError: `reset` was not called.
+            RuntimeError: `reset` was not called; or nothing restarts games by itself, and some are over.
         """
         actions = self._checked(actions)
         xp = namespace(actions)
         begins = self._ended
         if begins is not None:
+            if self._mode is AutoresetMode.DISABLED:
+                raise RuntimeError('games are over; call reset(options={"reset_mask": mask}) for them before step()')
             self._batch.restart(self._random, begins)
             if bool(begins.all()):  # nobody plays; no luck is drawn, as in the reset of a single environment
                 self._ended, never, nothing = None, begins & ~begins, self._zeros()
@@ -149,7 +151,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self._ended = None
         ended = terminations | truncations
         if bool(ended.any()):
-            if self._same_step:
+            if self._mode is AutoresetMode.SAME_STEP:
                 final = {"final_obs": self._observe(), "final_info": self._infos(objective, cost, ended)}
                 infos = self._infos(*(xp.where(ended, 0.0, values) for values in (objective, cost)))
                 infos |= final | {"_final_obs": ended, "_final_info": ended}

@@ -108,3 +108,19 @@ def test_a_copy_plays_on_alike_and_apart(duplicate: Callable, tensors: bool) -> 
     batch, expected = started(), after(started())
     assert all(map(np.array_equal, after(duplicate(batch)), expected))
     assert all(map(np.array_equal, after(batch), expected))
+
+
+def test_nobody_restarts_games_by_itself_where_that_is_asked_for() -> None:
+    games = gymnasium.make_vec("RoleTrust/ProviderAttack-v0", 3, max_cycles=2, autoreset_mode="Disabled")
+    games.reset(seed=0)
+    actions = np.ones((3, 1), np.float32)
+    games.step(actions)
+    truncated = games.step(actions)[3]
+    assert truncated.all()
+    with pytest.raises(RuntimeError, match="reset_mask"):
+        games.step(actions)
+    games.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(RuntimeError, match="reset_mask"):
+        games.step(actions)
+    games.reset(options={"reset_mask": np.array([False, True, False])})
+    assert not games.step(actions)[3].any()
