@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack import AttackTask, TaskState
 from roletrust_env.game.cast import Cast
-from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.randomness import Random
 
 
@@ -27,7 +27,7 @@ class Attacker(Protocol):
 class Scripted:
     """Each compromised agent has a policy of its own, and plays honestly without.
 
-    An action of a task has no presence, so a policy that takes identities in reserve is refused.
+    A policy that takes identities in reserve is refused, see `refuse_reserve`.
     """
 
     policies: Mapping[str, Policy]
@@ -35,11 +35,7 @@ class Scripted:
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
         """See `Attacker.begin`."""
         for name, policy in self.policies.items():
-            if policy.reserve:
-                raise ValueError(
-                    f"agent {name!r} cannot play {policy!r} in a task: that calls identities in reserve, and an action "
-                    "of a task cannot; it plays in a Cast, and as one of the task's others"
-                )
+            refuse_reserve(policy, name)
         cast = Cast(task.game, self.policies)
         return cast, cast.begin(random, batch)
 
@@ -48,6 +44,19 @@ class Scripted:
         cast, memories = memory
         actions, memories = cast.act(state.game, memories, random)
         return task.own_action(actions), (cast, memories)
+
+
+def refuse_reserve(policy: Policy, who: str) -> None:
+    """Refuse a policy of a compromised agent that takes identities in reserve: an action of a task has no presence.
+
+    Raises:
+        ValueError: it takes some.
+    """
+    if policy.reserve:
+        raise ValueError(
+            f"{who} cannot play {policy_name(policy)} in a task: that calls identities in reserve, and a task's action "
+            "has quality and ratings only; it plays in a Cast, and as one of the task's others"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.game import Game
-from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
@@ -185,13 +185,13 @@ def _check_channels(name: str, policy: Policy, reserve: int) -> None:
         channels = channels | _PRESENCE
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(
-            f"agent {name!r} cannot play {policy!r}: that attacks by {_words(policy.attacks)}, "
+            f"agent {name!r} cannot play {policy_name(policy)}: that attacks by {_words(policy.attacks)}, "
             f"and the agent only decides on {_words(channels)}"
         )
     if policy.reserve > reserve:
         raise ValueError(
-            f"agent {name!r} cannot play {policy!r}: that takes {policy.reserve} identities in reserve, and the agent "
-            f"has {reserve} here; the reserve of its group in the scenario gives them, and PettingZoo leaves them out"
+            f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
+            f"agent has {reserve} here; a group's reserve in the scenario gives it identities, and PettingZoo leaves them out"
         )
 
 
