@@ -27,7 +27,7 @@ class Attacker(Protocol):
 class Scripted:
     """Each compromised agent has a policy of its own, and plays honestly without.
 
-    A policy that takes identities in reserve is refused, see `refuse_reserve`.
+    A policy that needs more than a task's action has is refused, see `check_fits_tasks`.
     """
 
     policies: Mapping[str, Policy]
@@ -35,7 +35,7 @@ class Scripted:
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
         """See `Attacker.begin`."""
         for name, policy in self.policies.items():
-            refuse_reserve(policy, name)
+            check_fits_tasks(policy, name)
         cast = Cast(task.game, self.policies)
         return cast, cast.begin(random, batch)
 
@@ -46,16 +46,17 @@ class Scripted:
         return task.own_action(actions), (cast, memories)
 
 
-def refuse_reserve(policy: Policy, who: str) -> None:
-    """Refuse a policy of a compromised agent that takes identities in reserve: an action of a task has no presence.
+def check_fits_tasks(policy: Policy, who: str) -> None:
+    """Look whether a compromised agent can play a policy: a task's action has no presence and no silence.
 
     Raises:
-        ValueError: it takes some.
+        ValueError: it takes identities in reserve, or attacks on other channels than an action has.
     """
-    if policy.reserve:
+    if policy.reserve or (policy.attacks and policy.attacks.isdisjoint(("quality", "ratings"))):
+        what = "calls identities in reserve" if policy.reserve else f"attacks by {' and '.join(sorted(policy.attacks))}"
         raise ValueError(
-            f"{who} cannot play {policy_name(policy)} in a task: that calls identities in reserve, and a task's action "
-            "has quality and ratings only; it plays in a Cast, and as one of the task's others"
+            f"{who} cannot play {policy_name(policy)} in a task: that {what}, and a task's action has quality and "
+            "ratings only; it plays in a Cast, and as one of the task's others"
         )
 
 

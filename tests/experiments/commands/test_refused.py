@@ -83,8 +83,15 @@ def test_what_an_agent_cannot_be(tmp_path: Path, text: str, value: Any, message:
     assert str(error.value) == line
 
 
-@pytest.mark.parametrize("attack", ["whitewashing", "sybil:every=2"])
-def test_a_ladder_has_no_attack_that_calls_identities(tmp_path: Path, attack: str) -> None:
+@pytest.mark.parametrize(
+    ("attack", "why"),
+    [
+        ("whitewashing", "calls identities in reserve"),
+        ("sybil:every=2", "calls identities in reserve"),
+        ("silent", "attacks by silence"),
+    ],
+)
+def test_a_ladder_has_no_attack_that_an_action_cannot_say(tmp_path: Path, attack: str, why: str) -> None:
     line = told(
         "ladder",
         "ProviderAttack",
@@ -96,4 +103,6 @@ def test_a_ladder_has_no_attack_that_calls_identities(tmp_path: Path, attack: st
         out=tmp_path,
     )
     name = attack.partition(":")[0]
-    assert line.startswith(f"sp_1 cannot play {name} in a task: that calls identities in reserve")
+    assert line.startswith(
+        f"sp_1 cannot play {name} in a task: that {why}, and a task's action has quality and ratings"
+    )
