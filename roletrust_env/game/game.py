@@ -149,7 +149,7 @@ class Game:
         Args:
             state: before the round; it is left as it is.
             actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
-                A rating that is withheld is as if there had been no service to rate.
+                A rating that is withheld never arrives, and the service was provided all the same.
             noise: the luck of the round.
 
         Returns:
