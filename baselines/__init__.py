@@ -23,6 +23,7 @@ from baselines.rater.optimistic import Optimistic
 from baselines.rater.pessimistic import Pessimistic
 from baselines.rater.random_rating import RandomRating
 from baselines.rater.rep_trap import RepTrap
+from baselines.rater.silent import Silent
 from baselines.rater.transitive_lying import TransitiveLying
 from roletrust_env.game.policy import Policy
 from roletrust_env.registry import Registry
@@ -44,6 +45,7 @@ registry.register("optimistic", Optimistic)
 registry.register("pessimistic", Pessimistic)
 registry.register("random-rating", RandomRating)
 registry.register("rep-trap", RepTrap)
+registry.register("silent", Silent)
 registry.register("transitive-lying", TransitiveLying)
 registry.register("collusion", Collusion)
 registry.register("orchestrated", Orchestrated)
@@ -105,6 +107,7 @@ __all__ = [
     "RepTrap",
     "ReputationLag",
     "SelfPromotion",
+    "Silent",
     "Sybil",
     "ThresholdSurfing",
     "TransitiveLying",

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack import AttackTask, TaskState
 from roletrust_env.game.cast import Cast
-from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.randomness import Random
 
 
@@ -27,7 +27,7 @@ class Attacker(Protocol):
 class Scripted:
     """Each compromised agent has a policy of its own, and plays honestly without.
 
-    An action of a task has no presence, so a policy that takes identities in reserve is refused.
+    A policy that needs more than a task's action has is refused, see `check_fits_tasks`.
     """
 
     policies: Mapping[str, Policy]
@@ -35,11 +35,7 @@ class Scripted:
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
         """See `Attacker.begin`."""
         for name, policy in self.policies.items():
-            if policy.reserve:
-                raise ValueError(
-                    f"agent {name!r} cannot play {policy!r} in a task: that calls identities in reserve, and an action "
-                    "of a task cannot; it plays in a Cast, and as one of the task's others"
-                )
+            check_fits_tasks(policy, name)
         cast = Cast(task.game, self.policies)
         return cast, cast.begin(random, batch)
 
@@ -48,6 +44,20 @@ class Scripted:
         cast, memories = memory
         actions, memories = cast.act(state.game, memories, random)
         return task.own_action(actions), (cast, memories)
+
+
+def check_fits_tasks(policy: Policy, who: str) -> None:
+    """Look whether a compromised agent can play a policy: a task's action has no presence and no silence.
+
+    Raises:
+        ValueError: it takes identities in reserve, or attacks on other channels than an action has.
+    """
+    if policy.reserve or (policy.attacks and policy.attacks.isdisjoint(("quality", "ratings"))):
+        what = "calls identities in reserve" if policy.reserve else f"attacks by {' and '.join(sorted(policy.attacks))}"
+        raise ValueError(
+            f"{who} cannot play {policy_name(policy)} in a task: that {what}, and a task's action has quality and "
+            "ratings only; it plays in a Cast, and as one of the task's others"
+        )
 
 
 @dataclass(frozen=True, eq=False)

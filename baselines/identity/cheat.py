@@ -41,3 +41,8 @@ class Cheat(Policy):
         """See `Policy.ratings`."""
         ratings, mine = self.rates.ratings(view, memory[1], random)
         return ratings, (memory[0], mine)
+
+    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.withholds`."""
+        withheld, mine = self.rates.withholds(view, memory[1], random)
+        return withheld, (memory[0], mine)

@@ -1,6 +1,6 @@
 """The Sybil attack."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, NonNegativeInt
 from pydantic.dataclasses import dataclass
@@ -9,6 +9,7 @@ from baselines.identity.cheat import Cheat
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import IdentityView
 from roletrust_env.randomness import Random
+from roletrust_env.ranges import Searched, Tried
 
 
 @dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True))
@@ -25,8 +26,8 @@ class Sybil(Cheat):
         every: rounds from one to the next; 0 calls all at once.
     """
 
-    start: NonNegativeInt = 0
-    every: NonNegativeInt = 0
+    start: Annotated[NonNegativeInt, Searched(0, 100), Tried(0, 50)] = 0
+    every: Annotated[NonNegativeInt, Searched(0, 10), Tried(0, 3)] = 0
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """All at once or in a wave, and for good. See `Policy.presence`."""

@@ -1,6 +1,6 @@
 """The whitewashing attack."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
@@ -9,7 +9,7 @@ from baselines.identity.cheat import Cheat
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import IdentityView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share
+from roletrust_env.ranges import Share, Tried
 
 
 @dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True))
@@ -26,7 +26,7 @@ class Whitewashing(Cheat):
         threshold: trust below which it leaves, in [0, 1]; above a newcomer's trust, it leaves round after round.
     """
 
-    threshold: Share = 0.3
+    threshold: Annotated[Share, Tried(0.2, 0.3, 0.4)] = 0.3
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """One identity after the other. See `Policy.presence`."""

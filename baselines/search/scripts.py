@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from agents.ladder.players import check_fits_tasks
 from baselines.provider.on_off import OnOff
 from baselines.rater.bad_mouthing import BadMouthing
 from baselines.search.space import HONEST, Kind, Mixture, Space, words
@@ -41,7 +42,8 @@ class Scripts:
             attacks: the kinds of attack; several for one role are a mixture. None are the usual ones that fit.
 
         Raises:
-            ValueError: no compromised agent can play one of the kinds, or a kind cannot be searched, see `Space`.
+            ValueError: no compromised agent can play one of the kinds, see also `check_fits_tasks`, or a kind cannot be
+                searched, see `Space`.
         """
         roster, bad = task.game.roster, {*task.compromised, *task.cast.attackers}
         providers = list(enumerate(roster.provider_names))
@@ -52,6 +54,7 @@ class Scripts:
         roles: dict[Channel, tuple[str, ...]] = {"quality": roster.provider_names, "ratings": roster.rater_names}
         decided = {channel for channel, names in roles.items() if not set(names).isdisjoint(task.compromised)}
         for space in spaces if attacks is not None else ():
+            check_fits_tasks(space.default, ", ".join(task.compromised))
             if not space.channels & decided:
                 by, who = " and ".join(sorted(space.channels)) or "nothing", ", ".join(task.compromised)
                 raise ValueError(

@@ -14,7 +14,7 @@ from roletrust_env.game.attack import AttackTask
 from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.state import Actions, State
+from roletrust_env.game.state import State
 
 Role = Literal["sr", "sp", "srsp"]
 
@@ -160,7 +160,7 @@ class RoleVecEnv(Slots):
         if self._raters is not None:
             ratings[self._raters] = own[size - game.roster.n_providers :].swapaxes(0, 1)
         noise = game.draw(self._random, (self._games,))
-        self._state, rewards = game.step(self._state, Actions(quality, ratings), noise)
+        self._state, rewards = game.step(self._state, scripted._replace(quality=quality, ratings=ratings), noise)
         over = np.full(self.num_envs, int(self._state.round[0]) >= game.scenario.max_cycles)
         return Step(rewards[self._rows].reshape(-1), np.zeros_like(over), over, [{} for _ in range(self.num_envs)])
 

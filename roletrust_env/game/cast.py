@@ -7,7 +7,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.game import Game
-from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
@@ -18,6 +18,10 @@ _CHANNELS: dict[str, frozenset[Channel]] = {
     "sp": frozenset({"quality"}),
     "srsp": frozenset({"quality", "ratings"}),
 }
+"""What an action in PettingZoo holds, by role."""
+
+_NONE: frozenset[Channel] = frozenset()
+_SILENCE: frozenset[Channel] = frozenset({"silence"})
 _PRESENCE: frozenset[Channel] = frozenset({"presence"})
 
 
@@ -34,11 +38,11 @@ class Player:
 
     Raises:
         ValueError: the policy attacks on no channel that the agent has, or takes identities in reserve: in PettingZoo
-            they stay where they are.
+            they stay where they are, and whoever can rate does.
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
-        _check_channels(agent, policy, 0)
+        _check_channels(agent, policy)
         self.policy = policy
         self._role = _role(agent)
         self._layout = layout
@@ -118,11 +122,13 @@ class Cast:
         """What everybody does in a state, and what they remember of it."""
         views = self.game.views(state)
         identities = self._identities(state) if self._has_reserve else None
-        qualities, ratings, wanted, after = [], [], [], []
+        qualities, ratings, withheld, wanted, after = [], [], [], [], []
         for seats, memory in zip(self._seats, memories, strict=True):
-            quality, given, remembered = self._ask(seats, state, *views, memory, random)
+            quality, given, kept, remembered = self._ask(seats, state, *views, memory, random)
             qualities += [] if quality is None else [quality]
-            ratings += [] if given is None else [given.swapaxes(0, 1)]
+            if given is not None:
+                ratings.append(given.swapaxes(0, 1))
+                withheld.append(None if kept is None else kept.swapaxes(0, 1))
             if identities is not None:
                 mine = IdentityView(*(field[seats.agent, ...] for field in identities))
                 there, remembered = seats.policy.presence(mine, remembered, random)
@@ -130,7 +136,12 @@ class Cast:
             after.append(remembered)
         order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]
         presence = _arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None
-        return Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1]), presence), tuple(after)
+        silence = None
+        if any(part is not None for part in withheld):
+            pairs = zip(withheld, ratings, strict=True)
+            silence = _arrange([given < 0 if part is None else part for part, given in pairs], order[1])
+        actions = Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1]), presence, silence)
+        return actions, tuple(after)
 
     def _identities(self, state: State) -> IdentityView:
         """What is known of all identities, with one further axis, (N, ...)."""
@@ -144,19 +155,21 @@ class Cast:
 
     def _ask(
         self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
-    ) -> tuple[Array | None, Array | None, Any]:
-        """The quality and the ratings of agents that share a policy, None where they have none, and their memory."""
+    ) -> tuple[Array | None, Array | None, Array | None, Any]:
+        """What agents that share a policy do: quality, ratings and which are withheld, if any; and their memory."""
         provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
         rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
+        quality = given = withheld = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[seats.agent, ...]
-            return seats.policy.both(AgentView(trust, provider, rater), memory, random)
-        if provider is not None:
+            quality, given, memory = seats.policy.both(AgentView(trust, provider, rater), memory, random)
+        elif provider is not None:
             quality, memory = seats.policy.quality(provider, memory, random)
-            return quality, None, memory
-        assert rater is not None  # every agent has a role
-        given, memory = seats.policy.ratings(rater, memory, random)
-        return None, given, memory
+        elif rater is not None:
+            given, memory = seats.policy.ratings(rater, memory, random)
+        if rater is not None:
+            withheld, memory = seats.policy.withholds(rater, memory, random)
+        return quality, given, withheld, memory
 
 
 def _role(agent: str) -> str:
@@ -171,27 +184,27 @@ def _check_seat(game: Game, name: str, policy: Policy) -> None:
     if name not in names:
         shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
-    _check_channels(name, policy, list(owners.values()).count(name) - 1)
+    reserve = list(owners.values()).count(name) - 1
+    further = (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
+    _check_channels(name, policy, further, reserve)
 
 
-def _check_channels(name: str, policy: Policy, reserve: int) -> None:
-    """Refuse a policy that an agent with so many identities in reserve cannot play."""
+def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NONE, reserve: int = 0) -> None:
+    """Refuse a policy that an agent with further channels and so many identities in reserve cannot play."""
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
     if _role(name) not in _CHANNELS:
         raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
-    channels = _CHANNELS[_role(name)]
-    if reserve:
-        channels = channels | _PRESENCE
+    channels = _CHANNELS[_role(name)] | further
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(
-            f"agent {name!r} cannot play {policy!r}: that attacks by {_words(policy.attacks)}, "
+            f"agent {name!r} cannot play {policy_name(policy)}: that attacks by {_words(policy.attacks)}, "
             f"and the agent only decides on {_words(channels)}"
         )
     if policy.reserve > reserve:
         raise ValueError(
-            f"agent {name!r} cannot play {policy!r}: that takes {policy.reserve} identities in reserve, and the agent "
-            f"has {reserve} here; the reserve of its group in the scenario gives them, and PettingZoo leaves them out"
+            f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
+            f"agent has {reserve} here; a group's reserve gives it identities, and PettingZoo leaves them out"
         )
 
 

@@ -149,6 +149,7 @@ class Game:
         Args:
             state: before the round; it is left as it is.
             actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
+                A rating that is withheld never arrives, and the service was provided all the same.
             noise: the luck of the round.
 
         Returns:
@@ -163,15 +164,21 @@ class Game:
                 f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
                 f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
             )
-        wanted, population = actions.presence, state.population
+        wanted, withheld, population = actions.presence, actions.withheld, state.population
         if wanted is not None and (population is None or wanted.shape != population.phase.shape):
             raise ValueError(
                 f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
             )
+        if withheld is not None and withheld.shape != state.ratings.shape:
+            raise ValueError(
+                f"withheld has the shape {tuple(withheld.shape)}; it must be (S, P, ...) = "
+                f"{tuple(state.ratings.shape)}, or None where nobody withholds a rating"
+            )
+        sent = state.awaiting if withheld is None else state.awaiting & ~withheld
         ratings, rated, transit = channel.deliver(
-            rules.ratings, state.transit, actions.ratings, state.awaiting, noise.lost, noise.late
+            rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
         )
-        full = state.full and self._lossless
+        full = state.full and self._lossless and withheld is None
         if full:
             ratings = copied(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated

@@ -7,7 +7,8 @@ from roletrust_env.arrays import Array
 from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView
 from roletrust_env.randomness import Random
 
-Channel = Literal["quality", "ratings", "presence"]
+Channel = Literal["quality", "ratings", "silence", "presence"]
+"""On what an agent decides; `"silence"` is which of its ratings it does not send."""
 
 
 class Policy:
@@ -18,7 +19,7 @@ class Policy:
     one object plays in a PettingZoo loop, in one game and in a million.
 
     Attributes:
-        attacks: the channels on which it does not play honestly, of `"quality"`, `"ratings"` and `"presence"`.
+        attacks: the channels on which it does not play honestly, see `Channel`.
         reserve: identities in reserve that it takes; an agent must have as many.
     """
 
@@ -36,6 +37,13 @@ class Policy:
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Its ratings, shape (P, ...), in [0, 1], and its new memory. Ratings that nothing awaits are ignored."""
         return view.service, memory
+
+    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """Which of its ratings it does not send, boolean, (P, ...), or None for all being sent, and its new memory.
+
+        Asked after `ratings` in a `Cast`; the faces of PettingZoo and a task's action have no such channel.
+        """
+        return None, memory
 
     def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
         """The quality and the ratings of an agent with both roles, and its new memory; by default role by role."""

@@ -17,11 +17,13 @@ class Actions(NamedTuple):
         ratings: shape (S, P, ...), in [0, 1].
         presence: which identities those with a reserve want to be there, boolean, (N, ...), see `Presence.step`; None
             leaves everybody where they are.
+        withheld: which ratings are not sent after all, boolean, (S, P, ...); None where nobody withholds any.
     """
 
     quality: Array
     ratings: Array
     presence: Array | None = None
+    withheld: Array | None = None
 
 
 class Counts(NamedTuple):

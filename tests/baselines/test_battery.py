@@ -24,7 +24,8 @@ SMALL = Scenario(
     access=Choice(providers=3, temperature=0.2),
     max_cycles=25,
 )
-SEATS = {"ratings": ("sr_0", "srsp_1"), "quality": ("sp_0", "srsp_1")}
+RATERS = ("sr_0", "srsp_1")
+SEATS = {"ratings": RATERS, "silence": RATERS, "quality": ("sp_0", "srsp_1")}
 NAMES = [name for name in attackers() if name != "learned" and "presence" not in registry.factory(name).attacks]
 DRAWN = ("random-rating", "transitive-lying")
 
@@ -99,7 +100,7 @@ def test_searches_take_what_it_declares(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_it_plays_from_the_command_line(tmp_path, name):
     seats = sorted(
-        {agent for channel in space(name).channels for agent in {"ratings": ["sr_2"], "quality": ["sp_2"]}[channel]}
+        {agent for channel in space(name).channels for agent in ("sp_2" if channel == "quality" else "sr_2",)}
     )
     options = [part for agent in seats for part in ("--attack", f"{agent}={name}")]
     arguments = ["play", "paper-3x3", "--set", "max_cycles=12", *options, "--out", str(tmp_path)]

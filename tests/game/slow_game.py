@@ -89,7 +89,7 @@ class Slow:
         return role in turns[self.round // group.turn_length % len(turns)].split("+")
 
     def step(self, actions: Actions, noise: Noise) -> dict[str, float]:
-        self.deliver(actions.ratings, noise)
+        self.deliver(actions.ratings, actions.withheld, noise)
         self.update_trust()
         before = dict(self.phase)
         if self.rules.admission is not None:
@@ -108,12 +108,13 @@ class Slow:
         self.round += 1
         return rewards
 
-    def deliver(self, ratings: np.ndarray, noise: Noise) -> None:
+    def deliver(self, ratings: np.ndarray, withheld: np.ndarray | None, noise: Noise) -> None:
         channel = self.rules.ratings
         self.arrived = {pair: rating for due, pair, rating in self.late if due == self.round}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
-                if (i, j) not in self.awaiting or (channel.lost > 0 and noise.lost[s, p] < channel.lost):
+                sent = (i, j) in self.awaiting and not (withheld is not None and withheld[s, p])
+                if not sent or (channel.lost > 0 and noise.lost[s, p] < channel.lost):
                     continue
                 if channel.late > 0 and noise.late[s, p] < channel.late:
                     self.late.append((self.round + channel.delay, (i, j), ratings[s, p]))

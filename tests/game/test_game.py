@@ -137,9 +137,13 @@ def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, lis
     def wanted() -> np.ndarray | None:
         return rng.random((game.roster.n_agents, *batch)) < 0.8 if any(game.roster.turn) else None
 
+    def kept() -> np.ndarray | None:
+        return rng.random((s, p, *batch)) < 0.2 if rng.random() < 0.5 else None
+
     start = game.draw(source, batch, start=True)
     rounds = range(game.scenario.max_cycles)
-    return start, [Actions(notes(p), notes(s, p), wanted()) for _ in rounds], [game.draw(source, batch) for _ in rounds]
+    actions = [Actions(notes(p), notes(s, p), wanted(), kept()) for _ in rounds]
+    return start, actions, [game.draw(source, batch) for _ in rounds]
 
 
 def play(game: Game, start: Noise, actions: list[Actions], noises: list[Noise]) -> Iterator[tuple[State, Any]]:
@@ -238,7 +242,8 @@ def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, 
 @given(scenarios(), st.integers(0, 99), st.sampled_from([np.float32, np.float64]), st.booleans())
 def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, dtype: type, tensors: bool) -> None:
     def cast(array: Any) -> Any:
-        array = np.asarray(array, dtype)
+        array = np.asarray(array)
+        array = array if array.dtype == bool else array.astype(dtype)
         return torch.asarray(array) if tensors else array
 
     game = Game(scenario, like=cast(0.0))
@@ -314,7 +319,10 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
     permuted = play(
         game,
         shuffle(start),
-        [Actions(a.quality[j], a.ratings[cells]) for a in actions],
+        [
+            Actions(a.quality[j], a.ratings[cells], withheld=None if a.withheld is None else a.withheld[cells])
+            for a in actions
+        ],
         list(map(shuffle, noises)),
     )
     for (state, rewards), (other, other_rewards) in zip(play(game, start, actions, noises), permuted, strict=True):

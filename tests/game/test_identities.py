@@ -139,7 +139,7 @@ def test_an_attackers_identities_are_no_honest_providers() -> None:
 @pytest.mark.parametrize("attack", [Sybil(), SideBySide((OnOff(), Sybil())), Both(Sybil(), BadMouthing())], ids=str)
 def test_the_attacker_of_a_task_cannot_call_any(attack: Policy) -> None:
     task = make_task(SCENARIO, ["srsp_0"])
-    with pytest.raises(ValueError, match=r"'srsp_0' cannot play .* in a task"):
+    with pytest.raises(ValueError, match=r"srsp_0 cannot play .* in a task"):
         Scripted({"srsp_0": attack}).begin(task, task.game.random(0), (2, 1))
 
 
@@ -154,8 +154,8 @@ def test_in_pettingzoo_they_stay_away() -> None:
 @pytest.mark.parametrize(
     ("policies", "words"),
     [
-        ({"sp_0": Whitewashing(reserve=3)}, ["'sp_0'", "takes 3 identities", "has 2"]),
-        ({"sp_2": Whitewashing()}, ["'sp_2'", "takes 1 identities", "has 0"]),
+        ({"sp_0": Whitewashing(reserve=3)}, ["'sp_0'", "whitewashing", "a reserve of 3", "has 2"]),
+        ({"sp_2": Whitewashing()}, ["'sp_2'", "whitewashing", "a reserve of 1", "has 0"]),
         ({"sp_2": Fickle()}, ["'sp_2'", "presence", "only decides on quality"]),
         ({"sp_4": OnOff()}, ["'sp_4'", "in reserve of 'sp_0'"]),
     ],

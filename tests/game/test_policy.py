@@ -128,8 +128,8 @@ def test_a_player_with_a_seed_plays_the_same_again() -> None:
     ("name", "policy", "message"),
     [
         ("sr_4", Honest(), r"'sr_4'.*sr_0.*srsp_2"),
-        ("sp_0", BadMouthing(), r"'sp_0'.*BadMouthing.*ratings.*quality"),
-        ("sr_0", OnOff(), r"'sr_0'.*OnOff.*quality.*ratings"),
+        ("sp_0", BadMouthing(), r"'sp_0'.*bad-mouthing.*ratings.*quality"),
+        ("sr_0", OnOff(), r"'sr_0'.*on-off.*quality.*ratings"),
     ],
 )
 def test_a_seat_that_does_not_fit_is_refused(name: str, policy: Policy, message: str) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import BadMouthing, Sybil, make_attacker
+from baselines.search.space import Space
 from roletrust_env import Cast, Game, Policy, Scenario, record
 from roletrust_env.game.rollout import History
 
@@ -54,3 +55,9 @@ def test_camouflage_is_a_later_start_of_what_it_does() -> None:
 
 def test_by_name() -> None:
     assert make_attacker("sybil", reserve=4, every=2) == Sybil(reserve=4, every=2)
+
+
+def test_it_declares_its_ranges() -> None:
+    space = Space(Sybil, (0,), (1,), 30)
+    assert [space.decode([x, x]) for x in (0.0, 1.0)] == [Sybil(), Sybil(start=100, every=10)]
+    assert len(space.grid) == 4

@@ -1,8 +1,11 @@
 """Whitewashing: low trust does not last."""
 
+from functools import partial
+
 import numpy as np
 
 from baselines import OnOff, Whitewashing, make_attacker
+from baselines.search.space import Space
 from roletrust_env import Cast, Game, Policy, Scenario, record
 from roletrust_env.game.rollout import History
 
@@ -57,3 +60,9 @@ def test_it_keeps_more_trust_than_who_stays() -> None:
 
 def test_by_name() -> None:
     assert make_attacker("whitewashing", threshold=0.2, reserve=4) == Whitewashing(threshold=0.2, reserve=4)
+
+
+def test_it_declares_its_range() -> None:
+    space = Space(partial(Whitewashing, reserve=3), (0, 1), (2,), 40)
+    assert space.decode([0.7]) == Whitewashing(threshold=0.7, reserve=3)
+    assert [policy.threshold for policy in space.grid] == [0.2, 0.3, 0.4]
