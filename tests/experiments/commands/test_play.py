@@ -11,7 +11,7 @@ from experiments.plots.curves import curve_figure
 from experiments.results.confidence import over_games, student_95
 from experiments.results.measures import MEASURES, damage, measured_since
 from experiments.results.recording import Curves
-from roletrust_env import Game, __version__, make_scenario, scenarios, trust_models
+from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.world.roster import Roster
 
 TINY = ["--set", "max_cycles=12"]
@@ -222,19 +222,6 @@ def test_folder_that_is_a_file(tmp_path):
     result = run("play", *TINY, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
     assert str(tmp_path / "out") in result.stderr
-
-
-@pytest.mark.parametrize("arguments", [[], ["scenarios"], ["models"], ["attackers"]])
-def test_list(arguments):
-    result = run("list", *arguments)
-    assert result.exit_code == 0
-    assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
-    assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
-    assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
-
-
-def test_list_of_nothing_known():
-    assert run("list", "planets").exit_code == 2
 
 
 def test_version_and_help():
