@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from experiments.commands.catalogue import Entry, all_attackers, all_models, all_scenarios
-from experiments.commands.console import console
+from experiments.commands.console import console, print_json
 
 
 class Kind(StrEnum):
@@ -25,6 +25,9 @@ def list_command(
     kind: Annotated[
         Kind | None, typer.Argument(help="What to list; everything if left out.", show_default=False)
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document, with all there is to know, and nothing else.")
+    ] = False,
 ) -> None:
     """Show the [bold]scenarios, trust models and attackers[/] that can be played, also those of other packages.
 
@@ -38,8 +41,15 @@ def list_command(
 
     [dim]# the attackers, with their parameters and the ranges on which they are searched[/]
     [cyan]roletrust list attackers[/]
+
+    [dim]# for scripts: the models on which gradients are of use[/]
+    [cyan]roletrust list models --json | jq '.models | map_values(select(.smooth)) | keys'[/]
     """
-    for one in Kind if kind is None else [kind]:
+    kinds = Kind if kind is None else [kind]
+    if as_json:
+        print_json({one.value: _KINDS[one][0]() for one in kinds})
+        return
+    for one in kinds:
         entries, table = _KINDS[one]
         console.print(table(entries()))
     if kind in (None, Kind.ATTACKERS):
@@ -124,7 +134,7 @@ def _table(title: str, *columns: str) -> Table:
     table.add_column("name", style="cyan", no_wrap=True)
     table.add_column("description", min_width=24)
     for column in columns:
-        table.add_column(column, justify="right" if column == "rounds" else "left")
+        table.add_column(column, justify="right" if column == "rounds" else "left", overflow="fold")
     return table
 
 

@@ -1,3 +1,4 @@
+import json
 import re
 
 import pytest
@@ -6,7 +7,7 @@ from typer.testing import CliRunner
 import baselines
 from experiments.cli import app
 from experiments.commands.catalogue import all_attackers, all_models
-from roletrust_env import scenarios, trust_models
+from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 
 
 def run(*arguments, width=120):
@@ -72,3 +73,35 @@ def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkey
     assert result.exit_code == 0
     assert result.output.count("'no_such_module:made'") == 3
     assert "on-off" in result.output
+
+
+def document(*arguments):
+    result = run(*arguments, "--json", width=30)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return json.loads(result.stdout)
+
+
+def test_json_holds_all_there_is():
+    found = document()
+    assert {kind: set(entries) for kind, entries in found.items()} == {
+        "scenarios": set(scenarios()),
+        "models": set(trust_models()),
+        "attackers": set(baselines.attackers()),
+    }
+    for name, fields in found["scenarios"].items():
+        assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
+    travos = found["models"]["travos"]
+    assert {key: travos[key] for key in ("family", "source", "smooth", "cost", "rates_raters")} == {
+        "family": "personal",
+        "source": "Teacy et al. (2006)",
+        "smooth": False,
+        "cost": "S^2 P",
+        "rates_raters": True,
+    }
+    assert travos["parameters"]["error"] == {"default": 0.2, "required": False, "allowed": "[0, 1]"}
+    assert found["attackers"] == all_attackers()
+
+
+@pytest.mark.parametrize("kind", ["scenarios", "models", "attackers"])
+def test_json_of_one_kind(kind):
+    assert list(document(kind)) == [kind]
