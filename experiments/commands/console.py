@@ -13,10 +13,10 @@ console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar() -> Progress:
+def progress_bar(where: Console = console) -> Progress:
     """A progress bar for rounds, that leaves no trace when done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=where, transient=True)
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -102,7 +102,7 @@ def test_attacker_that_plays_at_random_leaves_the_luck_of_the_game_alone(tmp_pat
 
 def test_damage_counts_who_is_gone_with_the_last_trust():
     roster = Roster.of(make_scenario("paper-3x3"))
-    twin = Curves(*[np.ones((4, 6, 1))] * 5)
+    twin = Curves(*[np.ones((4, 6, 1))] * 6)
     trust = twin.trust.copy()
     trust[1, 5], trust[2:, 5] = 0.2, np.nan  # sp_2 is cut off
     lost = damage(roster, twin._replace(trust=trust), twin, {"sr_0": BadMouthing()})
@@ -150,7 +150,7 @@ def test_own_model_and_attacker(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("games", "absent", "said"), [(1, 8, "gone"), (4, 30, "in 0 of 4 games"), (4, 0, None)])
 def test_curves_tell_who_is_gone(games, absent, said):
     game = Game(make_scenario("paper-3x3").change(max_cycles=60))
-    full = Curves(np.arange(1, 61) / 2, *[np.full((60, n, games), 0.9) for n in (3, 3, 6, 6)])
+    full = Curves(np.arange(1, 61) / 2, *[np.full((60, n, games), 0.9) for n in (3, 3, 6, 6, 3)])
     full.top[60 - absent :, 2] = np.nan
     if games > 1:
         full.top[20:, 1, :3] = np.nan  # three of four games
