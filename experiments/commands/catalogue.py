@@ -1,10 +1,11 @@
 """What there is to be played with: scenarios, trust models and attackers, and what they take, for people and scripts.
 
-A plug-in that cannot be loaded is an entry that says why, and spoils nothing else.
+A plug-in that cannot be loaded or read is an entry that says why, and spoils nothing else.
 """
 
 import inspect
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 import baselines
@@ -17,7 +18,7 @@ from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 
 Entry = dict[str, Any]
-"""One scenario, trust model or attacker as plain data; of one that cannot be loaded only its `error`."""
+"""One scenario, trust model or attacker as plain data; of one that cannot be loaded or read only its `error`."""
 
 
 class Parameter(NamedTuple):
@@ -44,7 +45,7 @@ def all_models() -> dict[str, Entry]:
 
     def entry(name: str) -> Entry:
         factory = models.factory(name)
-        traits = Traits.of(factory)
+        traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
         said = {key: getattr(traits, key) for key in ("family", "source", "cost", "smooth", "rates_raters")}
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
         return {"description": summary(factory), **said, "parameters": parameters}
@@ -79,8 +80,8 @@ def _entries(registry: Registry[Any], entry: Callable[[str], Entry]) -> dict[str
     for name in registry.names():
         try:
             found[name] = entry(name)
-        except ValueError as error:
-            found[name] = {"error": str(error)}
+        except Exception as error:  # whatever a foreign package raises
+            found[name] = {"error": str(error) or type(error).__name__}
     return found
 
 
@@ -104,7 +105,8 @@ def _as_data(value: Any) -> Any:
         return words(value)
     if isinstance(value, list | tuple):
         return [_as_data(item) for item in value]
-    return value if value is None or isinstance(value, bool | int | float | str) else repr(value)
+    plain = value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and isfinite(value))
+    return value if plain else repr(value)
 
 
 def _plain(range: Any) -> Any:

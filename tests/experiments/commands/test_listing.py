@@ -1,13 +1,17 @@
 import json
 import re
+from dataclasses import dataclass
 
 import pytest
 from typer.testing import CliRunner
 
 import baselines
+import roletrust_env
 from experiments.cli import app
 from experiments.commands.catalogue import all_attackers, all_models
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
+from roletrust_env.trust import Mean, register_trust_model
+from roletrust_env.trust.model import registry as models
 
 
 def run(*arguments, width=120):
@@ -73,6 +77,34 @@ def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkey
     assert result.exit_code == 0
     assert result.output.count("'no_such_module:made'") == 3
     assert "on-off" in result.output
+
+
+@dataclass(frozen=True)
+class Unreadable(roletrust_env.Policy):
+    """Has a type that is nowhere to be found."""
+
+    delay: "dataclass.nothing" = 1
+
+
+@dataclass(frozen=True)
+class Endless(roletrust_env.Policy):
+    """Has a default that JSON does not know."""
+
+    wait: float = float("inf")
+
+
+def test_what_others_register_is_listed_as_far_as_it_can_be_read(monkeypatch):
+    for registry in (baselines.registry, models):
+        monkeypatch.setattr(registry, "_factories", dict(registry._factories))
+    baselines.register_attacker("unreadable", Unreadable)
+    baselines.register_attacker("endless", Endless)
+    register_trust_model("made-mean", lambda lam=0.7: Mean(lam=lam))
+    assert "nothing" in all_attackers()["unreadable"]["error"]
+    assert document("attackers")["attackers"]["endless"]["parameters"]["wait"]["default"] == "inf"
+    mean = all_models()["made-mean"]
+    assert mean["rates_raters"] is False  # as the model that it makes says
+    assert mean["parameters"] == {"lam": {"default": 0.7, "required": False, "allowed": ""}}
+    assert run().exit_code == 0
 
 
 def document(*arguments):

@@ -67,6 +67,17 @@ def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
         assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
 
 
+def test_detection_is_that_of_the_attack_s_own_rounds_and_of_the_end():
+    roster = Roster.of(make_scenario("paper-3x3"))
+    curves = Curves(*[np.ones((6, n, 1)) for n in (1, 3, 3, 6, 6, 3)])
+    curves.trust[1:3, 0] = 0.9  # found out while it attacks,
+    curves.trust[3:, 1:3] = 0.2  # and believed more than the others afterwards
+    found = under_attack(roster, curves, None, {"sr_0": BadMouthing(start=1, stop=3)})
+    assert found["AUC under the attack, sr"].mean == 1
+    assert found["AUC at the end, sr"].mean == 0
+    assert found["false alarms"].mean == 2 * 3 / (5 * 6)
+
+
 def test_undefined_in_some_games_only():
     roster = Roster.of(make_scenario("paper-3x3"))
     full = Curves(*[np.ones((6, n, 2)) for n in (1, 3, 3, 6, 6, 3)])
