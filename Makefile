@@ -40,6 +40,8 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
+	$(BIN)/roletrust models --out $(OUT)/models
+	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder
 
 # The table of what the trust models cost; on a quiet machine, some minutes.

@@ -13,6 +13,7 @@ from experiments.commands.costs import costs
 from experiments.commands.figures import figures
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
+from experiments.commands.models import models
 from experiments.commands.play import play
 from experiments.commands.speed import speed
 from experiments.commands.train import train
@@ -77,6 +78,7 @@ app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("speed")(speed)
 app.command("costs")(costs)
+app.command("models")(models)
 app.command("train")(train)
 app.command("zoo")(zoo)
 

@@ -3,13 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import AfterValidator, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 from pydantic_core import PydanticCustomError
 
 
-def _within(allowed: str, holds: Callable[[float], bool]) -> AfterValidator:
+@dataclass(frozen=True)
+class _Allowed(AfterValidator):
+    """A validator that can tell what it lets pass."""
+
+    allowed: str
+
+
+def _within(allowed: str, holds: Callable[[float], bool]) -> _Allowed:
     """A validator that refuses NaN, too, and says what is allowed."""
 
     def check(value: float) -> float:
@@ -17,7 +25,7 @@ def _within(allowed: str, holds: Callable[[float], bool]) -> AfterValidator:
             raise PydanticCustomError("range", "it must lie in {allowed}", {"allowed": allowed})
         return value
 
-    return AfterValidator(check)
+    return _Allowed(check, allowed)
 
 
 @dataclass(frozen=True)
@@ -106,3 +114,39 @@ DrawnBias = Annotated[float | tuple[float, float], _drawn("[-1, 1]", lambda x: -
 
 DrawnScale = Annotated[float | tuple[float, float], _drawn("[0, inf)", lambda x: 0 <= x < inf)]
 """What a quality is multiplied by, or a range to draw it from."""
+
+
+def allowed(hint: Any) -> str:
+    """What values a type allows, in words.
+
+    Example:
+        >>> from pydantic import PositiveInt
+        >>> [allowed(hint) for hint in (Lam, PositiveInt, Literal["power", "linear"], PositiveInt | None, float)]
+        ['[0.5, 1)', 'whole [1, inf)', 'power | linear', 'whole [1, inf) | None', 'number']
+    """
+    kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    if said := [mark.allowed for mark in marks if isinstance(mark, _Allowed)]:
+        return str(said[-1])
+    if get_origin(kind) is Literal:
+        return " | ".join(map(str, get_args(kind)))
+    if get_origin(kind) in (Union, UnionType):
+        return " | ".join(map(allowed, get_args(kind)))
+    if get_origin(kind) in (tuple, list):
+        return f"some of {allowed(get_args(kind)[0])}"
+    if kind in (int, float):
+        bounds, whole = _interval(marks, kind is int), "whole " if kind is int else ""
+        return f"{whole}{bounds or 'number'}"
+    return {bool: "True | False", str: "text", NoneType: "None"}.get(kind, getattr(kind, "__name__", str(kind)))
+
+
+def _interval(marks: list[Any], whole: bool) -> str:
+    """The interval that bounds such as pydantic's `Gt` leave, as closed as can be; empty if there are none."""
+    ends: dict[str, Any] = {}
+    for bound in (part for mark in marks for part in (mark, *getattr(mark, "metadata", ()))):
+        ends |= {name: getattr(bound, name) for name in ("gt", "ge", "lt", "le") if hasattr(bound, name)}
+    if whole:
+        ends |= {"ge": ends.pop("gt") + 1} if "gt" in ends else {}
+        ends |= {"le": ends["lt"] - 1} if "lt" in ends else {}
+    low = f"[{ends['ge']}" if "ge" in ends else f"({ends.get('gt', '-inf')}"
+    high = f"{ends['le']}]" if "le" in ends else f"{ends.get('lt', 'inf')})"
+    return f"{low}, {high}" if ends else ""

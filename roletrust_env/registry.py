@@ -123,13 +123,18 @@ class Registry(Generic[Thing]):
 
     def describe(self) -> dict[str, str]:
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
-        described = {name: (inspect.getdoc(f) or "").partition("\n")[0] for name, f in self._factories.items()}
+        described = {name: summary(factory) for name, factory in self._factories.items()}
         for name, plugin in self._plugins().items():
             described.setdefault(name, f"from {plugin.module}:{plugin.attr}")
         return described
 
     def _plugins(self) -> dict[str, EntryPoint]:
         return {plugin.name: plugin for plugin in entry_points(group=self.group)}
+
+
+def summary(factory: Any) -> str:
+    """The first line of a factory's docstring; empty without one."""
+    return (inspect.getdoc(factory) or "").partition("\n")[0]
 
 
 def _trouble(plugin: EntryPoint, error: Exception) -> str:

@@ -139,6 +139,16 @@ def told(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
+def searched(kind: Any) -> dict[str, Searched | Victims | tuple[Any, ...]]:
+    """What is searched of the attacks of a kind, by parameter: a range, the options of a `Literal`, or victims.
+
+    Args:
+        kind: the class of the attack.
+    """
+    found = {name: _declared(hint) for name, hint in _hints(kind).items()}
+    return {name: range for name, range in found.items() if range is not None}
+
+
 def words(policy: Policy) -> str:
     """A policy as `roletrust play --attack` takes it: its name, and all that is searched or not as usual.
 
@@ -164,21 +174,34 @@ def _short(value: Any) -> str:
 
 def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...]) -> Axis | None:
     """The coordinate that a field declares, if it does."""
-    if _mark(hint, Kept):
-        return None
-    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    declared = _declared(hint)
     tried: tuple[Any, ...]
-    if _mark(hint, Victims):
+    if declared is None:
+        return None
+    if isinstance(declared, Victims):
         at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
-    elif get_origin(kind) is Literal:
-        at, tried = _one_of(get_args(kind)), get_args(kind)
-    elif searched := _mark(hint, Searched):
-        at = _whole(int(searched.low), int(searched.high)) if kind is int else _between(searched.low, searched.high)
+    elif isinstance(declared, Searched):
+        low, high = declared.low, declared.high
+        at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
         tried = tuple(dict.fromkeys(at(x) for x in (0.0, 0.5, 1.0)))
     else:
-        return None
+        at, tried = _one_of(declared), declared
     chosen = _mark(hint, Tried)
     return Axis(name, at, chosen.values if chosen else tried)
+
+
+def _declared(hint: Any) -> Searched | Victims | tuple[Any, ...] | None:
+    """Where searches look for a parameter of a type: a range, options, victims, or nowhere."""
+    if _mark(hint, Kept):
+        return None
+    options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
+    found: Searched | Victims | tuple[Any, ...] | None = _mark(hint, Victims) or options or _mark(hint, Searched)
+    return found
+
+
+def _bare(hint: Any) -> Any:
+    """A type without what is annotated to it."""
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
 
 
 def _fields(kind: Any) -> list[Field[Any]]:

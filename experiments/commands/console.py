@@ -1,5 +1,9 @@
 """Where the commands print, and how they show that they are at work."""
 
+import json
+from collections.abc import Mapping
+from typing import Any
+
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -9,10 +13,15 @@ console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar() -> Progress:
+def progress_bar(where: Console = console) -> Progress:
     """A progress bar for rounds, that leaves no trace when done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=where, transient=True)
+
+
+def print_json(data: Mapping[str, Any]) -> None:
+    """Print plain data for scripts: as it is, neither wrapped nor coloured, in letters that any terminal takes."""
+    print(json.dumps(data, indent=2, allow_nan=False))
 
 
 def number_table(title: str, caption: str, *headings: str) -> Table:

@@ -1,6 +1,6 @@
 """`roletrust list`: the scenarios, trust models and attackers that there are."""
 
-import inspect
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -9,10 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-import baselines
-from experiments.commands.console import console
-from roletrust_env.trust.model import registry as models
-from roletrust_env.world.presets import registry as scenarios
+from experiments.commands.catalogue import Entry, all_attackers, all_models, all_scenarios
+from experiments.commands.console import console, print_json
 
 
 class Kind(StrEnum):
@@ -27,65 +25,121 @@ def list_command(
     kind: Annotated[
         Kind | None, typer.Argument(help="What to list; everything if left out.", show_default=False)
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document, with all there is to know, and nothing else.")
+    ] = False,
 ) -> None:
     """Show the [bold]scenarios, trust models and attackers[/] that can be played, also those of other packages.
+
+    Of trust models it says what they take and what they are unfit for, of attackers also where searches look for
+    the best values of their parameters.
 
     [bold]Examples[/]
 
     [dim]# everything[/]
     [cyan]roletrust list[/]
 
-    [dim]# the attackers, with their parameters and defaults[/]
+    [dim]# the attackers, with their parameters and the ranges on which they are searched[/]
     [cyan]roletrust list attackers[/]
+
+    [dim]# for scripts: the models on which gradients are of use[/]
+    [cyan]roletrust list models --json | jq '.models | map_values(select(.smooth)) | keys'[/]
     """
-    if kind in (None, Kind.SCENARIOS):
-        console.print(_scenarios())
-    if kind in (None, Kind.MODELS):
-        console.print(_with_parameters("Trust models", models))
+    kinds = Kind if kind is None else [kind]
+    if as_json:
+        print_json({one.value: _KINDS[one][0]() for one in kinds})
+        return
+    for one in kinds:
+        entries, table = _KINDS[one]
+        console.print(table(entries()))
     if kind in (None, Kind.ATTACKERS):
-        console.print(_with_parameters("Attackers", baselines.registry))
+        console.print("[dim]victims: some of the honest providers; told: what a command knows of the game it plays[/]")
     if kind is not Kind.SCENARIOS:
         console.print("[dim]Your own: package.module:Class in place of a name, or an entry point (see the README).[/]")
 
 
-def _scenarios() -> Table:
-    table = _table("Scenarios")
-    table.add_column("agents")
-    table.add_column("rounds", justify="right")
-    for name in scenarios.names():
-        try:
-            scenario = scenarios.make(name)
-        except ValueError as error:
-            table.add_row(name, escape(str(error)), "", "")
+def _scenario_table(entries: Mapping[str, Entry]) -> Table:
+    table = _table("Scenarios", "agents", "rounds")
+    for name, entry in entries.items():
+        if "error" in entry:
+            table.add_row(name, escape(entry["error"]))
             continue
         count: dict[str, int] = {}
-        for group in scenario.agents:
-            count[group.role] = count.get(group.role, 0) + group.count
+        for group in entry["agents"]:
+            count[group["role"]] = count.get(group["role"], 0) + group["count"]
         agents = ", ".join(f"{n} {role}" for role, n in count.items())
-        tags = f"[dim]tags: {escape(', '.join(scenario.tags))}[/]"
-        table.add_row(name, f"{escape(scenario.description)}\n{tags}", agents, str(scenario.max_cycles))
+        tags = f"tags: {', '.join(entry['tags'])}"
+        table.add_row(name, _described(entry, tags), agents, str(entry["max_cycles"]))
     return table
 
 
-def _with_parameters(title: str, registry: Any) -> Table:
-    table = _table(title)
-    table.add_column("parameters = defaults")
-    for name, description in registry.describe().items():
-        table.add_row(name, escape(description), escape(_parameters(registry, name)))
+def _model_table(entries: Mapping[str, Entry]) -> Table:
+    table = _table("Trust models", "parameters = defaults, allowed values")
+    for name, entry in entries.items():
+        if "error" in entry:
+            table.add_row(name, escape(entry["error"]))
+            continue
+        origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
+        lacks = [] if entry["rates_raters"] else ["no trust in raters"]
+        lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
+        lacks += [] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"]
+        unfit = [f"unfit: {'; '.join(lacks)}"] if lacks else []
+        lines = [
+            f"{_given(key, parameter)}  [dim]{escape(parameter['allowed'])}[/]"
+            for key, parameter in entry["parameters"].items()
+        ]
+        table.add_row(name, _described(entry, origin, *unfit), "\n".join(lines))
     return table
 
 
-def _parameters(registry: Any, name: str) -> str:
-    """The parameters of a factory; a plug-in that cannot be loaded says so and spoils nothing else."""
-    try:
-        parameters = inspect.signature(registry.factory(name)).parameters.values()
-    except ValueError as error:
-        return str(error)
-    return ", ".join(p.name if p.default is p.empty else f"{p.name}={p.default!r}" for p in parameters)
+def _attacker_table(entries: Mapping[str, Entry]) -> Table:
+    table = _table("Attackers", "parameters = defaults, where searched")
+    for name, entry in entries.items():
+        if "error" in entry:
+            table.add_row(name, escape(entry["error"]))
+            continue
+        channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
+        where = {key: _searched(parameter) for key, parameter in entry["parameters"].items()}
+        given = {key: _given(key, parameter) for key, parameter in entry["parameters"].items()}
+        lines = [f"{given[key]}  [dim]{escape(said)}[/]" for key, said in where.items() if said]
+        lines.append(", ".join(given[key] for key, said in where.items() if not said))
+        table.add_row(name, _described(entry, *channels), "\n".join(line for line in lines if line))
+    return table
 
 
-def _table(title: str) -> Table:
+def _described(entry: Entry, *more: str) -> str:
+    """The description, and quietly below what else there is to say."""
+    return "\n".join([escape(entry["description"]), *(f"[dim]{escape(line)}[/]" for line in more)])
+
+
+def _given(name: str, parameter: Mapping[str, Any]) -> str:
+    return escape(name if parameter["required"] else f"{name}={parameter['default']}")
+
+
+def _searched(parameter: Mapping[str, Any]) -> str:
+    """Where searches look for a parameter, in words."""
+    match parameter["searched"]:
+        case {"low": low, "high": high}:
+            return f"{low:g} to {high:g}"
+        case {"options": options}:
+            return " | ".join(map(str, options))
+        case "victims":
+            return "victims"
+    return "told" if parameter["told"] else ""
+
+
+def _table(title: str, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", show_lines=True, box=SIMPLE_HEAD)
+    table.pad_edge = False
     table.add_column("name", style="cyan", no_wrap=True)
     table.add_column("description", min_width=24)
+    for column in columns:
+        table.add_column(column, justify="right" if column == "rounds" else "left", overflow="fold")
     return table
+
+
+_KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], Table]]] = {
+    Kind.SCENARIOS: (all_scenarios, _scenario_table),
+    Kind.MODELS: (all_models, _model_table),
+    Kind.ATTACKERS: (all_attackers, _attacker_table),
+}

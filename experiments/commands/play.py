@@ -1,20 +1,17 @@
 """`roletrust play`: any scenario, under any trust models, with any attackers."""
 
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
+from rich.progress import Progress
 
 from experiments.commands.attacks import changed, parse_attacks, parse_settings, parse_trust_model
-from experiments.commands.console import console, progress_bar
+from experiments.commands.console import console, errors, print_json, progress_bar
+from experiments.commands.report import as_data, as_table, notes
 from experiments.results.files import (
     cast_list,
     described,
@@ -26,7 +23,6 @@ from experiments.results.files import (
 )
 from experiments.results.games import HEADER, Played, all_kept_bytes, foresee, play_games, rows
 from experiments.results.machine import check_memory, in_bytes, in_time
-from experiments.results.measures import MEASURES, Estimate, measured_since
 from experiments.results.names import attacks_in_words
 from roletrust_env import Cast, Game, Policy, make_scenario
 
@@ -68,13 +64,22 @@ def play(
     video: Annotated[
         bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
     ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help="Print what results.json holds, one JSON document, and nothing else; files are written only with "
+            "--out. What is said besides goes to standard error.",
+        ),
+    ] = False,
 ) -> None:
     r"""Play [bold]any scenario[/] with any attackers and trust models, and save what came of it.
 
     Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4 play.png[/] if asked.
     With several games every mean comes with its 95% confidence interval.
     With an attack, the same games are played again with everyone honest:
-    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack.
+    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack;
+    beside it stand how well trust tells the attackers apart, false alarms, consumers' utility and the recovery.
     Values are as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
 
     [bold]Examples[/]
@@ -91,6 +96,9 @@ def play(
     [dim]# a worse lie, and a video[/]
     [cyan]roletrust play --attack sr_1=bad-mouthing:level=0 --video[/]
 
+    [dim]# for scripts: the damage under every model that was asked for[/]
+    [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
+
     [dim]# your own scenario, with some fields changed[/]
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
     """
@@ -103,7 +111,10 @@ def play(
         text: Cast(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in trust_model
     }  # all are found valid before any is played
     title = f"{rules.name}, {', '.join(trust_model)}, {attacks_in_words(attackers)}"
-    out = Path("results/play") / _slug(title) if out is None else out
+    if out is None and not as_json:
+        out = Path("results/play") / _slug(title)
+    if out is None and video:
+        raise ValueError("--video needs a folder to write to; with --json give one with --out")
     one, *_ = casts.values()
     config = {
         "command": "roletrust play",
@@ -112,39 +123,44 @@ def play(
         "attackers": cast_list(attackers),
         "trust_models": {text: described(cast.game.model) for text, cast in casts.items()},
     }
-    if not force:
-        _check_folder(out, config)
-    prepare_folder(out)
-    _say_what_it_takes(list(casts.values()), attackers, games)
-    with progress_bar() as progress:
+    if out is not None:
+        if not force:
+            _check_folder(out, config)
+        prepare_folder(out)
+    aside = errors if as_json else console
+    if told := _what_it_takes(list(casts.values()), attackers, games):
+        aside.print(f"[dim]{told}[/]")
+    with progress_bar(aside) as progress:
         played = [
             play_games(text, cast, attackers, games=games, seed=seed, progress=progress) for text, cast in casts.items()
         ]
-        written = _write(out, config, played, attackers)
-        for one_played in played if video else ():
-            from experiments.plots.video import write_video
+        results = {**config, "measured": as_data(played)}
+        written = [] if out is None else _write(out, results, played, attackers)
+        if out is not None and video:
+            written += _film(out, played, attackers, seed, progress)
+    if as_json:
+        print_json(results)
+    else:
+        console.print(as_table(title, played, games))
+        for note in notes(played, games, attackers):
+            console.print(f"[dim]{note}[/]")
+    if written:
+        aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
-            name = _file("play", one_played.model, played)
-            write_video(out / f"{name}.mp4", one_played.game, attackers, seed, progress)
-            written += [f"{name}.mp4", f"{name}.png"]
-    console.print(_table(title, played, games))
-    for note in _notes(played, games, attackers):
-        console.print(f"[dim]{note}[/]")
-    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
-
-def _say_what_it_takes(casts: Sequence[Cast], attackers: Mapping[str, Policy], games: int) -> None:
-    """Refuse more games or rounds than the memory holds, and say how long many games will take."""
+def _what_it_takes(casts: Sequence[Cast], attackers: Mapping[str, Policy], games: int) -> str:
+    """Refuse more games or rounds than the memory holds, and tell how long many games will take."""
     rules = casts[0].game.scenario
     if games == 1 or isinstance(rules.frames, int):  # of one game the curves count; a live camera cannot be tried out
         each_round = games * all_kept_bytes(casts, attackers) / rules.max_cycles
         check_memory("max_cycles", rules.max_cycles, each_round)
-        return
+        return ""
     each = foresee(casts, attackers)
     time = in_time(games * each.seconds)
     check_memory("--games", games, each.memory, f" and {time}")
-    if games * each.seconds > _LONG_S:
-        console.print(f"[dim]This takes about {time} and {in_bytes(games * each.memory)} of memory.[/]")
+    if games * each.seconds <= _LONG_S:
+        return ""
+    return f"This takes about {time} and {in_bytes(games * each.memory)} of memory."
 
 
 def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
@@ -167,7 +183,7 @@ def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
 
 
 def _write(
-    out: Path, config: Mapping[str, Any], played: Sequence[Played], attackers: Mapping[str, Policy]
+    out: Path, results: Mapping[str, Any], played: Sequence[Played], attackers: Mapping[str, Policy]
 ) -> list[str]:
     """Write all files but videos, and return their names."""
     from experiments.plots.curves import curve_figure
@@ -180,71 +196,20 @@ def _write(
         identities = one.game.roster.with_reserves(attackers)
         write_figure(out / name, curve_figure(title, one.game, one.curves, identities))
         written.append(name)
-    measured = {
-        one.model: {
-            "groups": {
-                group.label: {"agents": group.size, "present at the end": _plain(group.present)}
-                | {name: _plain(estimate) for name, estimate in group.measures.items()}
-                for group in one.groups
-            },
-            "damage": {who: _plain(estimate) for who, estimate in one.damage.items()},
-        }
-        for one in played
-    }
-    write_json(out / "results.json", {**config, "measured": measured})
+    write_json(out / "results.json", results)
     return [*written, "results.json"]
 
 
-def _table(title: str, played: Sequence[Played], games: int) -> Table:
-    table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.padding = (0, 1, 0, 0)  # it fits into 80 columns
-    table.add_column("agents")
-    table.add_column("at end", justify="right", no_wrap=True)
-    for name in MEASURES:
-        table.add_column(name.replace(" ", "\n"), justify="right", no_wrap=True)
-    for one in played:
-        if len(played) > 1:
-            table.add_row(f"[bold]{escape(one.model)}[/]")
-        for group in one.groups:
-            cells = [_shown(estimate) for estimate in group.measures.values()]
-            here = f"{group.present.mean:.{0 if games == 1 else 1}f}".removesuffix(".0")
-            style = None if group.honest else "dark_orange3"
-            table.add_row(escape(group.label), f"{here}/{group.size}", *cells, style=style)
-        for who, estimate in one.damage.items():
-            table.add_row(f"damage, {who}", "", _shown(estimate), style="bold")
-        table.add_section()
-    return table
+def _film(
+    out: Path, played: Sequence[Played], attackers: Mapping[str, Policy], seed: int, progress: Progress
+) -> list[str]:
+    """Write a video of one game of each model, with its last picture, and return their names."""
+    from experiments.plots.video import write_video
 
-
-def _notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]) -> list[str]:
-    """What the numbers of the table are."""
-    rules = played[0].game.scenario
-    start = (measured_since(attackers, rules.max_cycles) + 1) * rules.period_s
-    past = "the attack is on, the first rounds are past" if attackers else "the first rounds are past"
-    notes = [
-        f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
-        "at end: agents present in the last round / all of them; means are over those present",
-        f"lowest trust: of the group's mean, from {start:g} s on: {past}",
-    ]
-    if any(one.damage for one in played):
-        notes.append(
-            "damage: mean trust of the honest in the same games without the attack, less that under it; "
-            "who is gone in one of the two counts with its last trust"
-        )
-    return notes
-
-
-def _shown(estimate: Estimate) -> str:
-    mean, half = estimate
-    if np.isnan(mean):
-        return "nobody there"
-    return f"{mean:.3f}" if np.isnan(half) else f"{mean:.3f}±{math.ceil(half * 1000) / 1000:.3f}"
-
-
-def _plain(estimate: Estimate) -> dict[str, float | None]:
-    """NaN is no JSON."""
-    mean, half = (None if np.isnan(value) else value for value in estimate)
-    return {"mean": mean, "half_95": half}
+    names = [_file("play", one.model, played) for one in played]
+    for name, one in zip(names, played, strict=True):
+        write_video(out / f"{name}.mp4", one.game, attackers, seed, progress)
+    return [f"{name}.{kind}" for name in names for kind in ("mp4", "png")]
 
 
 def _file(stem: str, model: str, played: Sequence[Played]) -> str:

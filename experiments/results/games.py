@@ -10,7 +10,7 @@ from agents.ladder.players import Attacker
 from agents.ladder.rungs import Moment
 from experiments.results.confidence import over_games
 from experiments.results.machine import Cost, some, try_out
-from experiments.results.measures import Estimate, Group, damage, measure, measured_since
+from experiments.results.measures import Estimate, Group, damage, measure, measured_since, under_attack
 from experiments.results.recording import Curves, kept_bytes, record
 from roletrust_env import Cast, Game, Policy
 from roletrust_env.game import rollout
@@ -20,13 +20,23 @@ HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "gam
 
 
 class Played(NamedTuple):
-    """One trust model's games."""
+    """One trust model's games.
+
+    Attributes:
+        model: its name, as it was given.
+        game: that was played.
+        curves: that it left behind.
+        groups: how the agents fared.
+        damage: that an attack did, by whom it befell.
+        metrics: of an attack, by their names, see `measures.under_attack`.
+    """
 
     model: str
     game: Game
     curves: Curves
     groups: list[Group]
     damage: dict[str, Estimate]
+    metrics: dict[str, Estimate]
 
 
 def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
@@ -64,14 +74,15 @@ def play_games(
     model: str, cast: Cast, attackers: Mapping[str, Policy], *, games: int, seed: int, progress: Progress
 ) -> Played:
     """Play under one trust model, with the attack and once more without, and measure it."""
-    game, lost = cast.game, {}
+    game, twin = cast.game, None
     attackers = game.roster.with_reserves(attackers)
     curves = record(cast, seed, progress, f"Playing, {model}", games=games)
     if has_twin(game, attackers):
         twin = record(Cast(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
-        lost = damage(game.roster, curves, twin, attackers)
+    lost = damage(game.roster, curves, twin, attackers) if twin else {}
+    metrics = under_attack(game.roster, curves, twin, attackers) if attackers else {}
     groups = measure(game.roster, curves, attackers, measured_since(attackers, game.scenario.max_cycles))
-    return Played(model, game, curves, groups, lost)
+    return Played(model, game, curves, groups, lost, metrics)
 
 
 def rows(played: Played) -> list[tuple[Any, ...]]:

@@ -1,6 +1,6 @@
 """What a game comes to in numbers: how each group of agents fared, and what an attack took from the honest."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,19 +10,27 @@ from experiments.results.confidence import Floats, over_games
 from experiments.results.recording import Curves
 from roletrust_env import Policy, metrics
 from roletrust_env.game.policy import policy_name
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import Score, mean_where
 from roletrust_env.world.roster import Roster
 
 MEASURES = ("mean trust", "lowest trust", "final trust", "mean reward")
 
+AUC_MEANWHILE, AUC_FINALLY = "AUC under the attack", "AUC at the end"
+UTILITY_WITHOUT, RECOVERY = "utility, no attack", "recovery, rounds"
+
+_NEVER = "the attack never began"
 _SETTLED = 10  # rounds after which the initial trust counts for 2 ** -10 at most
 
 
 class Estimate(NamedTuple):
-    """A mean over games, and half the width of its 95% confidence interval, NaN for one game."""
+    """A mean over games, and half the width of its 95% confidence interval, NaN for one game.
+
+    It is over the games in which it is defined; `why` says why it is undefined in others, and in how many.
+    """
 
     mean: float
     half: float
+    why: str = ""
 
 
 class Group(NamedTuple):
@@ -67,11 +75,20 @@ def measure(roster: Roster, curves: Curves, attackers: Mapping[str, Policy], sin
     return groups
 
 
+def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, int]:
+    """The first round of the first attack and the first after the last one, of a game of some rounds.
+
+    What has no window lasts from the first to the last.
+    """
+    windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
+    stops = [rounds if stop is None else min(stop, rounds) for _, stop in windows]
+    return min((start for start, _ in windows), default=0), max(stops, default=rounds)
+
+
 def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
     """The round from which the lowest trust is looked for: the first attack's start, and not the first few rounds."""
-    starts = [policy.start if isinstance(policy, WindowedAttack) else 0 for policy in attackers.values()]
-    begun = [start for start in starts if start < rounds]
-    return max(min(_SETTLED, rounds // 2), min(begun, default=0))
+    start, _ = attack_rounds(attackers, rounds)
+    return max(min(_SETTLED, rounds // 2), start if start < rounds else 0)
 
 
 def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy]) -> dict[str, Estimate]:
@@ -87,12 +104,51 @@ def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str,
         The damage to each role, and to all honest agents.
     """
     honest = [i for i, name in enumerate(roster.names) if name not in attackers]
-    roles: dict[str, list[int]] = {}
-    for i in honest:
-        roles.setdefault(_role(roster.names[i]), []).append(i)
+    roles = _by_role(roster, honest)
     who = {f"{len(places)} {role}": places for role, places in roles.items()} if len(roles) > 1 else {}
     who |= {f"all {len(honest)} honest": honest} if honest else {}
-    return {label: _estimate(metrics.damage(curves.trust, twin.trust, places).value) for label, places in who.items()}
+    return {label: _scored(metrics.damage(curves.trust, twin.trust, places)) for label, places in who.items()}
+
+
+def under_attack(
+    roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy]
+) -> dict[str, Estimate]:
+    """How an attack is told apart, what it costs consumers, and how long it is felt; see `roletrust_env.metrics`.
+
+    Args:
+        roster: who is who.
+        curves: under the attack.
+        twin: with the same luck and everyone honest; None if there are no such games.
+        attackers: who attacks.
+
+    Returns:
+        For each role that attacks, the AUC of its agents' mean trust under the attack and of that at the end; the false
+        alarms among the honest; the utility of going by ToP, under the attack and without it; and the rounds of
+        recovery after the attack.
+    """
+    rounds, games = len(curves.trust), curves.trust.shape[-1]
+    start, stop = attack_rounds(attackers, rounds)
+    honest = [i for i, name in enumerate(roster.names) if name not in attackers]
+    found = {}
+    for role, places in _by_role(roster, range(len(roster.names))).items():
+        bad = [k for k, i in enumerate(places) if roster.names[i] in attackers]
+        trust = curves.trust[:, places]
+        if bad:
+            meanwhile = metrics.auc(mean_where(trust[start:stop], axis=0), bad)
+            found[f"{AUC_MEANWHILE}, {role}"] = meanwhile if start < rounds else _undefined(games, _NEVER)
+            found[f"{AUC_FINALLY}, {role}"] = metrics.auc(trust[-1], bad)
+    found["false alarms"] = metrics.false_alarms(curves.trust, honest)
+    found["utility"] = metrics.utility(curves.top, curves.quality)
+    if twin is None:
+        why = "a live camera shows nothing twice, so there are no games without the attack"
+        found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
+    else:
+        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.quality)
+        why = _NEVER if start >= rounds else "the attack lasts to the end"
+        over = start < stop < rounds
+        back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)
+        found[RECOVERY] = back
+    return {name: _scored(score) for name, score in found.items()}
 
 
 def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
@@ -106,6 +162,25 @@ def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]
         mean_where(rewards, axis=(0, 1)),
     )
     return {name: _estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
+
+
+def _scored(score: Score) -> Estimate:
+    """The mean of a score over games, and why and how often it is undefined."""
+    missing, games = int(np.isnan(score.value).sum()), score.value.size
+    where = f", in {missing} of {games} games" if missing < games else ""
+    return _estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")
+
+
+def _undefined(games: int, why: str) -> Score:
+    return Score(np.full(games, np.nan), why)
+
+
+def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
+    """Places of agents, by their role."""
+    roles: dict[str, list[int]] = {}
+    for i in places:
+        roles.setdefault(_role(roster.names[i]), []).append(i)
+    return roles
 
 
 def _estimate(per_game: Floats) -> Estimate:

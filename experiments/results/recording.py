@@ -22,6 +22,7 @@ class Curves(NamedTuple):
         top: trust of the providers, (T, P, E).
         trust: trust of the agents, each by its role, (T, N, E).
         rewards: (T, N, E).
+        quality: delivered by the providers, 0 by one that served nobody in the round, (T, P, E).
     """
 
     time_s: Floats
@@ -29,12 +30,13 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
+    quality: Floats
 
 
 def kept_bytes(game: Game) -> int:
     """The memory that the `Curves` of each game take."""
     roster = game.roster
-    columns = roster.n_raters + roster.n_providers + 2 * roster.n_agents
+    columns = roster.n_raters + 2 * roster.n_providers + 2 * roster.n_agents
     return columns * game.scenario.max_cycles * np.dtype(np.float64).itemsize
 
 
@@ -77,6 +79,7 @@ def record(
                 np.where(roster.providers(present), top, np.nan),
                 np.where(present, game.agent_trust(state), np.nan),
                 np.where(present, rewards, np.nan),
+                state.quality,
             )
         )
         watch(state)

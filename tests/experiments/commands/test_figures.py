@@ -82,7 +82,7 @@ def test_failed_claim_is_said_and_is_no_error(monkeypatch, tmp_path):
 
 def test_attack_claims_fail_when_nobody_attacks():
     scenario, ones = make_scenario("paper-3x3"), np.ones((240, 3, 1))
-    curves = Curves(np.arange(1, 241) / 2, ones, ones, ones, ones)
+    curves = Curves(np.arange(1, 241) / 2, *[ones] * 5)
     on_off = claims.check_on_off(curves, scenario, claims.Window(50, 90))
     assert [claim.ok for claim in on_off] == [True, False, False, False, True]
     bad_mouthing = claims.check_bad_mouthing(curves, scenario, claims.Window(20, 45))
@@ -92,7 +92,7 @@ def test_attack_claims_fail_when_nobody_attacks():
 @pytest.mark.parametrize("clear", [True, False])
 def test_claims_that_do_not_apply_to_given_frames(clear):
     scenario, seen = make_scenario("paper-3x3"), np.full((240, 3, 1), 1.0 if clear else 0.2)
-    curves = Curves(np.arange(1, 241) / 2, seen, seen, seen, seen)
+    curves = Curves(np.arange(1, 241) / 2, *[seen] * 5)
     found = claims.for_given_frames(claims.check_on_off(curves, scenario, claims.Window(50, 90)))
     # The person stays recognised in the blur. Without one in clear view no level says anything.
     assert [claim.ok for claim in found] == ([True, None, None, False, True] if clear else [None] * 5)

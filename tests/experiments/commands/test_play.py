@@ -11,7 +11,7 @@ from experiments.plots.curves import curve_figure
 from experiments.results.confidence import over_games, student_95
 from experiments.results.measures import MEASURES, damage, measured_since
 from experiments.results.recording import Curves
-from roletrust_env import Game, __version__, make_scenario, scenarios, trust_models
+from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.world.roster import Roster
 
 TINY = ["--set", "max_cycles=12"]
@@ -102,7 +102,7 @@ def test_attacker_that_plays_at_random_leaves_the_luck_of_the_game_alone(tmp_pat
 
 def test_damage_counts_who_is_gone_with_the_last_trust():
     roster = Roster.of(make_scenario("paper-3x3"))
-    twin = Curves(*[np.ones((4, 6, 1))] * 5)
+    twin = Curves(*[np.ones((4, 6, 1))] * 6)
     trust = twin.trust.copy()
     trust[1, 5], trust[2:, 5] = 0.2, np.nan  # sp_2 is cut off
     lost = damage(roster, twin._replace(trust=trust), twin, {"sr_0": BadMouthing()})
@@ -150,7 +150,7 @@ def test_own_model_and_attacker(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("games", "absent", "said"), [(1, 8, "gone"), (4, 30, "in 0 of 4 games"), (4, 0, None)])
 def test_curves_tell_who_is_gone(games, absent, said):
     game = Game(make_scenario("paper-3x3").change(max_cycles=60))
-    full = Curves(np.arange(1, 61) / 2, *[np.full((60, n, games), 0.9) for n in (3, 3, 6, 6)])
+    full = Curves(np.arange(1, 61) / 2, *[np.full((60, n, games), 0.9) for n in (3, 3, 6, 6, 3)])
     full.top[60 - absent :, 2] = np.nan
     if games > 1:
         full.top[20:, 1, :3] = np.nan  # three of four games
@@ -222,19 +222,6 @@ def test_folder_that_is_a_file(tmp_path):
     result = run("play", *TINY, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
     assert str(tmp_path / "out") in result.stderr
-
-
-@pytest.mark.parametrize("arguments", [[], ["scenarios"], ["models"], ["attackers"]])
-def test_list(arguments):
-    result = run("list", *arguments)
-    assert result.exit_code == 0
-    assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
-    assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
-    assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
-
-
-def test_list_of_nothing_known():
-    assert run("list", "planets").exit_code == 2
 
 
 def test_version_and_help():

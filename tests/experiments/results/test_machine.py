@@ -106,7 +106,7 @@ def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
     result = run("play", "--set", "max_cycles=1000000", "--attack", "sr_0=bad-mouthing", "--out", tmp_path / "out")
     assert result.exit_code == 2
-    pattern = r"Error: max_cycles 1,000,000 would take about 4\d\d MB .*400 MB can be had, enough for about [\d,]+"
+    pattern = r"Error: max_cycles 1,000,000 would take about 5\d\d MB .*400 MB can be had, enough for about [\d,]+"
     assert re.match(pattern, " ".join(result.stderr.split())), result.stderr
 
 

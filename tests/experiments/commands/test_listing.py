@@ -1,0 +1,139 @@
+import json
+import re
+from dataclasses import dataclass
+
+import pytest
+from typer.testing import CliRunner
+
+import baselines
+import roletrust_env
+from experiments.cli import app
+from experiments.commands.catalogue import all_attackers, all_models
+from roletrust_env import Scenario, make_scenario, scenarios, trust_models
+from roletrust_env.trust import Mean, register_trust_model
+from roletrust_env.trust.model import registry as models
+
+
+def run(*arguments, width=120):
+    return CliRunner().invoke(app, ["list", *arguments], env={"COLUMNS": str(width)})
+
+
+@pytest.mark.parametrize("arguments", [[], ["scenarios"], ["models"], ["attackers"]])
+def test_list(arguments):
+    result = run(*arguments)
+    assert result.exit_code == 0
+    assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
+    assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
+    assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
+
+
+def test_list_of_nothing_known():
+    assert run("planets").exit_code == 2
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_it_is_readable(width):
+    lines = run(width=width).output.splitlines()
+    assert max(map(len, lines)) <= width
+    for name in [*scenarios(), *trust_models(), *baselines.attackers()]:
+        assert any(line.split()[:1] == [name] for line in lines), name  # no name is cut or wrapped
+    for said in ("lam=0.5  [0.5, 1)", "period=2  1 to 12", "targets=None  victims"):
+        assert any(said in line for line in lines)
+
+
+def test_models_say_what_they_are_unfit_for():
+    words = re.sub(r"\s+", " ", run("models", width=200).output)
+    assert re.search(r" travos .* personal, Teacy et al. \(2006\) .* cost grows as S\^2 P", words)
+    assert all_models()["median"]["smooth"] is False
+    assert words.count("unfit: no trust in raters") == sum(not model["rates_raters"] for model in all_models().values())
+
+
+def test_what_is_searched_is_what_attacks_declare():
+    attackers = all_attackers()
+    on_off, collusion = attackers["on-off"], attackers["collusion"]["parameters"]
+    assert on_off["channels"] == ["quality"]
+    said = {"default": 2, "required": False, "allowed": "whole [1, inf)", "searched": {"low": 1, "high": 12}}
+    assert on_off["parameters"]["period"] == {**said, "told": False}
+    assert on_off["parameters"]["switching"]["searched"] is None  # it is kept
+    assert attackers["bad-mouthing"]["parameters"]["lie"]["searched"] == {"options": ["constant", "relative"]}
+    assert attackers["bad-mouthing"]["parameters"]["targets"]["searched"] == "victims"
+    assert (collusion["accomplices"]["required"], collusion["accomplices"]["told"]) == (True, True)
+    assert attackers["sybil"]["parameters"]["serves"]["default"].startswith("on-off:period=2,duty=1")
+
+
+def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkeypatch):
+    learned = all_attackers()["learned"]
+    assert learned["description"].startswith("A trained attacker")
+    assert learned["channels"] is None  # only what it makes has some
+    about = tmp_path / "broken-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
+    groups = ("scenarios", "trust_models", "attackers")
+    entries = "".join(f"[roletrust_env.{group}]\nbroken = no_such_module:made\n" for group in groups)
+    (about / "entry_points.txt").write_text(entries)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "no_such_module" in all_models()["broken"]["error"]
+    result = run()
+    assert result.exit_code == 0
+    assert result.output.count("'no_such_module:made'") == 3
+    assert "on-off" in result.output
+
+
+@dataclass(frozen=True)
+class Unreadable(roletrust_env.Policy):
+    """Has a type that is nowhere to be found."""
+
+    delay: "dataclass.nothing" = 1
+
+
+@dataclass(frozen=True)
+class Endless(roletrust_env.Policy):
+    """Has a default that JSON does not know."""
+
+    wait: float = float("inf")
+
+
+def test_what_others_register_is_listed_as_far_as_it_can_be_read(monkeypatch):
+    for registry in (baselines.registry, models):
+        monkeypatch.setattr(registry, "_factories", dict(registry._factories))
+    baselines.register_attacker("unreadable", Unreadable)
+    baselines.register_attacker("endless", Endless)
+    register_trust_model("made-mean", lambda lam=0.7: Mean(lam=lam))
+    assert "nothing" in all_attackers()["unreadable"]["error"]
+    assert document("attackers")["attackers"]["endless"]["parameters"]["wait"]["default"] == "inf"
+    mean = all_models()["made-mean"]
+    assert mean["rates_raters"] is False  # as the model that it makes says
+    assert mean["parameters"] == {"lam": {"default": 0.7, "required": False, "allowed": ""}}
+    assert run().exit_code == 0
+
+
+def document(*arguments):
+    result = run(*arguments, "--json", width=30)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return json.loads(result.stdout)
+
+
+def test_json_holds_all_there_is():
+    found = document()
+    assert {kind: set(entries) for kind, entries in found.items()} == {
+        "scenarios": set(scenarios()),
+        "models": set(trust_models()),
+        "attackers": set(baselines.attackers()),
+    }
+    for name, fields in found["scenarios"].items():
+        assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
+    travos = found["models"]["travos"]
+    assert {key: travos[key] for key in ("family", "source", "smooth", "cost", "rates_raters")} == {
+        "family": "personal",
+        "source": "Teacy et al. (2006)",
+        "smooth": False,
+        "cost": "S^2 P",
+        "rates_raters": True,
+    }
+    assert travos["parameters"]["error"] == {"default": 0.2, "required": False, "allowed": "[0, 1]"}
+    assert found["attackers"] == all_attackers()
+
+
+@pytest.mark.parametrize("kind", ["scenarios", "models", "attackers"])
+def test_json_of_one_kind(kind):
+    assert list(document(kind)) == [kind]
