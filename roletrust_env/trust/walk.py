@@ -47,10 +47,12 @@ def walk(links: Array, peers: Array, start: Trusts, a: float, steps: int) -> Tru
     rows = total(links, 1)
     links, follows = links / (rows + _TINY)[:, None, ...], rows / (rows + _TINY)
     alone, everybody = 1 - total(peers, 1), number(peers)
-    tor, top = start
+    xp, (tor, top) = namespace(links), start
     for _ in range(steps):
-        anyone = (1 - a) * (1 - total(follows * tor, 0)) / everybody
+        anyone = (
+            (1 - a) * xp.clip(1 - total(follows * tor, 0), 0.0, 1.0) / everybody
+        )  # of nobody, rounding may leave less
         top = (1 - a) * total(links * tor[:, None, ...], 0) + anyone + a * start.top
         tor = total(peers * top, 1) + alone * (anyone + a * start.tor)
-    most = namespace(top).maximum(largest(tor), largest(top))
+    most = xp.maximum(largest(tor), largest(top))
     return Trusts(tor / most, top / most)
