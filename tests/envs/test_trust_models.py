@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, Random, make_scenario, parallel_env, record, trust_models
+from roletrust_env import Cast, Game, make_scenario, parallel_env, record, trust_models
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 
