@@ -26,31 +26,45 @@ def number(peers: Array) -> Array:
     return sum(peers.shape[:2]) - total(total(peers, 0), 0)
 
 
-def walk(links: Array, peers: Array, start: Trusts, a: float, steps: int) -> Trusts:
-    """Where a walker is found who follows the links of raters, or with probability a starts anew.
+def walk(links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+    """Where a walker is found who follows the links of raters, or with probability a starts anew: PageRank.
 
-        v <- (1 - a) C^T v + a start,   C[i, j] = links[i, j] / sum over j of links[i, j]
+        v = (1 - a) C^T v + a start,   C[i, j] = links[i, j] / sum over j of links[i, j]
 
-    An agent without links, such as a provider that does not rate, sends the walker to anyone of the N.
+    An agent without links, such as a provider that does not rate, sends the walker to anyone of the N. What so comes to
+    each is one number, so the raters' part of v is that number times one solution of S linear equations, plus another.
 
     Args:
         links: at least 0, shape (S, P, ...); those of an agent to itself are left out.
         peers: as of `shared`.
         start: where the walk begins, a distribution over the agents; an agent of two roles stands in both, once.
         a: how often it begins anew, in (0, 1].
-        steps: of the walk; what is still wrong then is at most (1 - a)^steps.
 
     Returns:
         The probabilities as shares of the largest, so that the most trusted agent has trust 1.
     """
+    xp = namespace(links)
     links = (1 - peers) * links
     rows = total(links, 1)
     links, follows = links / (rows + _TINY)[:, None, ...], rows / (rows + _TINY)
-    alone, everybody = 1 - total(peers, 1), number(peers)
-    tor, top = start
-    for _ in range(steps):
-        anyone = (1 - a) * (1 - total(follows * tor, 0)) / everybody
-        top = (1 - a) * total(links * tor[:, None, ...], 0) + anyone + a * start.top
-        tor = total(peers * top, 1) + alone * (anyone + a * start.tor)
-    most = namespace(top).maximum(largest(tor), largest(top))
+    spread, restarted = _from_both(xp.ones_like(rows), a * start.tor, links, peers, 1 - a)
+    lost = xp.clip(1 - total(follows * restarted, 0), 0.0, 1.0)  # of nothing, rounding leaves now and then less
+    anyone = (1 - a) * lost / (number(peers) + (1 - a) * total(follows * spread, 0))
+    tor = anyone * spread + restarted
+    top = (1 - a) * total(links * tor[:, None, ...], 0) + anyone + a * start.top
+    most = xp.maximum(largest(tor), largest(top))
     return Trusts(tor / most, top / most)
+
+
+def _from_both(one: Array, other: Array, links: Array, peers: Array, on: float) -> tuple[Array, Array]:
+    """What raters have of either source, (S, ...) each, if a share `on` of it is handed on to raters that are rated.
+
+    The matrix is diagonally dominant by columns, so that rounding cannot make anything negative.
+    """
+    xp = namespace(links)
+    here, there = (0, 1), (-2, -1)
+    back = xp.moveaxis(peers, here, there) @ xp.moveaxis(links, (0, 1), (-1, -2))
+    sources = xp.moveaxis(xp.stack([one, other], axis=1), here, there)
+    kept = xp.eye(len(links), dtype=links.dtype, device=links.device) - on * back
+    found = xp.moveaxis(xp.linalg.solve(kept, sources), there, here)
+    return found[:, 0, ...], found[:, 1, ...]

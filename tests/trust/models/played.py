@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-SHAPES = [(1, 4), (4, 1), (3, 3), (5, 2), (6, 4)]
+SHAPES = [(1, 4), (4, 1), (1, 1), (3, 3), (5, 2), (6, 4)]
 KINDS = [(np.asarray, np.float64, 1e-9), (torch.asarray, np.float64, 1e-9), (torch.asarray, np.float32, 1e-4)]
 
 

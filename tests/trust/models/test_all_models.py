@@ -75,6 +75,19 @@ def test_trust_stays_in_0_to_1_and_finite(name: str, rounds: list[Round]) -> Non
 
 
 @EVERY_MODEL
+@DTYPES
+def test_trust_of_a_peer_whom_all_rate_0_is_in_range(name: str, dtype: type) -> None:
+    """And whom one does not rate: nothing is left for it, or what rounding leaves."""
+    model, rng, shape = named(name), np.random.default_rng(0), (9, 9, 20)
+    peers, mask = np.eye(9, dtype=bool), np.zeros(shape, bool) | ~np.eye(9, dtype=bool)[..., None]
+    mask[1, 0] = False
+    rounds = [Round.of(rng.random(shape).astype(dtype), mask) for _ in range(4)]
+    for ratings, _ in rounds:
+        ratings[1:, 0] = 0
+    assert all(map(in_range, read(model, play(model, rounds, rounds[0].ratings, peers))))
+
+
+@EVERY_MODEL
 def test_update_leaves_its_inputs_alone(name: str) -> None:
     model, shape = named(name), (3, 2, 4)
     state = play(model, [], np.zeros(shape))

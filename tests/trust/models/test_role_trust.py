@@ -1,10 +1,34 @@
 """Role-trust is the paper's two algorithms, which are tested on their own, and their memory."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 import pytest
-from model_cases import random_rounds
+import reference as paper
+from model_cases import Matrix, Vector, assert_matches, named, random_rounds
 
 from roletrust_env.trust import make_trust_model, provider_trust, rater_trust
+
+LAM, INITIAL = 0.7, 0.3  # of `named`
+
+
+def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
+    tor, top = [INITIAL for _ in peers], [INITIAL for _ in peers[0]]
+    last, elapsed = [[0.0 for _ in row] for row in peers], [[0.0 for _ in row] for row in peers]
+    for ratings, mask in rounds:
+        tor = paper.rater_trust(ratings, mask, tor, LAM)
+        top = paper.provider_trust(ratings, mask, tor, top, last, elapsed, LAM)
+        for i, row in enumerate(mask):
+            for j, rated in enumerate(row):
+                if rated:
+                    last[i][j], elapsed[i][j] = ratings[i][j], 1
+                elif elapsed[i][j]:
+                    elapsed[i][j] += 1
+        yield tor, top
+
+
+def test_the_model_matches_its_reference() -> None:
+    assert_matches(named("role-trust"), reference)
 
 
 @pytest.mark.parametrize("shape", [(3, 3), (1, 4), (2, 5, 6), (4, 2, 3, 2)], ids=str)

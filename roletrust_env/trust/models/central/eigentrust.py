@@ -11,9 +11,6 @@ from roletrust_env.trust.walk import number, shared, walk
 A = 0.5
 """How much of all trust comes from the pre-trusted."""
 
-STEPS = 40
-"""Of the power iteration, of which every one halves what is wrong: 1e-12 is left."""
-
 _ROUNDING = 1e-6  # scores below it are no better than 0
 
 
@@ -41,7 +38,7 @@ class EigenTrust:
         c[i, j] = max(s[i, j], 0) / sum over j of max(s[i, j], 0);   an empty row is p
         t      <- (1 - a) C^T t + a p,   a = 1/2
 
-    over the N agents, by a fixed number of steps. Nobody here is pre-trusted more than others: p is 1 / N for each. In
+    over the N agents, solved for where t rests. Nobody here is pre-trusted more than others: p is 1 / N for each. In
     the paper all agents are peers; here an agent may have one role. Who only rates is trusted as far as p goes, since
     nobody can rate it, and who only provides has an empty row. Published is t as a share of the largest, for
     an agent of two roles in both: trust is in relation to the most trusted, and 1 for all before any rating.
@@ -49,6 +46,7 @@ class EigenTrust:
 
     rates_raters = True
     source = "Kamvar et al. (2003)"
+    cost = "S^2 P + S^3"
     smooth = False  # a rater's row may become empty at once
     takes_peers = True
 
@@ -65,7 +63,7 @@ class EigenTrust:
         xp = namespace(scores)
         each = 1 / number(peers)
         p = Trusts(xp.zeros_like(scores[:, 0, ...]) + each, xp.zeros_like(scores[0]) + each)
-        trusts = walk(xp.where(scores > _ROUNDING, scores, 0.0), peers, p, A, STEPS)
+        trusts = walk(xp.where(scores > _ROUNDING, scores, 0.0), peers, p, A)
         return EigenTrustState(trusts, scores, peers)
 
     def rater_trust(self, state: EigenTrustState) -> Array:

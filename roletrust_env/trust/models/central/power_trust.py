@@ -12,9 +12,6 @@ from roletrust_env.trust.walk import shared, walk
 A = 0.15
 """How much of all trust comes from the power nodes alone."""
 
-STEPS = 100
-"""Of the power iteration: at most 0.85^100, 1e-7 of all trust, is still wrong."""
-
 
 class PowerTrustState(NamedTuple):
     """What PowerTrust remembers.
@@ -41,7 +38,7 @@ class PowerTrust:
         r[i, j] = latest rating that i gave j / sum over j of them
         v      <- (1 - a) R^T v + a / m for each of the m power nodes,   a = 0.15
 
-    over the N agents, by a fixed number of steps. Power nodes are the `power_nodes` providers with the most ratings so
+    over the N agents, solved for where v rests. Power nodes are the `power_nodes` providers with the most ratings so
     far, and all who have as many as the last of them. Agents may have one role, see `EigenTrust`; a row without ratings
     above 0 goes to all alike. Published is v as a share of the largest.
 
@@ -52,6 +49,7 @@ class PowerTrust:
     power_nodes: PositiveInt = 1
     rates_raters = True
     source = "Zhou and Hwang (2007)"
+    cost = "S^2 P + S^3"
     smooth = False  # a rater's row may become empty at once
     takes_peers = True
 
@@ -71,7 +69,7 @@ class PowerTrust:
         last = xp.sort(heard, axis=0)[-min(self.power_nodes, len(heard))]
         power = xp.astype(heard >= last, latest.dtype)
         top = power / total(power, 0)
-        return PowerTrustState(walk(latest, peers, Trusts(total(peers * top, 1), top), A, STEPS), latest, heard, peers)
+        return PowerTrustState(walk(latest, peers, Trusts(total(peers * top, 1), top), A), latest, heard, peers)
 
     def rater_trust(self, state: PowerTrustState) -> Array:
         """The trust of the agents that rate, shape (S, ...)."""

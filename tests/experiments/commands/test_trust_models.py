@@ -1,0 +1,39 @@
+"""`roletrust train` takes every trust model, and `ladder` those that stand for the others."""
+
+import json
+
+import pytest
+
+pytest.importorskip("sb3_contrib")
+
+from typer.testing import CliRunner
+
+from agents.learned.saved import load_attacker
+from experiments.cli import app
+from roletrust_env.trust import Traits, make_trust_model, trust_models
+
+TASK = ["RaterAttack", "--set", "max_cycles=4"]
+LEARNER = [part for each in ("games=2", "hidden=[4]", "n_steps=4", "n_epochs=1") for part in ("--learner", each)]
+
+
+def run(command, name, *arguments):
+    result = CliRunner().invoke(app, [command, *TASK, "--trust-model", name, *map(str, arguments)])
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("name", trust_models())
+def test_an_attacker_learns_against_it_and_is_saved_with_it(tmp_path, name):
+    run("train", name, *LEARNER, "--steps", 8, "--out", tmp_path)
+    attacker = load_attacker(tmp_path)
+    assert attacker.card.trust_model.name == name
+    assert attacker.task().game.model == make_trust_model(name)
+
+
+@pytest.mark.parametrize("name", ["eigentrust", "huber-mean", "peer-trust"])
+def test_a_ladder_against_it_plans_where_trust_has_no_jumps(tmp_path, name):
+    """Of both families, and one that is told who is who; that the planner takes all others is tested beside it."""
+    run("ladder", name, "--budget", 2000, "--games", 2, "--out", tmp_path)
+    results = json.loads((tmp_path / "ladder.json").read_text())
+    rungs = {rung["rung"] for rung in results["rungs"]}
+    assert {"honest play", "scripted, best of grid", "random search", "CMA-ES"} <= rungs
+    assert ("white-box planner" in rungs) == Traits.of(make_trust_model(name)).smooth
