@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from baselines.channels import ByChannel
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
@@ -13,7 +14,7 @@ from roletrust_env.randomness import Random
 
 
 @dataclass(frozen=True)
-class Both(Policy):
+class Both(ByChannel):
     """An agent with both roles that attacks by quality as one policy does, and by ratings as another."""
 
     serves: Policy
@@ -24,20 +25,6 @@ class Both(Policy):
     def reserve(self) -> int:  # type: ignore[override]
         """As many identities as either takes."""
         return max(self.serves.reserve, self.rates.reserve)
-
-    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
-        """What the two remember. See `Policy.begin`."""
-        return self.serves.begin(random, shape), self.rates.begin(random, shape)
-
-    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """See `Policy.quality`."""
-        quality, mine = self.serves.quality(view, memory[0], random)
-        return quality, (mine, memory[1])
-
-    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """See `Policy.ratings`."""
-        ratings, mine = self.rates.ratings(view, memory[1], random)
-        return ratings, (memory[0], mine)
 
 
 @dataclass(frozen=True)

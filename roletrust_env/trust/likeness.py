@@ -29,6 +29,20 @@ class Experience(NamedTuple):
         return Experience(self.counts + notes.weights, self.sums + notes.values)
 
 
+class Likened(NamedTuple):
+    """What a model remembers that weighs raters by how alike judge and rater have rated.
+
+    Attributes:
+        known: all ratings so far.
+        trust: of each judge in each provider, shape (S, P, ...).
+        credence: of each judge in each rater, shape (S, S, ...).
+    """
+
+    known: Experience
+    trust: Array
+    credence: Array
+
+
 def disagreement(known: Experience) -> tuple[Array, Array]:
     """The mean over providers in common of the squared difference of two raters' mean ratings, and their number.
 

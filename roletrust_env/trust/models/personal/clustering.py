@@ -1,28 +1,12 @@
 """Clustering: a judge believes the raters whose ratings lie in its own cluster."""
 
-from typing import NamedTuple
-
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
 from roletrust_env.trust.judges import credences, heeded, product, published_providers, published_raters, with_self
-from roletrust_env.trust.likeness import Experience, disagreement
-
-
-class ClusteringState(NamedTuple):
-    """What clustering remembers.
-
-    Attributes:
-        known: all ratings so far.
-        trust: of each judge in each provider, shape (S, P, ...).
-        credence: of each judge in each rater, shape (S, S, ...).
-    """
-
-    known: Experience
-    trust: Array
-    credence: Array
+from roletrust_env.trust.likeness import Experience, Likened, disagreement
 
 
 @dataclass(frozen=True)
@@ -50,12 +34,12 @@ class Clustering:
     smooth = False
     cost = "S^2 P + S^3 log S"
 
-    def start(self, like: Array) -> ClusteringState:
+    def start(self, like: Array) -> Likened:
         """Initial trust for everyone. See `TrustModel.start`."""
         known = Experience.none(like)
-        return ClusteringState(known, known.sums + self.initial, credences(like, self.initial))
+        return Likened(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: ClusteringState, ratings: Array, mask: Array) -> ClusteringState:
+    def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
         """One round of ratings. See `TrustModel.update`."""
         xp, notes = namespace(ratings), Notes.of(ratings, mask)
         known = state.known.after(notes)
@@ -64,13 +48,13 @@ class Clustering:
         heard, weight = heeded(together, notes.values, notes.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
-        return ClusteringState(known, trust, credence)
+        return Likened(known, trust, credence)
 
-    def rater_trust(self, state: ClusteringState) -> Array:
+    def rater_trust(self, state: Likened) -> Array:
         """The mean of the other judges' credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
 
-    def provider_trust(self, state: ClusteringState) -> Array:
+    def provider_trust(self, state: Likened) -> Array:
         """The mean of the judges' trust, shape (P, ...)."""
         return published_providers(state.trust)
 

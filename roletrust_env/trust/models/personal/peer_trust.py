@@ -1,30 +1,14 @@
 """PeerTrust with personalised similarity: who rates as the judge does is believed."""
 
-from typing import NamedTuple
-
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
-from roletrust_env.trust.likeness import Experience, disagreement
+from roletrust_env.trust.likeness import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree, and is lost in rounding everywhere else
-
-
-class PeerTrustState(NamedTuple):
-    """What PeerTrust remembers.
-
-    Attributes:
-        known: all ratings so far.
-        trust: of each judge in each provider, shape (S, P, ...).
-        credence: of each judge in each rater, shape (S, S, ...).
-    """
-
-    known: Experience
-    trust: Array
-    credence: Array
 
 
 @dataclass(frozen=True)
@@ -49,12 +33,12 @@ class PeerTrust:
     source = "Xiong and Liu (2004)"
     cost = "S^2 P"
 
-    def start(self, like: Array) -> PeerTrustState:
+    def start(self, like: Array) -> Likened:
         """Initial trust for everyone. See `TrustModel.start`."""
         known = Experience.none(like)
-        return PeerTrustState(known, known.sums + self.initial, credences(like, self.initial))
+        return Likened(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: PeerTrustState, ratings: Array, mask: Array) -> PeerTrustState:
+    def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
         """One round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
         known = state.known.after(Notes.of(ratings, mask))
@@ -62,12 +46,12 @@ class PeerTrust:
         similarity = 1 - xp.sqrt(squares + _TINY)
         mean, weight = heeded(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)
         trust = xp.where(weight > 0, mean, state.trust)
-        return PeerTrustState(known, trust, xp.where(common > 0, similarity, self.initial))
+        return Likened(known, trust, xp.where(common > 0, similarity, self.initial))
 
-    def rater_trust(self, state: PeerTrustState) -> Array:
+    def rater_trust(self, state: Likened) -> Array:
         """The mean of the other judges' similarity to each rater, shape (S, ...)."""
         return published_raters(state.credence)
 
-    def provider_trust(self, state: PeerTrustState) -> Array:
+    def provider_trust(self, state: Likened) -> Array:
         """The mean of the judges' trust, shape (P, ...)."""
         return published_providers(state.trust)
