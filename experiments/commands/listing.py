@@ -1,6 +1,6 @@
 """`roletrust list`: the scenarios, trust models and attackers that there are."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -60,10 +60,7 @@ def list_command(
 
 def _scenario_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Scenarios", "agents", "rounds")
-    for name, entry in entries.items():
-        if "error" in entry:
-            table.add_row(name, escape(entry["error"]))
-            continue
+    for name, entry in _readable(entries, table):
         count: dict[str, int] = {}
         for group in entry["agents"]:
             count[group["role"]] = count.get(group["role"], 0) + group["count"]
@@ -75,10 +72,7 @@ def _scenario_table(entries: Mapping[str, Entry]) -> Table:
 
 def _model_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Trust models", "parameters = defaults, allowed values")
-    for name, entry in entries.items():
-        if "error" in entry:
-            table.add_row(name, escape(entry["error"]))
-            continue
+    for name, entry in _readable(entries, table):
         origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
         lacks = [] if entry["rates_raters"] else ["no trust in raters"]
         lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
@@ -94,10 +88,7 @@ def _model_table(entries: Mapping[str, Entry]) -> Table:
 
 def _attacker_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Attackers", "parameters = defaults, where searched")
-    for name, entry in entries.items():
-        if "error" in entry:
-            table.add_row(name, escape(entry["error"]))
-            continue
+    for name, entry in _readable(entries, table):
         channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
         where = {key: _searched(parameter) for key, parameter in entry["parameters"].items()}
         given = {key: _given(key, parameter) for key, parameter in entry["parameters"].items()}
@@ -105,6 +96,15 @@ def _attacker_table(entries: Mapping[str, Entry]) -> Table:
         lines.append(", ".join(given[key] for key, said in where.items() if not said))
         table.add_row(name, _described(entry, *channels), "\n".join(line for line in lines if line))
     return table
+
+
+def _readable(entries: Mapping[str, Entry], table: Table) -> Iterator[tuple[str, Entry]]:
+    """The entries with something to tell; of one that cannot be loaded or read, its row says why."""
+    for name, entry in entries.items():
+        if "error" in entry:
+            table.add_row(name, escape(entry["error"]))
+        else:
+            yield name, entry
 
 
 def _described(entry: Entry, *more: str) -> str:

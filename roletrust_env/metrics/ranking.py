@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_where, pairs, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, mean_where, ratio
 
 
 def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -> Score:
@@ -23,7 +23,7 @@ def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -
     """
     if ties not in ("a", "b"):
         raise ValueError(f"ties is {ties!r}; it must be 'a' or 'b'")
-    in_trust, in_quality = pairs(trust, quality)
+    in_trust, in_quality = _pairs(trust, quality)
     known = ~np.isnan(in_trust)
     agreeing = np.where(known, np.sign(in_trust) * np.sign(in_quality), 0.0).sum(axis=0)
     if ties == "a":
@@ -59,6 +59,14 @@ def coverage(rated: Flags) -> Score:
         rated: where ratings arrived, (T, S, P, ...), boolean.
     """
     return Score(np.asarray(rated.any(axis=(0, 1)).mean(axis=0)))
+
+
+def _pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """All differences within a and within b of two that both are known in, (K (K - 1) / 2, ...) each; else NaN."""
+    i, j = np.triu_indices(len(a), 1)
+    difference, other = a[i] - a[j], b[i] - b[j]
+    unknown = np.isnan(difference) | np.isnan(other)
+    return np.where(unknown, np.nan, difference), np.where(unknown, np.nan, other)
 
 
 def _ranks(values: Floats) -> Floats:

@@ -49,11 +49,3 @@ def ratio(part: npt.ArrayLike, whole: npt.ArrayLike) -> Floats:
     below = np.asarray(whole, np.float64)
     found: Floats = np.asarray(part, np.float64) / np.where(below == 0, np.nan, below)
     return found
-
-
-def pairs(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """All differences within a and within b of two that both are known in, (K (K - 1) / 2, ...) each; else NaN."""
-    i, j = np.triu_indices(len(a), 1)
-    difference, other = a[i] - a[j], b[i] - b[j]
-    unknown = np.isnan(difference) | np.isnan(other)
-    return np.where(unknown, np.nan, difference), np.where(unknown, np.nan, other)

@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.smoothed import Smoothed
 
 
 def middle_mean(notes: Notes, cut: Array) -> Array:
@@ -36,34 +36,6 @@ def median(notes: Notes) -> Array:
 
 
 @dataclass(frozen=True)
-class Smoothed:
-    """The part of a trust model that remembers nothing but trust: where it starts and how it is read.
-
-    Attributes:
-        lam: weight of the newest round, in [0.5, 1).
-        initial: trust before any rating, in [0, 1].
-    """
-
-    lam: Lam = 0.5
-    initial: Share = 0.5
-    rates_raters = True
-    takes_full_rounds = True
-
-    def start(self, like: Array) -> Trusts:
-        """Initial trust for everyone. See `TrustModel.start`."""
-        nothing = namespace(like).zeros_like(like)
-        return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
-
-    def rater_trust(self, state: Trusts) -> Array:
-        """How near a rater's ratings are to those of others, shape (S, ...)."""
-        return state.tor
-
-    def provider_trust(self, state: Trusts) -> Array:
-        """How good a provider's ratings are, shape (P, ...)."""
-        return state.top
-
-
-@dataclass(frozen=True)
 class ByCentre(Smoothed, ABC):
     """A trust model that is told by how it takes the centre of a provider's ratings; both trusts follow from that.
 
@@ -75,6 +47,8 @@ class ByCentre(Smoothed, ABC):
         lam: weight of the newest round, in [0.5, 1).
         initial: trust before any rating, in [0, 1].
     """
+
+    takes_full_rounds = True
 
     @abstractmethod
     def centre(self, notes: Notes) -> Array:

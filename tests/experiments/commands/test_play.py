@@ -3,28 +3,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_line import TINY, play, run
 
 from baselines import BadMouthing
-from experiments.cli import app
 from experiments.plots.curves import curve_figure
 from experiments.results.confidence import over_games, student_95
 from experiments.results.measures import MEASURES, damage, measured_since
 from experiments.results.recording import Curves
 from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.world.roster import Roster
-
-TINY = ["--set", "max_cycles=12"]
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, list(arguments))
-
-
-def play(out, *arguments):
-    result = run("play", *arguments, *TINY, "--out", str(out))
-    assert result.exit_code == 0, result.output
-    return json.loads((out / "results.json").read_text()), result.output
 
 
 def test_one_game_with_two_attackers(tmp_path):

@@ -2,28 +2,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_line import TINY, play, run
 
 from baselines import BadMouthing
-from experiments.cli import app
 from experiments.commands.console import errors, progress_bar
 from experiments.results.confidence import over_games
 from experiments.results.measures import under_attack
 from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, make_scenario, metrics
 from roletrust_env.world.roster import Roster
-
-TINY = ["--set", "max_cycles=12"]
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, list(arguments))
-
-
-def play(out, *arguments):
-    result = run("play", *arguments, *TINY, "--out", str(out))
-    assert result.exit_code == 0, result.output
-    return json.loads((out / "results.json").read_text()), result.output
 
 
 def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):

@@ -215,3 +215,9 @@ def test_parameters_at_the_edge_are_taken(name: str) -> None:
 def test_unknown_parameters_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="lambda"):
         make_trust_model(name, **{"lambda": 0.5})
+
+
+@EVERY_MODEL
+def test_what_it_says_of_full_rounds_counts(name: str) -> None:
+    """It does not, where a class that says it is not the one that has `update`."""
+    assert Traits.of(named(name)).takes_full_rounds == getattr(named(name), "takes_full_rounds", False)

@@ -1,18 +1,10 @@
 """The control: trust that nothing moves."""
 
-from typing import NamedTuple
-
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Share
-
-
-class ConstantState(NamedTuple):
-    """What the constant remembers: the trust of the raters, shape (S, ...), and of the providers, (P, ...)."""
-
-    tor: Array
-    top: Array
+from roletrust_env.trust.algorithms import Trusts
 
 
 @dataclass(frozen=True)
@@ -29,19 +21,19 @@ class Constant:
     cost = "S + P"
     takes_full_rounds = True
 
-    def start(self, like: Array) -> ConstantState:
+    def start(self, like: Array) -> Trusts:
         """Initial trust for everyone. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        return ConstantState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
+        return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
 
-    def update(self, state: ConstantState, ratings: Array, mask: Array | None) -> ConstantState:
+    def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
         """The same state, whatever the round. See `TrustModel.update`."""
         return state
 
-    def rater_trust(self, state: ConstantState) -> Array:
+    def rater_trust(self, state: Trusts) -> Array:
         """The initial trust, shape (S, ...)."""
         return state.tor
 
-    def provider_trust(self, state: ConstantState) -> Array:
+    def provider_trust(self, state: Trusts) -> Array:
         """The initial trust, shape (P, ...)."""
         return state.top

@@ -4,7 +4,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
 from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
-from roletrust_env.trust.robust import Smoothed
+from roletrust_env.trust.smoothed import Smoothed
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class DeviationWeighted(Smoothed):
         lam: weight of the newest round, in [0.5, 1).
         initial: trust before any rating, in [0, 1].
     """
+
+    takes_full_rounds = True
 
     def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
         """One round of ratings. See `TrustModel.update`."""
