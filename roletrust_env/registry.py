@@ -64,7 +64,7 @@ class Registry(Generic[Thing]):
             raise ValueError(f"unknown {self.kind} {name!r}{hint} Known: {', '.join(self.names())}")
         try:
             factory = plugins[name].load()
-        except Exception as error:  # whatever a foreign package raises on import
+        except (Exception, SystemExit) as error:  # whatever a foreign package raises on import
             raise ValueError(f"{self.kind} {name!r} comes from {_trouble(plugins[name], error)}") from error
         if not callable(factory):
             raise ValueError(f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called")
@@ -82,8 +82,8 @@ class Registry(Generic[Thing]):
         text = f"{module}:{name}"
         try:
             found = EntryPoint(name, text, self.group).load()
-        except Exception as error:  # whatever a foreign module raises on import
-            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {error}") from error
+        except (Exception, SystemExit) as error:  # whatever a foreign module raises on import
+            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {_said(error)}") from error
         if lacking := _lacking(found, self.base):
             raise ValueError(f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {lacking}")
         own: Registry[Thing] = Registry(self.kind, self.group, self.base)
@@ -144,6 +144,11 @@ def _trouble(plugin: EntryPoint, error: Exception) -> str:
         wanted = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
         return f"{whence!r}, which needs {error.name}: pip install {wanted!r}"
     return f"{whence!r}, which cannot be loaded: {error!r}"
+
+
+def _said(error: BaseException) -> str:
+    """What an import came to, in words; a script that is no module may end Python, and says nothing of it."""
+    return "importing it ends Python" if isinstance(error, SystemExit) else str(error) or type(error).__name__
 
 
 def _lacking(found: Any, base: type[Any]) -> str:

@@ -33,8 +33,13 @@ def test_the_command_line_starts_with_its_own_extra() -> None:
     assert not others & imported("import experiments.cli")
 
 
-def test_import_takes_less_than_half_a_second() -> None:
-    """The quickest of three, in processor time: the clock would count what else the machine was doing."""
-    code = "from time import process_time as now; start = now(); import roletrust_env; print(now() - start)"
-    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=True) for _ in range(3)]
-    assert min(float(run.stdout) for run in runs) < 0.5
+def test_import_takes_little_beside_what_it_imports() -> None:
+    """In processor time of one process, the least of five: no clock, which a slow or busy machine would stretch."""
+    code = (
+        "from time import process_time as now; start = now(); "
+        "import numpy, array_api_compat, pydantic, gymnasium, pettingzoo; theirs = now(); "
+        "import roletrust_env; print(theirs - start, now() - theirs)"
+    )
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=True) for _ in range(5)]
+    theirs, ours = (min(times) for times in zip(*(map(float, run.stdout.split()) for run in runs), strict=True))
+    assert ours < 2 * theirs  # it is 1.2 times as much

@@ -42,7 +42,7 @@ class Scripted:
     def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Attacker.act`."""
         cast, memories = memory
-        actions, memories = cast.act(state.game, memories, random)
+        actions, memories = cast.checked_act(state.game, memories, random)
         return task.own_action(actions), (cast, memories)
 
 

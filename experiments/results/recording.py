@@ -61,6 +61,9 @@ def record(
         label: what to call it there.
         games: number of games E.
         watch: is shown the state after each round.
+
+    Raises:
+        ValueError: a trust model or a policy fails.
     """
     game = cast.game
     rows: list[tuple[Floats, ...]] = []
@@ -68,7 +71,7 @@ def record(
     luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
     state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
     for _ in progress.track(range(length), description=label):
-        actions, memories = cast.act(state, memories, whims)
+        actions, memories = cast.checked_act(state, memories, whims)
         state, rewards = game.step(state, actions, game.draw(luck, (games,)))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here

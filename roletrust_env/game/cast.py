@@ -143,6 +143,32 @@ class Cast:
         actions = Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1]), presence, silence)
         return actions, tuple(after)
 
+    def checked_act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What `act` gives, if it can be played: for policies that others wrote.
+
+        Raises:
+            ValueError: a policy raised something, or chose what is NaN or outside [0, 1]. The message names the round.
+        """
+        where = f"round {int(state.round.reshape(-1)[0])}"
+        try:
+            actions, memories = self.act(state, memories, random)
+        except MemoryError:
+            raise
+        except Exception as error:  # whatever a foreign policy raises
+            whose = ", ".join(dict.fromkeys(map(policy_name, self.policies.values())))
+            what = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+            raise ValueError(f"{where}: a policy ({whose}) fails: {what}") from error
+        roster = self.game.roster
+        for channel, chosen, names in (
+            ("quality", actions.quality, roster.provider_names),
+            ("ratings", actions.ratings, roster.rater_names),
+        ):
+            wrong = ~((chosen >= 0) & (chosen <= 1))
+            if bool(wrong.any()):
+                agent = names[int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])]
+                raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
+        return actions, memories
+
     def _identities(self, state: State) -> IdentityView:
         """What is known of all identities, with one further axis, (N, ...)."""
         assert state.population is not None  # somebody has a reserve
@@ -193,6 +219,10 @@ def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NO
     """Refuse a policy that an agent with further channels and so many identities in reserve cannot play."""
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
+    if not isinstance(policy.attacks, frozenset):
+        raise ValueError(f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of channels")
+    if type(policy).__hash__ is None:
+        raise ValueError(f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen dataclass")
     if _role(name) not in _CHANNELS:
         raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
     channels = _CHANNELS[_role(name)] | further

@@ -164,6 +164,10 @@ class Game:
                 f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
                 f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
             )
+        quality, ratings = (
+            part if part.dtype == self.like.dtype else cast(part, self.like.dtype)
+            for part in (actions.quality, actions.ratings)
+        )
         wanted, withheld, population = actions.presence, actions.withheld, state.population
         if wanted is not None and (population is None or wanted.shape != population.phase.shape):
             raise ValueError(
@@ -176,7 +180,7 @@ class Game:
             )
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
         ratings, rated, transit = channel.deliver(
-            rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
+            rules.ratings, state.transit, ratings, sent, noise.lost, noise.late
         )
         full = state.full and self._lossless and withheld is None
         if full:
@@ -206,7 +210,7 @@ class Game:
 
         served = self._served(state, population, places, top, noise)
         ability, taste = state.nature
-        quality = actions.quality if ability is None else ability * actions.quality
+        quality = quality if ability is None else ability * quality
         quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
         service = self.service.perceive(
             quality, self._perturbations.strength(state.round), state.round, noise.perception, taste

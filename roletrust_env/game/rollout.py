@@ -55,7 +55,7 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
         Each round as it was played.
 
     Raises:
-        ValueError: `batch` is no tuple, or a policy chose what is not allowed.
+        ValueError: `batch` is no tuple, or a policy fails, see `Cast.checked_act`.
     """
     if not isinstance(batch, tuple):
         raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
@@ -63,10 +63,7 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
     state = game.start(game.draw(random, batch, start=True))
     memories = cast.begin(random, batch)
     for _ in range(game.scenario.max_cycles):
-        actions, memories = cast.act(state, memories, random)
-        for channel, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
-            if not bool(((chosen >= 0) & (chosen <= 1)).all()):
-                raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
+        actions, memories = cast.checked_act(state, memories, random)
         state, rewards = game.step(state, actions, game.draw(random, batch))
         yield Round(state, rewards)
 

@@ -1,10 +1,10 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
 from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
+from roletrust_env.trust.guard import check_trust_model
 from roletrust_env.trust.model import (
     Traits,
     TrustModel,
-    check_trust_model,
     make_trust_model,
     register_trust_model,
     trust_models,

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array
 from roletrust_env.registry import Registry
 
 State = TypeVar("State")
@@ -100,32 +100,6 @@ def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:
     """
     made: State = model.start(like, peers) if Traits.of(model).takes_peers else model.start(like)  # type: ignore[call-arg]
     return made
-
-
-def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
-    """Try a model on one round in which everybody rates everybody 0.5.
-
-    Args:
-        model: to be tried.
-        peers: shape (S, P), boolean, true where a rater and a provider are one agent.
-        like: an array of the library, dtype and device that it has to work with.
-
-    Raises:
-        ValueError: the model raises something, or a read-out has the wrong shape or is not in [0, 1].
-    """
-    xp = namespace(like)
-    n_raters, n_providers = peers.shape
-    ratings = xp.zeros((n_raters, n_providers, 1), dtype=like.dtype, device=like.device) + 0.5
-    try:
-        state = model.update(start_model(model, ratings, peers), ratings, ratings > 0)
-        of_raters, of_providers = model.rater_trust(state), model.provider_trust(state)
-    except Exception as error:  # whatever a foreign model raises
-        raise ValueError(f"trust model {model!r} cannot play one round: {type(error).__name__}: {error}") from error
-    for what, trust, count in (("rater_trust", of_raters, n_raters), ("provider_trust", of_providers, n_providers)):
-        if tuple(trust.shape) != (count, 1):
-            raise ValueError(f"{what} of {model!r} has shape {tuple(trust.shape)}; it must be {(count, 1)}")
-        if not bool(((trust >= 0) & (trust <= 1)).all()):
-            raise ValueError(f"{what} of {model!r} is {trust[:, 0]}; a trust must lie in [0, 1]")
 
 
 registry: Registry[TrustModel[Any]] = Registry("trust model", "roletrust_env.trust_models", TrustModel)

@@ -58,10 +58,11 @@ WRONG = pytest.mark.parametrize(
         (lambda top: top * np.nan, "provider_trust holds nan"),
         (lambda top: top + 1, r"provider_trust holds 1\.5; a trust must lie in \[0, 1\]"),
         (lambda top: top[:1], r"provider_trust has shape \(1,.*\); it must be \(3,"),
-        (lambda top: 0.5, r"provider_trust has shape \(\)"),
+        (lambda top: 0.5, "provider_trust is a float; it must be a (ndarray|Tensor)"),
+        (lambda top: top > 0, r"provider_trust is of dtype .*bool; it must be .*float"),
         (fail, "KeyError: 'lost'"),
     ],
-    ids=["nan", "out of range", "shape", "no array", "raises"],
+    ids=["nan", "out of range", "shape", "no array", "dtype", "raises"],
 )
 
 
@@ -89,6 +90,68 @@ def test_an_environment_stays_as_it_was(what: Any, complaint: str) -> None:
 def test_a_model_that_cannot_play_at_all_is_refused_at_once() -> None:
     with pytest.raises(ValueError, match="cannot play one round: AttributeError: 'NoneType'"):
         Game(make_scenario("paper-3x3"), Broken(None))
+
+
+class Writer(Turncoat):
+    """Sound, but for what it writes to."""
+
+    def update(self, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+        return self.what(self, state, ratings, mask)
+
+
+def forget_ratings(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+    ratings[~mask] = 0
+    return state
+
+
+def widen_mask(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+    mask[...] = True
+    return state
+
+
+def change_the_state(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+    state.top[...] *= 0.5
+    return state
+
+
+def remember_in_self(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+    self.rounds = getattr(self, "rounds", 0) + 1
+    return state._replace(top=0 * state.top + 1 / self.rounds)
+
+
+@pytest.mark.parametrize("like", [np.zeros(()), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize(
+    ("what", "complaint"),
+    [
+        (forget_ratings, "writes to the ratings or to the mask"),
+        (widen_mask, "writes to the ratings or to the mask"),
+        (change_the_state, "twice alike: it changes the state it is given"),
+        (remember_in_self, "twice alike: it changes itself"),
+    ],
+)
+def test_a_model_that_is_no_function_is_refused_at_once(what: Any, complaint: str, like: Any) -> None:
+    with pytest.raises(ValueError, match=rf"trust model Turncoat\(\) cannot play one round.*{complaint}"):
+        Game(make_scenario("paper-3x3"), Writer(what), like)
+
+
+@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
+def test_a_read_out_in_another_precision_is_refused_at_once(like: Any) -> None:
+    class Double(Turncoat):
+        def rater_trust(self, state: Trusts) -> Any:
+            return np.asarray(state.tor, np.float64) if isinstance(like, np.ndarray) else state.tor.double()
+
+    with pytest.raises(ValueError, match=r"rater_trust is of dtype .*float64; it must be .*float32"):
+        Game(make_scenario("paper-3x3"), Double(None), like)
+
+
+@pytest.mark.parametrize("read", [None, 0.5, [0.5, 0.5, 0.5]], ids=str)
+def test_a_read_out_that_is_no_array_is_refused_at_once(read: Any) -> None:
+    class NoArray(Turncoat):
+        def rater_trust(self, state: Trusts) -> Any:
+            return read
+
+    with pytest.raises(ValueError, match=f"rater_trust is a {type(read).__name__}; it must be a ndarray"):
+        Game(make_scenario("paper-3x3"), NoArray(None))
 
 
 def test_models_of_the_package_are_not_watched() -> None:

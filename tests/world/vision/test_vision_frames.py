@@ -212,10 +212,23 @@ class OneCamera:
 
 
 def test_a_live_camera_keeps_the_time_of_the_run(monkeypatch):
-    monkeypatch.setattr(cv2, "VideoCapture", OneCamera)
+    """By a clock that only waiting moves on, and the camera, which takes 0.03 s for each frame."""
+    now = [50.0]
+
+    def wait(seconds):
+        now[0] += seconds
+
+    class SlowCamera(OneCamera):
+        def read(self):
+            wait(0.03)
+            return super().read()
+
+    monkeypatch.setattr(cv2, "VideoCapture", SlowCamera)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "sleep", wait)
     camera = open_frames(7, duration_s=1.0, period_s=0.1)
     for _ in range(2):  # a second run on the same camera begins at its own 0
-        begun = time.monotonic()
+        begun = now[0]
         for time_s in (0.0, 0.1, 0.2):
             assert camera.frame(0, time_s, 0.0).shape == (360, 480, 3)
-        assert 0.2 <= time.monotonic() - begun < 0.3
+        assert now[0] - begun == pytest.approx(0.23)

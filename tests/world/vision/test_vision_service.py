@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from roletrust_env.world.vision import FRAME_HEIGHT, FRAME_WIDTH, HogService
+from roletrust_env.world.vision.detector import view
 
 CALM = ([1.0, 1.0, 1.0], 0.0)
 
@@ -112,18 +113,29 @@ def test_bad_input_gets_one_clear_error(service, change, message):
     assert service.latest is before
 
 
-def test_a_round_of_nine_takes_less_than_100_ms_on_one_core(service):
+def test_a_round_of_nine_takes_little_more_than_opencvs_own_nine_detections(service):
+    """In processor time of one core, the least of each, so that other work on the machine counts little.
+
+    The reference is the detector as OpenCV has it by default, on nine frames of the size that the service searches.
+    """
+    hog = cv2.HOGDescriptor()
+    hog.setSVMDetector(cv2.HOGDescriptor.getDefaultPeopleDetector())
+    ours, bare = [], []
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        spent = []
-        for k in range(12):
+        for k in range(8):
             start = time.process_time()
             service.perceive([1.0, 0.8, 0.3], 0.5, k, noise(k, 3, 3))
-            spent.append(time.process_time() - start)
+            ours.append(time.process_time() - start)
+            frames = [view(frame) for frame in service.latest] * 3
+            start = time.process_time()
+            for frame in frames:
+                hog.detectMultiScale(frame)
+            bare.append(time.process_time() - start)
     finally:
         cv2.setNumThreads(threads)
-    assert min(spent) < 0.1  # other work on the machine makes some of them slower
+    assert min(ours) < 2 * min(bare)  # it is 1.2 times as much
 
 
 def test_importing_the_world_does_not_import_opencv():
