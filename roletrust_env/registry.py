@@ -137,7 +137,7 @@ def summary(factory: Any) -> str:
     return (inspect.getdoc(factory) or "").partition("\n")[0]
 
 
-def _trouble(plugin: EntryPoint, error: Exception) -> str:
+def _trouble(plugin: EntryPoint, error: BaseException) -> str:
     """Why a plug-in cannot be loaded, and what to install where it says so, as in `package.module:name [extra]`."""
     whence = f"{plugin.module}:{plugin.attr}"
     if isinstance(error, ModuleNotFoundError) and plugin.extras and plugin.dist:

@@ -104,7 +104,7 @@ def test_a_plug_in_does_not_shadow_what_is_registered(registry: Registry, instal
     assert registry.make("box") == ("box", 1)
 
 
-@pytest.mark.parametrize("code", ["raise RuntimeError('half installed')", "made = 3"], ids=["breaks", "no factory"])
+@pytest.mark.parametrize("code", ["raise RuntimeError('half installed')", "raise SystemExit", "made = 3"])
 def test_a_broken_plug_in_harms_only_who_asks_for_it(registry: Registry, install: Callable, code: str) -> None:
     install("shattered", registry.group, code)
     assert registry.make("box") == ("box", 1)
@@ -135,6 +135,12 @@ def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:
     for name in ("box", "OnOff", "Path"):
         with pytest.raises(ValueError, match=f":{name}' must make a tuple, so it must be a class derived from tuple"):
             registry.own(__name__, name)
+
+
+def test_a_script_that_ends_python_does_not_end_the_command(registry: Registry, install: Callable) -> None:
+    install("script", "nobody", "import sys\nsys.exit(0)")
+    with pytest.raises(ValueError, match="thing 'script:made' cannot be loaded: importing it ends Python"):
+        registry.own("script", "made")
 
 
 @pytest.mark.usefixtures("clean")

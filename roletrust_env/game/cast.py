@@ -220,7 +220,9 @@ def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NO
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
     if not isinstance(policy.attacks, frozenset):
-        raise ValueError(f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of channels")
+        raise ValueError(
+            f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of channels"
+        )
     if type(policy).__hash__ is None:
         raise ValueError(f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen dataclass")
     if _role(name) not in _CHANNELS:

@@ -179,9 +179,7 @@ class Game:
                 f"{tuple(state.ratings.shape)}, or None where nobody withholds a rating"
             )
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
-        ratings, rated, transit = channel.deliver(
-            rules.ratings, state.transit, ratings, sent, noise.lost, noise.late
-        )
+        ratings, rated, transit = channel.deliver(rules.ratings, state.transit, ratings, sent, noise.lost, noise.late)
         full = state.full and self._lossless and withheld is None
         if full:
             ratings = copied(ratings)  # whoever sent them may write to theirs again

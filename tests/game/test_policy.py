@@ -1,5 +1,6 @@
 """Policies in their seats: alone in PettingZoo, in one game and in a batch, on NumPy and torch."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -144,17 +145,48 @@ def test_many_names_are_not_all_listed() -> None:
     assert len(str(error.value)) < 200
 
 
-class _Wild(Policy):
-    """Rates out of range."""
+class Wild(Policy):
+    """Rates as it is told from round 2 on."""
+
+    def __init__(self, what) -> None:
+        self.what = what
 
     def ratings(self, view, memory, random):
-        return view.service + 1.5, memory
+        return self.what(view) if (view.round >= 2).all() else (view.service, memory)
 
 
-def test_a_policy_out_of_range_is_refused() -> None:
-    game = Game(make_scenario("paper-3x3"))
-    with pytest.raises(ValueError, match=r"ratings that are NaN or outside \[0, 1\]"):
-        record(Cast(game, {"sr_0": _Wild()}), game.random(0))
+def _lost(view):
+    raise KeyError("lost")
+
+
+@pytest.mark.parametrize("like", [np.zeros(()), torch.zeros(())], ids=["numpy", "torch"])
+@pytest.mark.parametrize(
+    ("what", "complaint"),
+    [
+        (
+            lambda view: (view.service + 1.5, None),
+            r"the policy of 'sr_1' chose ratings that are NaN or outside \[0, 1\]",
+        ),
+        (lambda view: (view.service * np.nan, None), "the policy of 'sr_1' chose ratings that are NaN"),
+        (lambda view: (view.service[:1], None), "a policy \\(wild\\) fails: "),
+        (lambda view: view.service, "a policy \\(wild\\) fails: "),
+        (_lost, "a policy \\(wild\\) fails: KeyError: 'lost'"),
+    ],
+    ids=["out of range", "nan", "shape", "no memory", "raises"],
+)
+def test_a_policy_that_goes_wrong_is_named_with_the_round(what, complaint, like) -> None:
+    game = Game(make_scenario("paper-3x3"), like=like)
+    with pytest.raises(ValueError, match=f"round 2: {complaint}"):
+        record(Cast(game, {"sr_1": Wild(what)}), game.random(0), (4,))
+
+
+class Telepath(Policy):
+    attacks = "ratings"  # not a set of channels
+
+
+@dataclass
+class Changeable(Policy):
+    level: float = 0.5
 
 
 @pytest.mark.parametrize(
@@ -164,6 +196,8 @@ def test_a_policy_out_of_range_is_refused() -> None:
         ("zz_0", Policy(), "there is no agent 'zz_0'"),
         ("sr_0", BadMouthing, "must be a Policy"),
         ("sr_0", None, "must be a Policy"),
+        ("sr_0", Telepath(), "attacks by 'ratings'; attacks must be a frozenset"),
+        ("sr_0", Changeable(), "changeable cannot be hashed; a policy is immutable"),
     ],
 )
 def test_who_cannot_play_gets_no_seat(agent, policy, message) -> None:

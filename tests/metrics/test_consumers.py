@@ -35,3 +35,17 @@ def test_metrics_take_recorded_games() -> None:
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
     assert (utility(attacked.top, attacked.quality).value > 0.9).all()
     assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)
+
+
+def test_nobody_goes_to_who_is_absent() -> None:
+    trust = np.array([[np.nan, 0.0], [np.nan, 0.0]])[:, :, None]
+    quality = np.array([[1.0, 0.5], [1.0, 0.5]])[:, :, None]
+    assert utility(trust, quality).value == 0.5
+    assert utility(np.full_like(trust, np.nan), quality).value == 0
+
+
+def test_who_is_not_there_has_no_trust() -> None:
+    game = Game(make_scenario("open-system").change(max_cycles=8))
+    history = record(Cast(game, {}), game.random(0), (3,))
+    assert (np.isnan(seen(history)) == ~history.present).all()
+    assert not history.present.all()

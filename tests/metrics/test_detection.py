@@ -59,3 +59,10 @@ def test_false_alarms_are_counted_where_the_honest_are() -> None:
     trust = np.array([[0.9, 0.4], [0.3, NAN]])[:, :, None]
     assert false_alarms(trust, [0, 1]).value == pytest.approx(2 / 3)
     assert np.isnan(false_alarms(trust, []).value).all()
+
+
+def test_who_is_at_the_threshold_is_not_under_it() -> None:
+    trust = np.array([0.5, 0.25])  # the second attacks
+    assert classified(trust, [1]).false_alarms.value == 0
+    assert classified(trust, [0]).recall.value == 0
+    assert false_alarms(trust[None], [0, 1]).value == 0.5

@@ -35,6 +35,8 @@ def test_a_provider_without_trust_is_left_out() -> None:
     assert kendall_tau(trust, quality).value == spearman(trust, quality).value == -1
     assert absolute_error(trust, quality).value == pytest.approx((0.8 + 0.3) / 2)
     assert kendall_tau(trust[:2], quality[:2]).why != ""
+    assert kendall_tau(quality, trust).value == spearman(quality, trust).value == -1
+    assert kendall_tau(quality, trust, "a").value == -1
 
 
 def test_every_game_of_a_batch_has_its_own_number() -> None:

@@ -43,6 +43,8 @@ def test_teams_take_turns():
     teams = [Orchestrated(accomplices=(1,), team=team, turn=2) for team in (0, 1)]
     turns = [[quality(team, round) == 0 for round in range(6)] for team in teams]
     assert turns == [[True, True, False, False, True, True], [False, False, True, True, False, False]]
+    beyond = Orchestrated(accomplices=(1,), team=3, turn=2)  # of two teams it is in the second
+    assert [quality(beyond, round) for round in range(6)] == [quality(teams[1], round) for round in range(6)]
     assert [ratings(team, 2) for team in teams] == [[0.8, 1, 1], [0, 1, 0]]
 
 

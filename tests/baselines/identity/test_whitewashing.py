@@ -66,3 +66,10 @@ def test_it_declares_its_range() -> None:
     space = Space(partial(Whitewashing, reserve=3), (0, 1), (2,), 40)
     assert space.decode([0.7]) == Whitewashing(threshold=0.7, reserve=3)
     assert [policy.threshold for policy in space.grid] == [0.2, 0.3, 0.4]
+
+
+def test_a_newcomer_comes_though_its_trust_is_low_and_leaves_at_once() -> None:
+    """Who is not there yet has the initial 0.5; only who is there is tainted by it."""
+    there = played(Whitewashing(threshold=0.6, reserve=3)).present[:, MINE]
+    assert there[:, 1:].any(axis=0).all()
+    assert there[-1].tolist() == [False, False, False, True]

@@ -98,3 +98,12 @@ def test_rep_trap_flips_the_verdict_that_is_easiest_to_flip() -> None:
 def test_a_place_that_is_not_there_is_refused(policy: Policy) -> None:
     with pytest.raises(ValueError, match=r"(accomplices|targets) is \(3,\); the last provider is 2"):
         ratings(policy, seen())
+
+
+def test_the_opposite_of_neither_good_nor_bad_is_bad() -> None:
+    assert ratings(RepTrap(traps=1), seen([0.5], published=[0.5])) == [[0]]
+
+
+def test_a_sleeper_wakes_at_the_trust_it_waits_for() -> None:
+    sleeper = CamouflageRating(start=0, wakes_at=0.5, level=0.25)
+    assert ratings(sleeper, seen(trust=0.49), seen(trust=0.5), seen(trust=0.2)) == [SERVICE, [0.25] * 3, [0.25] * 3]

@@ -10,11 +10,11 @@ import pytest
 
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import SEARCHED, UnsuitableError, exact_task, find, measure
-from baselines import BadMouthing, OnOff
+from baselines import BadMouthing, OnOff, Whitewashing
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from baselines.search.scripts import Scripts, describe
 from baselines.search.space import HONEST
-from baselines.search.together import Both, side_by_side
+from baselines.search.together import Both, SideBySide, side_by_side
 from roletrust_env import Policy
 from roletrust_env.game.attack import make_task
 from roletrust_env.ranges import Searched
@@ -183,3 +183,9 @@ def test_cma_es_beats_the_grid():
 def test_a_budget_too_small_is_refused(rung):
     with pytest.raises(UnsuitableError, match="give 640 or more"):
         found(rung, PROVIDER, 100)
+
+
+def test_policies_side_by_side_take_as_many_identities_as_any():
+    several = SideBySide((Whitewashing(reserve=2), Policy(), Whitewashing(reserve=1)))
+    assert several.reserve == 2
+    assert several.attacks == {"quality", "ratings", "presence"}

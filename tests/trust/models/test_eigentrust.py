@@ -9,6 +9,7 @@ from model_cases import Matrix, Vector, assert_matches, play, random_rounds, rea
 from walks import links, numbers, published, walk
 
 from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.model import start_model
 
 
 def reference(rounds: Sequence[tuple[Matrix, Matrix]], peers: Matrix) -> Iterator[tuple[Vector, Vector]]:
@@ -58,3 +59,13 @@ def test_before_any_rating_all_are_alike_and_own_praise_counts_nothing() -> None
         assert model.rater_trust(state) == pytest.approx([1] * 3)
         assert model.provider_trust(state) == pytest.approx([1] * 3)
         state = model.update(state, np.ones((3, 3)), peers)
+
+
+def test_what_rounding_leaves_is_no_trust() -> None:
+    """Contentment of 0.6 - 0.4 - 0.2 is nothing, though in floating point a little above it."""
+    model, mask = make_trust_model("eigentrust"), np.array([[True, False]])
+    start = state = start_model(model, np.zeros((1, 2)), np.zeros((1, 2), bool))
+    for rating in (0.8, 0.3, 0.4):
+        state = model.update(state, np.full((1, 2), rating), mask)
+    assert 0 < state.scores[0, 0] < 1e-15
+    assert model.provider_trust(state) == pytest.approx(model.provider_trust(start))

@@ -119,3 +119,13 @@ def test_a_liar_loses_credence_and_its_say() -> None:
 def test_parameters_out_of_range_are_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         make_trust_model("travos", **{field: value})
+
+
+def test_with_a_threshold_of_1_even_who_is_certain_asks() -> None:
+    """All of the distribution lies within 1 of its mean, so confidence is 1."""
+    rounds = np.array([[1.0], [0.0]])
+    asks, asks_nobody = (make_trust_model("travos", error=1.0, threshold=x) for x in (1.0, 0.999))
+    alone, advised = (m.update(m.start(rounds), rounds, None).trust[:, 0] for m in (asks_nobody, asks))
+    assert alone == pytest.approx([2 / 3, 1 / 3])
+    assert advised[0] < 0.66
+    assert advised[1] > 0.34

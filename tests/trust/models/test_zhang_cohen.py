@@ -72,3 +72,9 @@ def test_one_round_with_a_liar_by_hand() -> None:
     [[(tor, top)]] = played(make_trust_model("zhang-cohen", lam=0.5), [[[[1], [1], [0]]]], zeros(()))
     assert tor == pytest.approx([(0.3514 + 1 / 3) / 2, (0.3514 + 1 / 3) / 2, 1 / 3], abs=1e-4)
     assert top == pytest.approx([0.5 * (2 * 0.8021 + 0.4) / 3 + 0.25], abs=1e-4)
+
+
+def test_at_the_edge_of_the_tolerance_a_rating_is_consistent() -> None:
+    model = make_trust_model("zhang-cohen", tolerance=0.0)
+    [[(tor, _)]] = played(model, [[[[1], [1]]]], zeros(()))
+    assert tor == pytest.approx([2 / 3, 2 / 3])  # private and public alike: (1 + 1) / (1 + 2)
