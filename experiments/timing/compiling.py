@@ -15,12 +15,14 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import Any, Generic, TypeVar
 
+from experiments.results.machine import in_time
 from experiments.timing.threads import torch_threads
 
 Key = TypeVar("Key")
 
 _SPAWN = get_context("spawn")  # torch does not take well to forks
 _WORKERS = 2
+_BROKEN = "the process that compiled it broke down"
 _LOOK_S = 0.2
 """Between looks at the clock."""
 
@@ -69,7 +71,7 @@ def compile_ahead(
     limit_s: float,
     threads: int,
     advance: Callable[[Key], None] = lambda key: None,
-) -> set[Key]:
+) -> dict[Key, str]:
     """Do jobs in two other processes, and stop what takes too long.
 
     Args:
@@ -80,32 +82,34 @@ def compile_ahead(
         advance: called with each key before its job begins.
 
     Returns:
-        The keys of the jobs that were stopped.
+        Why not, for each key whose job was not done: it was stopped, or its process broke down.
     """
-    todo, late = [(key, job) for key, job in reversed(jobs.items()) if _can_be_sent(job)], set[Key]()
+    todo = [(key, job) for key, job in reversed(tuple(jobs.items())) if _can_be_sent(job)]
+    undone: dict[Key, str] = {}
     workers: list[_Worker[Key]] = [_Worker(work, threads) for _ in range(min(_WORKERS, len(todo)))]
     try:
         while workers:
-            ready = wait([worker.link for worker in workers], _LOOK_S)
+            heard = wait([worker.link for worker in workers], _LOOK_S)
             for worker in list(workers):
-                if worker.link in ready and worker.answered():
+                if worker.link not in heard and monotonic() < worker.until:
+                    continue
+                if worker.link in heard and worker.answered():
                     if todo:
                         key, job = todo.pop()
                         advance(key)
                         worker.begin(key, job, limit_s)
                         continue
-                elif worker.key is not None and worker.until < monotonic():
-                    late.add(worker.key)
-                elif worker.link not in ready:
-                    continue
-                worker.stop()  # there is nothing more to do, or it is late, or it broke down
+                elif worker.key is not None:
+                    late = f"to compile it takes more than {in_time(limit_s)}"
+                    undone[worker.key] = _BROKEN if worker.link in heard else late
+                worker.stop()
                 workers.remove(worker)
-                if todo and worker.key is not None:  # one that cannot even start would not start again
+                if todo and worker.key is not None:  # one that could not even start would not start again
                     workers.append(_Worker(work, threads))
     finally:
         for worker in workers:
             worker.stop()
-    return late
+    return undone
 
 
 def _can_be_sent(job: tuple[Any, ...]) -> bool:

@@ -166,16 +166,14 @@ def measure_models(
     found: Found = {}
     trials: dict[str, dict[Size, Trial]] = {name: {} for name in models}
     for library in libraries:
-        late: set[tuple[str, Size]] = set()
+        undone: dict[tuple[str, Size], str] = {}
         if library == "compiled torch":
-            late = _compile_all(models, sides, trials, limits, threads, seed, advance)
+            undone = _compile_all(models, sides, trials, limits, threads, seed, advance)
         for size in sizes(sides, library):
             ready: list[Contestant] = []
             for name, model in models.items():
                 advance(f"{library}, {size}")
-                reason = too_much(trials[name], size, limits)
-                if (name, size) in late:
-                    reason = f"to compile it takes more than {in_time(limits.compiling)}"
+                reason = undone.get((name, size)) or too_much(trials[name], size, limits)
                 try:
                     if not reason:
                         ready.append(trust_update(name, model, size, library, seed))
@@ -198,8 +196,8 @@ def _compile_all(
     threads: int,
     seed: int,
     advance: Callable[[str], None],
-) -> set[tuple[str, Size]]:
-    """Compile all that does not take too much, into torch's cache; returned is what would not be done in time."""
+) -> dict[tuple[str, Size], str]:
+    """Compile all that does not take too much, into torch's cache; what was not done, and why."""
     library = "compiled torch"
     jobs = {
         (name, size): (name, model, size, library, seed)

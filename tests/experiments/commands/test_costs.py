@@ -68,7 +68,7 @@ def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
         seen.update(limit_s=limit_s, threads=threads)
         for cell in jobs:
             advance(cell)
-        return set(jobs)
+        return dict.fromkeys(jobs, "it is late")
 
     monkeypatch.setattr(timing_models, "compile_ahead", compile_ahead)
     options = "--compiled", "--compile-limit", "90", "--threads", "2", "--out", str(tmp_path)
@@ -76,11 +76,11 @@ def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
     assert seen == {"limit_s": 90, "threads": 2}
     page = (tmp_path / "model-costs.md").read_text()
     assert "| mean | S P | - | - |" in page
-    assert "- Left out: mean on compiled torch, 2 x 2: to compile it takes more than 90 seconds." in page
+    assert "- Left out: mean on compiled torch, 2 x 2: it is late." in page
     with (tmp_path / "model-costs.csv").open() as file:
         late = [row for row in csv.DictReader(file) if row["library"] == "compiled torch"]
     assert [row["ns_per_rating"] for row in late] == ["", ""]
-    assert all("more than 90 seconds" in row["left_out"] for row in late)
+    assert all(row["left_out"] == "it is late" for row in late)
 
 
 def test_one_size_does_not_show_growth():
