@@ -23,7 +23,7 @@ class History(NamedTuple):
         tor: trust of the raters, (T, S, ...).
         top: trust of the providers, (T, P, ...).
         trust: trust of the agents, each by its role, (T, N, ...).
-        quality: delivered quality, (T, P, ...).
+        quality: delivered quality, 0 by one that served nobody in the round, (T, P, ...).
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
         served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
