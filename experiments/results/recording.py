@@ -22,7 +22,7 @@ class Curves(NamedTuple):
         top: trust of the providers, (T, P, E).
         trust: trust of the agents, each by its role, (T, N, E).
         rewards: (T, N, E).
-        quality: delivered by the providers, 0 by one that served nobody in the round, (T, P, E).
+        offered: quality that the providers had for whoever came, (T, P, E), see `Game.offered`.
     """
 
     time_s: Floats
@@ -30,7 +30,7 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
-    quality: Floats
+    offered: Floats
 
 
 def kept_bytes(game: Game) -> int:
@@ -69,7 +69,8 @@ def record(
     state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
     for _ in progress.track(range(length), description=label):
         actions, memories = cast.act(state, memories, whims)
-        state, rewards = game.step(state, actions, game.draw(luck, (games,)))
+        before = state
+        state, rewards = game.step(before, actions, game.draw(luck, (games,)))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
         tor, top = game.published(state)
@@ -79,7 +80,7 @@ def record(
                 np.where(roster.providers(present), top, np.nan),
                 np.where(present, game.agent_trust(state), np.nan),
                 np.where(present, rewards, np.nan),
-                state.quality,
+                game.offered(before, actions, state),
             )
         )
         watch(state)

@@ -12,6 +12,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.cast import Cast
+from roletrust_env.game.consumer import buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
@@ -22,7 +23,7 @@ from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.presence import PRESENT
 
-Objective = Literal["damage", "exploit", "promote"]
+Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
 
 
@@ -62,7 +63,9 @@ class AttackTask:
             `"damage"`, the mean over the honest providers of 1 - ToP;
             `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
             quality delivered: bad service sold on good trust;
-            `"promote"`, the same for the accomplices.
+            `"promote"`, the same for the accomplices;
+            `"mislead"`, the best quality that was there, less what a consumer got that went to the provider with the
+            highest ToP published before, see `game.consumer`.
         stealth: the price of being told apart. The gap of a compromised agent is the mean trust of the honest agents of
             its role that are there, less its own trust; of an agent with both roles the larger one. It costs what is
             beyond the tolerance, and the cost is the mean over the compromised agents: none hides behind another. All
@@ -114,9 +117,14 @@ class AttackTask:
         self._first_role = [roles.index(name) for name in compromised]
         self._last_role = [len(roles) - 1 - roles[::-1].index(name) for name in compromised]
         self._sellers = _places(accomplices, roster.provider_names) if objective == "promote" else self._providers
-        if not (self._honest_providers if objective == "damage" else self._sellers):
-            whom = {"damage": "an honest provider", "exploit": "a compromised provider", "promote": "an accomplice"}
-            raise ValueError(f"the objective {objective!r} needs {whom[objective]}, and there is none")
+        needed = {
+            "damage": ("an honest provider", self._honest_providers),
+            "exploit": ("a compromised provider", self._sellers),
+            "promote": ("an accomplice", self._sellers),
+        }
+        whom, there = needed.get(objective, ("nobody", [0]))
+        if not there:
+            raise ValueError(f"the objective {objective!r} needs {whom}, and there is none")
 
     @property
     def action_size(self) -> int:
@@ -136,9 +144,20 @@ class AttackTask:
             noise: the luck of the round.
             random: for scripted agents that play at random.
         """
-        game = self.game
+        actions, memories = self.joint(state, action, random)
+        return self.advance(state, actions, memories, noise)
+
+    def joint(self, state: TaskState, action: Array, random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What all agents do, and what the scripted ones remember. Arguments as for `step`."""
         scripted, memories = self.cast.act(state.game, state.memories, random)
-        after, _ = game.step(state.game, self._overrule(scripted, action), noise)
+        return self._overrule(scripted, action), memories
+
+    def advance(
+        self, state: TaskState, actions: Actions, memories: tuple[Any, ...], noise: Noise
+    ) -> tuple[TaskState, Outcome]:
+        """Play one round in which it is known what all agents do, see `joint`."""
+        game = self.game
+        after, _ = game.step(state.game, actions, noise)
         tor, top = game.published(after)
         present = game.present(after)
         raters = providers = None
@@ -146,6 +165,8 @@ class AttackTask:
             raters, providers = game.roster.raters(present), game.roster.providers(present)
         if self.objective == "damage":
             objective = _mean(1 - top, self._honest_providers, providers)
+        elif self.objective == "mislead":
+            objective = self._misled(state.game, actions, after)
         else:
             sold = after.awaiting.any(axis=0)
             objective = _mean(top * (1 - after.quality) * sold, self._sellers, None)
@@ -214,6 +235,15 @@ class AttackTask:
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
 
+    def _misled(self, before: State, actions: Actions, after: State) -> Array:
+        """What a consumer lost in a round that went by the trust published before it."""
+        game = self.game
+        top, present = game.published(before)[1], game.present(before)
+        if present is not None:
+            top = namespace(top).where(game.roster.providers(present), top, np.nan)
+        bought = buy(top, game.offered(before, actions, after))
+        return bought.best - bought.got
+
     def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:
         """The mean over the compromised agents of the larger gap of its roles, as far as it is beyond the tolerance."""
         xp, gaps = namespace(top), []
@@ -249,7 +279,7 @@ def make_task(
         scenario: the name of a preset, the path of a TOML or YAML file, or a `Scenario`.
         compromised: names of the agents that the learner controls.
         trust_model: the name of a trust model, or a model.
-        objective: `"damage"`, `"exploit"` or `"promote"`, see `AttackTask`.
+        objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
         stealth: `{"weight": ..., "tolerance": ...}`, the price of being told apart; None is free.
         knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
         others: agent's name -> policy of agents that are neither compromised nor honest.

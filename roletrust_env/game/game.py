@@ -7,6 +7,7 @@ Everything here is a function of its arguments and of constants. Random numbers 
 a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ class Game:
         self._luck = Luck(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
+        self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
         rating, providing = roster.on_duty(scenario.max_cycles)
@@ -243,6 +245,22 @@ class Game:
         """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
         return None if state.population is None else state.population.phase == PRESENT
 
+    def offered(self, before: State, actions: Actions, after: State) -> Array:
+        """The quality that each provider had for whoever came in a round, (P, ...); NaN where it did not serve.
+
+        What it delivered is 0 where nobody came; what a consumer could have had is not.
+
+        Args:
+            before: the state before the round.
+            actions: of all agents in the round.
+            after: the state after it.
+        """
+        xp, ability = namespace(self.like), before.nature.ability
+        quality = actions.quality if ability is None else ability * actions.quality
+        for _, providing in self._acting(before, after.population):
+            quality = xp.where(providing, quality, self._nowhere)
+        return quality
+
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
         return look(
@@ -292,6 +310,17 @@ class Game:
             parts.append(state.places.position / self.scenario.access.arena)
         return xp.concat([part.reshape(-1, *batch) for part in parts])
 
+    def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
+        """Which raters and which providers act in this round, by each of the reasons for which some may not."""
+        xp, roster = namespace(self.like), self.roster
+        if self._duty is not None:
+            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+            yield rating, providing
+        if population is not None and state.population is not None:
+            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
+            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
+            yield roster.raters(acting), roster.providers(acting)
+
     def _served(
         self,
         state: State,
@@ -301,15 +330,10 @@ class Game:
         noise: Noise,
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
-        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        rules, roster = self.scenario, self.roster
         served = self._over(self._stranger, state.awaiting.shape)
-        if self._duty is not None:
-            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+        for rating, providing in self._acting(state, population):
             served = served & rating[:, None, ...] & providing[None, ...]
-        if population is not None and state.population is not None:
-            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
-            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
-            served = served & roster.raters(acting)[:, None, ...] & roster.providers(acting)[None, ...]
         if places is not None and isinstance(rules.access, InRange):
             position = places.position
             near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)

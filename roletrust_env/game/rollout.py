@@ -10,10 +10,17 @@ from roletrust_env.randomness import Random
 
 
 class Round(NamedTuple):
-    """What one round left behind: the state after it, and the rewards, shape (N, ...)."""
+    """What one round left behind.
+
+    Attributes:
+        state: after the round.
+        rewards: (N, ...).
+        offered: quality that providers had for whoever came, (P, ...), see `Game.offered`.
+    """
 
     state: State
     rewards: Array
+    offered: Array
 
 
 class History(NamedTuple):
@@ -23,13 +30,14 @@ class History(NamedTuple):
         tor: trust of the raters, (T, S, ...).
         top: trust of the providers, (T, P, ...).
         trust: trust of the agents, each by its role, (T, N, ...).
-        quality: delivered quality, 0 by one that served nobody in the round, (T, P, ...).
+        quality: delivered quality, 0 where nobody came, (T, P, ...).
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
         served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
         rewards: (T, N, ...).
         present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
             initial one before it joins, and stays where it was after it has gone; leave it out of means.
+        offered: quality that was there for whoever came, NaN where none was, (T, P, ...), see `Game.offered`.
     """
 
     tor: Array
@@ -41,6 +49,7 @@ class History(NamedTuple):
     served: Array
     rewards: Array
     present: Array
+    offered: Array
 
 
 def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
@@ -67,8 +76,9 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
         for channel, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
             if not bool(((chosen >= 0) & (chosen <= 1)).all()):
                 raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
-        state, rewards = game.step(state, actions, game.draw(random, batch))
-        yield Round(state, rewards)
+        before = state
+        state, rewards = game.step(before, actions, game.draw(random, batch))
+        yield Round(state, rewards, game.offered(before, actions, state))
 
 
 def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
@@ -82,12 +92,13 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
         array([1., 1., 1.])
     """
     rows = []
-    for state, rewards in play(cast, random, batch):
+    for state, rewards, offered in play(cast, random, batch):
         tor, top = cast.game.published(state)
         trust = cast.game.agent_trust(state)
         present = cast.game.present(state)
         if present is None:
             present = trust == trust  # everybody
-        rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
+        kept = (state.quality, state.ratings, state.rated, state.awaiting, rewards, present, offered)
+        rows.append((tor, top, trust, *kept))
     stack = namespace(rows[0][0]).stack
     return History(*(stack(column) for column in zip(*rows, strict=True)))
