@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace
+from roletrust_env.arrays import Array, mean_where, namespace
 from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
@@ -286,8 +286,7 @@ def _mean(values: Array, places: list[int], present: Array | None) -> Array:
     rows = values[places, ...]
     if present is None:
         return rows.mean(axis=0)
-    there = present[places, ...]
-    return (rows * there).sum(axis=0) / (there.sum(axis=0, dtype=rows.dtype) + 1e-30)
+    return mean_where(rows, present[places, ...])
 
 
 def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array:

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
 from roletrust_env.game.luck import Luck
 from roletrust_env.game.payoff import Payoff
-from roletrust_env.game.state import Actions, Counts, Noise, State
+from roletrust_env.game.state import Actions, Counts, Noise, State, check_shapes
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, check_trust_model
@@ -159,21 +159,8 @@ class Game:
             ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
-        if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
-            raise ValueError(
-                f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
-                f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
-            )
-        wanted, withheld, population = actions.presence, actions.withheld, state.population
-        if wanted is not None and (population is None or wanted.shape != population.phase.shape):
-            raise ValueError(
-                f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
-            )
-        if withheld is not None and withheld.shape != state.ratings.shape:
-            raise ValueError(
-                f"withheld has the shape {tuple(withheld.shape)}; it must be (S, P, ...) = "
-                f"{tuple(state.ratings.shape)}, or None where nobody withholds a rating"
-            )
+        check_shapes(actions, state)
+        withheld, population = actions.withheld, state.population
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
@@ -205,12 +192,13 @@ class Game:
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        ability, taste = state.nature
-        quality = actions.quality if ability is None else ability * actions.quality
-        quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
-        service = self.service.perceive(
-            quality, self._perturbations.strength(state.round), state.round, noise.perception, taste
-        )
+        offered = self._offered(state, actions)
+        if actions.treatment is not None:
+            quality = mean_where(offered, served)
+        else:
+            offered = quality = copied(offered) if self._everyone else xp.where(served.any(axis=0), offered, self._zero)
+        strength, taste = self._perturbations.strength(state.round), state.nature.taste
+        service = self.service.perceive(offered, strength, state.round, noise.perception, taste)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -242,6 +230,22 @@ class Game:
     def present(self, state: State) -> Array | None:
         """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
         return None if state.population is None else state.population.phase == PRESENT
+
+    def delivered(self, before: State, actions: Actions, after: State) -> Array:
+        """What each provider delivered to each rater in a round, or would have to one whom it did not serve.
+
+        Args:
+            before: the state before the round.
+            actions: of all agents.
+            after: the state after it.
+
+        Returns:
+            Shape (S, P, ...), or (1, P, ...) where all raters were served alike; 0 by one that served nobody.
+        """
+        if actions.treatment is None:
+            return after.quality[None, ...]
+        served = after.awaiting.any(axis=0)
+        return namespace(self.like).where(served, self._offered(before, actions), self._zero)
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
@@ -291,6 +295,12 @@ class Game:
         if state.places is not None and isinstance(self.scenario.access, InRange):
             parts.append(state.places.position / self.scenario.access.arena)
         return xp.concat([part.reshape(-1, *batch) for part in parts])
+
+    def _offered(self, state: State, actions: Actions) -> Array:
+        """What providers have chosen, as far as they are able, (P, ...); or for each rater, (S, P, ...)."""
+        ability, treatment = state.nature.ability, actions.treatment
+        quality = actions.quality if ability is None else ability * actions.quality
+        return quality if treatment is None else treatment * quality
 
     def _served(
         self,

@@ -12,17 +12,19 @@ def utility(trust: Floats, quality: Floats) -> Score:
 
         utility = sum over rounds t of quality[t, argmax trust[t - 1]] / sum over rounds t of max quality[t]
 
-    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely.
+    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely. Where
+    providers treat raters differently, every rater is such a consumer, and both sums are over all of them, too.
 
     Args:
         trust: of the providers, (T, P, ...), NaN where one is absent.
-        quality: as delivered, (T, P, ...).
+        quality: as delivered, (T, P, ...), or to each rater, (T, S, P, ...).
     """
     known = np.where(np.isnan(trust[:-1]), -np.inf, trust[:-1])
     chosen = (known == known.max(axis=1, keepdims=True)) & np.isfinite(known)
     served = np.asarray(quality[1:], np.float64)
-    got = ratio((chosen * served).sum(axis=1), chosen.sum(axis=1))
-    best = served.max(axis=1).sum(axis=0)
+    served = served if served.ndim > chosen.ndim else served[:, None]
+    got = ratio((chosen[:, None] * served).sum(axis=2), chosen.sum(axis=1)[:, None]).sum(axis=1)
+    best = served.max(axis=2).sum(axis=1).sum(axis=0)
     return Score.where(best > 0, ratio(np.nansum(got, axis=0), best), "no provider ever served well")
 
 

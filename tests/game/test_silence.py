@@ -121,7 +121,7 @@ def test_an_action_has_no_such_channel_and_says_so() -> None:
     task = make_task(PAPER, ["sr_0"])
     with pytest.raises(ValueError, match="sr_0 cannot play silent in a task: that attacks by silence"):
         Scripted({"sr_0": Silent()}).begin(task, task.game.random(0), (1, 1))
-    with pytest.raises(ValueError, match=r"'sp_0' cannot play silent: .* decides on quality$"):
+    with pytest.raises(ValueError, match=r"'sp_0' cannot play silent: .* decides on quality and treatment$"):
         Cast(Game(PAPER), {"sp_0": Silent()})
 
 
