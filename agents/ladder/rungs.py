@@ -16,7 +16,7 @@ import numpy as np
 from agents.ladder.players import Attacker, OpenLoop
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, Outcome, TaskState, make_task
-from roletrust_env.game.state import Noise
+from roletrust_env.game.state import Actions, Noise
 from roletrust_env.randomness import Random
 
 Arguments = Mapping[str, Any]
@@ -141,10 +141,10 @@ def exact_task(arguments: Arguments) -> AttackTask:
 
 
 class Moment(NamedTuple):
-    """One round as it was played: the state after it, the joint action, and what it brought, 0 to games long over."""
+    """One round as it was played: the state after it, what was done, and what it brought, 0 to games long over."""
 
     state: TaskState
-    action: Array
+    action: Array | Actions
     outcome: Outcome
 
 

@@ -8,6 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from agents.ladder.rungs import HELD_OUT, Arguments, Finding, exact_task, play, sources
+from roletrust_env.arrays import Array
+from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.state import Actions
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,9 +62,9 @@ class Trajectory:
 def watch(arguments: Arguments, finding: Finding, seed: int, called: str | None = None) -> Trajectory:
     """Play one held-out game of what a rung found in the run with a seed; it is called by the rung or by a name."""
     task = exact_task(arguments)
-    roster, bad = task.game.roster, {*task.compromised, *task.cast.attackers}
+    roster, bad = task.game.roster, {*task.identities, *task.cast.attackers}
     moments = list(play(task, finding.attacker, (1, 1), *sources(task, seed, HELD_OUT)))
-    action = np.stack([moment.action[:, 0, 0] for moment in moments])
+    action = np.stack([_own_action(task, moment.action)[:, 0, 0] for moment in moments])
     trust = [task.game.published(moment.state.game) for moment in moments]
     tor, top = (np.stack([pair[k][:, 0, 0] for pair in trust]) for k in range(2))
     victims = [i for i, name in enumerate(roster.provider_names) if name not in bad]
@@ -79,7 +82,7 @@ def watch(arguments: Arguments, finding: Finding, seed: int, called: str | None 
     mine: dict[str, Floats] = {}
     honest: dict[str, Floats] = {}
     for kind, names, values in (("ToR", roster.rater_names, tor), ("ToP", roster.provider_names, top)):
-        for group, members in ((mine, task.compromised), (honest, [name for name in names if name not in bad])):
+        for group, members in ((mine, task.identities), (honest, [name for name in names if name not in bad])):
             places = [names.index(name) for name in members if name in names]
             if places:
                 group[kind] = values[:, places].mean(axis=1)
@@ -88,3 +91,8 @@ def watch(arguments: Arguments, finding: Finding, seed: int, called: str | None 
     objective, cost = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
     called = called or finding.name
     return Trajectory(called, quality, ratings, own, mine, honest, objective, cost, task.stealth.weight)
+
+
+def _own_action(task: AttackTask, action: Array | Actions) -> Array:
+    """What the compromised agents do in their first identities, as an action of the task."""
+    return task.own_action(action) if isinstance(action, Actions) else action

@@ -90,4 +90,5 @@ def record(
         )
         watch(state)
     time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
-    return Curves(time_s, *(np.stack(column) for column in zip(*rows, strict=True)), delivered=stacked(delivered))
+    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(delivered)]
+    return Curves(time_s, *columns)

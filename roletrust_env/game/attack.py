@@ -14,6 +14,7 @@ from roletrust_env.arrays import Array, mean_where, namespace
 from roletrust_env.game.cast import Cast
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
+from roletrust_env.game.side import Side, places
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.stealth import Stealth, make_stealth
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
@@ -57,14 +58,17 @@ class AttackTask:
 
     Args:
         game: its scenario, its trust model and its array library.
-        compromised: names of the agents that the attacker controls, each once.
+        compromised: names of the agents that the attacker controls, each once. Their identities in reserve are its own,
+            too; an action has no say over them, but policies have, see `step`.
         objective: what each round brings, after the trust of the round has been updated:
             `"damage"`, the mean over the honest providers of 1 - ToP;
             `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
-            quality delivered: bad service sold on good trust;
+            quality delivered: bad service sold on good trust; of one with several identities the mean over those that
+            are there;
             `"promote"`, the same for the accomplices.
         stealth: the price of being told apart. The gap of a compromised agent is the mean trust of the honest agents of
-            its role that are there, less its own trust; of an agent with both roles the larger one. It costs what is
+            its role that are there, less its own trust; of an agent with both roles, or with several identities that
+            have ever been there, the largest one. It costs what is
             beyond the tolerance, and the cost is the mean over the compromised agents: none hides behind another. All
             of them count, there or not, by the trust that is published: who is gone stays as far apart as it went. A
             role without honest agents has no gap. None is free.
@@ -91,7 +95,7 @@ class AttackTask:
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))
-        _check_names("compromised", compromised, roster.names)
+        _check_names("compromised", compromised, roster.first_names)
         _check_names("accomplices", accomplices, roster.provider_names)
         if not compromised:
             raise ValueError("compromised is empty; the attacker must control an agent")
@@ -104,17 +108,17 @@ class AttackTask:
         self.stealth = stealth or Stealth()
         self.knowledge = knowledge
         self.cast = Cast(game, others or {})
-        honest = [name for name in roster.names if name not in compromised and name not in self.cast.attackers]
-        self._raters = _places(self.compromised, roster.rater_names)
-        self._providers = _places(self.compromised, roster.provider_names)
-        self._honest_raters = _places(honest, roster.rater_names)
-        self._honest_providers = _places(honest, roster.provider_names)
-        self._agents = _places(self.compromised, roster.names)
-        roles = [name for axis in (roster.rater_names, roster.provider_names) for name in compromised if name in axis]
-        self._first_role = [roles.index(name) for name in compromised]
-        self._last_role = [len(roles) - 1 - roles[::-1].index(name) for name in compromised]
-        self._sellers = _places(accomplices, roster.provider_names) if objective == "promote" else self._providers
-        if not (self._honest_providers if objective == "damage" else self._sellers):
+        self._side = Side(roster, self.compromised, game.like)
+        self.identities = self._side.identities
+        honest = [name for name in roster.names if name not in (*self.identities, *self.cast.attackers)]
+        self._raters = places(self.compromised, roster.rater_names)
+        self._providers = places(self.compromised, roster.provider_names)
+        self._honest_raters = places(honest, roster.rater_names)
+        self._honest_providers = places(honest, roster.provider_names)
+        self._agents = places(self.compromised, roster.names)
+        self._accomplices = places(accomplices, roster.provider_names)
+        needed = {"damage": self._honest_providers, "exploit": self._providers, "promote": self._accomplices}
+        if not needed[objective]:
             whom = {"damage": "an honest provider", "exploit": "a compromised provider", "promote": "an accomplice"}
             raise ValueError(f"the objective {objective!r} needs {whom[objective]}, and there is none")
 
@@ -127,12 +131,15 @@ class AttackTask:
         """The state before the first round, for the batch of the noise."""
         return TaskState(self.game.start(noise), self.cast.begin(random, tuple(noise.perception.shape[2:])))
 
-    def step(self, state: TaskState, action: Array, noise: Noise, random: Random) -> tuple[TaskState, Outcome]:
+    def step(
+        self, state: TaskState, action: Array | Actions, noise: Noise, random: Random
+    ) -> tuple[TaskState, Outcome]:
         """Play one round.
 
         Args:
             state: before the round; it is left as it is.
-            action: shape (A, ...), in [0, 1].
+            action: shape (A, ...), in [0, 1]; or all agents' `Actions`, of which those of the attacker's identities
+                count, on every channel.
             noise: the luck of the round.
             random: for scripted agents that play at random.
         """
@@ -147,12 +154,18 @@ class AttackTask:
         if self.objective == "damage":
             objective = _mean(1 - top, self._honest_providers, providers)
         else:
-            sold = after.awaiting.any(axis=0)
-            objective = _mean(top * (1 - after.quality) * sold, self._sellers, None)
-        cost = self._cost(tor, top, raters, providers)
+            sold = top * (1 - after.quality) * after.awaiting.any(axis=0)
+            promoted = self.objective == "promote"
+            objective = (
+                _mean(sold, self._accomplices, None) if promoted else self._side.mean_of_sellers(sold, providers)
+            )
+        phase = None if after.population is None else after.population.phase
+        cost = self._cost(tor, top, raters, providers, phase)
         caught = after.round < 0  # never
-        if after.population is not None:
-            caught = (after.population.phase[self._agents, ...] > PRESENT).all(axis=0)
+        if phase is not None and isinstance(action, Actions):
+            caught = self._side.gone(phase)
+        elif phase is not None:
+            caught = (phase[self._agents, ...] > PRESENT).all(axis=0)
         over = after.round >= game.scenario.max_cycles
         reward = objective - self.stealth.weight * cost
         return TaskState(after, memories), Outcome(reward, objective, cost, caught, over)
@@ -198,8 +211,10 @@ class AttackTask:
                 parts.append(actions.ratings[roster.rater_names.index(name)])
         return namespace(parts[0]).concat(parts)
 
-    def _overrule(self, scripted: Actions, action: Array) -> Actions:
+    def _overrule(self, scripted: Actions, action: Array | Actions) -> Actions:
         """The joint action: that of the attacker's agents in place of what the script has for them."""
+        if isinstance(action, Actions):
+            return self._side.joint(scripted, action)
         xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers
         quality, ratings, at = [], [], 0
         for name in self.compromised:
@@ -214,19 +229,20 @@ class AttackTask:
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
 
-    def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:
-        """The mean over the compromised agents of the larger gap of its roles, as far as it is beyond the tolerance."""
+    def _cost(
+        self, tor: Array, top: Array, raters: Array | None, providers: Array | None, phase: Array | None
+    ) -> Array:
+        """The mean over the compromised agents of each one's largest gap, as far as it is beyond the tolerance."""
         xp, gaps = namespace(top), []
         for trust, honest, mine, present in (
-            (tor, self._honest_raters, self._raters, raters),
-            (top, self._honest_providers, self._providers, providers),
+            (tor, self._honest_raters, self._side.raters, raters),
+            (top, self._honest_providers, self._side.providers, providers),
         ):
             if mine:
                 own = trust[mine, ...]
                 gaps.append(_mean(trust, honest, present) - own - self.stealth.tolerance if honest else 0 * own)
         gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
-        if self._first_role != self._last_role:  # somebody has both
-            gap = xp.maximum(gap[self._first_role, ...], gap[self._last_role, ...])
+        gap = self._side.largest(gap, phase)
         return xp.where(gap > 0, gap, 0 * gap).mean(axis=0)
 
 
@@ -297,11 +313,6 @@ def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array
     for k, place in enumerate(places):
         order[place] = rows.shape[0] + k
     return xp.concat([rows, xp.stack(new)])[order, ...]
-
-
-def _places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
-    """Where those of the names that are on an axis stand on it, in the order of the names."""
-    return [axis.index(name) for name in names if name in axis]
 
 
 def _check_choice(what: str, value: object, known: Sequence[str]) -> None:

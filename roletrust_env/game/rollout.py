@@ -103,7 +103,8 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
             present = trust == trust  # everybody
         rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
     stack = namespace(rows[0][0]).stack
-    return History(*(stack(column) for column in zip(*rows, strict=True)), delivered=stacked(delivered))
+    columns = [*(stack(column) for column in zip(*rows, strict=True)), stacked(delivered)]
+    return History(*columns)
 
 
 def stacked(delivered: Sequence[Array]) -> Array:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from agents.ladder.players import Scripted
 from baselines import BadMouthing, Conflicting, OnOff, Silent
 from roletrust_env import Actions, Cast, Game, Player, Policy, Random, make_scenario, make_task, parallel_env, record
 from roletrust_env.game.rollout import History
@@ -116,9 +115,6 @@ def test_an_action_has_no_such_channel_and_says_so() -> None:
         Player(Conflicting(), "sp_0", parallel_env(PAPER).layout)
     with pytest.raises(ValueError, match=r"'sr_0' cannot play conflicting: .* decides on ratings and silence$"):
         Cast(Game(PAPER), {"sr_0": Conflicting()})
-    task = make_task(PAPER, ["sp_0"])
-    with pytest.raises(ValueError, match="sp_0 cannot play conflicting in a task: that attacks by treatment"):
-        Scripted({"sp_0": Conflicting()}).begin(task, task.game.random(0), (1, 1))
 
 
 def test_what_is_wrong_is_refused() -> None:
