@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from agents.ladder.players import OpenLoop, Scripted
-from agents.ladder.rungs import SEARCHED, exact_task, find, measure, play, sources
+from agents.ladder.rungs import HELD_OUT, SEARCHED, Finding, exact_task, find, measure, play, sources
 from baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, Scripts
 from baselines.search.together import Both, side_by_side
+from experiments.plots.trajectory import watch
 from roletrust_env import Cast, record
 from roletrust_env.world.presence import LEFT, PRESENT
 
@@ -111,6 +112,23 @@ def test_an_action_has_no_say_over_them() -> None:
         assert np.array_equal(one.reward, other.reward)
     back = Scripted({"sp_2": Whitewashing(threshold=0.0)})
     assert not [moment.outcome.caught.any() for moment in play(task, back, (1, 1), *sources(task, 0, SEARCHED))][6]
+
+
+@pytest.mark.parametrize("attacker", [OpenLoop(np.zeros((20, 1))), Scripted({"sp_2": Whitewashing()})], ids=str)
+def test_a_trajectory_shows_the_identities_that_the_attacker_can_call(attacker: Any) -> None:
+    finding = Finding("some", attacker, "", *[np.zeros(1)] * 3, 0, 0.0, None)
+    trajectory = watch(SELLER, finding, 0)
+    shown = ["sp_2", "sp_3", "sp_4", "sp_5"] if isinstance(attacker, Scripted) else ["sp_2"]
+    assert list(trajectory.quality) == shown
+    assert list(trajectory.own) == [f"ToP of {name}" for name in shown]
+    task = exact_task(SELLER)
+    top = np.stack(
+        [
+            task.game.published(m.state.game)[1][:, 0, 0]
+            for m in play(task, attacker, (1, 1), *sources(task, 0, HELD_OUT))
+        ]
+    )
+    assert np.array_equal(trajectory.honest["ToP"], top[:, :2].mean(axis=1))  # none of them is honest
 
 
 def test_a_reserve_that_is_too_small_is_refused() -> None:
