@@ -48,6 +48,7 @@ class Objective(StrEnum):
     DAMAGE = "damage"
     EXPLOIT = "exploit"
     PROMOTE = "promote"
+    MISLEAD = "mislead"
 
 
 class Knowledge(StrEnum):

@@ -138,12 +138,12 @@ def under_attack(
             found[f"{AUC_MEANWHILE}, {role}"] = meanwhile if start < rounds else _undefined(games, _NEVER)
             found[f"{AUC_FINALLY}, {role}"] = metrics.auc(trust[-1], bad)
     found["false alarms"] = metrics.false_alarms(curves.trust, honest)
-    found["utility"] = metrics.utility(curves.top, curves.delivered)
+    found["utility"] = metrics.utility(curves.top, curves.offered)
     if twin is None:
         why = "a live camera shows nothing twice, so there are no games without the attack"
         found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
     else:
-        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.delivered)
+        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered)
         why = _NEVER if start >= rounds else "the attack lasts to the end"
         over = start < stop < rounds
         back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)

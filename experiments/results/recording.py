@@ -23,8 +23,8 @@ class Curves(NamedTuple):
         top: trust of the providers, (T, P, E).
         trust: trust of the agents, each by its role, (T, N, E).
         rewards: (T, N, E).
-        delivered: quality that each provider delivered to each rater, 0 by one that served nobody in the round,
-            (T, S, P, E), or (T, 1, P, E) where nobody ever treated raters differently.
+        offered: quality that the providers had for whoever came, (T, P, E), or for each rater, (T, S, P, E), where any
+            treats them differently, see `Game.offered`.
     """
 
     time_s: Floats
@@ -32,7 +32,7 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
-    delivered: Floats
+    offered: Floats
 
 
 def kept_bytes(cast: Cast) -> int:
@@ -68,7 +68,7 @@ def record(
     """
     game = cast.game
     rows: list[tuple[Floats, ...]] = []
-    delivered: list[Floats] = []
+    offered: list[Floats] = []
     roster, length = game.roster, game.scenario.max_cycles
     luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
     state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
@@ -76,7 +76,7 @@ def record(
         actions, memories = cast.act(state, memories, whims)
         before = state
         state, rewards = game.step(before, actions, game.draw(luck, (games,)))
-        delivered.append(game.delivered(before, actions, state))
+        offered.append(game.offered(before, actions, state))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
         tor, top = game.published(state)
@@ -90,5 +90,5 @@ def record(
         )
         watch(state)
     time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
-    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(delivered)]
+    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
     return Curves(time_s, *columns)

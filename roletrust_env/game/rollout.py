@@ -13,14 +13,14 @@ class Round(NamedTuple):
     """What one round left behind.
 
     Attributes:
-        state: after it.
+        state: after the round.
         rewards: (N, ...).
-        delivered: what each rater was delivered by each provider, see `Game.delivered`.
+        offered: quality that providers had for whoever came, (P, ...) or (S, P, ...), see `Game.offered`.
     """
 
     state: State
     rewards: Array
-    delivered: Array
+    offered: Array
 
 
 class History(NamedTuple):
@@ -30,15 +30,15 @@ class History(NamedTuple):
         tor: trust of the raters, (T, S, ...).
         top: trust of the providers, (T, P, ...).
         trust: trust of the agents, each by its role, (T, N, ...).
-        quality: delivered quality, (T, P, ...), the mean over those who were served.
+        quality: delivered quality, 0 where nobody came, the mean over those who were served, (T, P, ...).
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
         served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
         rewards: (T, N, ...).
         present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
             initial one before it joins, and stays where it was after it has gone; leave it out of means.
-        delivered: the quality that each rater was delivered, (T, S, P, ...), or (T, 1, P, ...) where nobody treated
-            raters differently, see `Game.delivered`.
+        offered: quality that was there for whoever came, NaN where none was, (T, P, ...); or for each rater,
+            (T, S, P, ...), where any provider ever treated them differently, see `Game.offered`.
     """
 
     tor: Array
@@ -50,7 +50,7 @@ class History(NamedTuple):
     served: Array
     rewards: Array
     present: Array
-    delivered: Array
+    offered: Array
 
 
 def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
@@ -80,7 +80,7 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
                 raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
         before = state
         state, rewards = game.step(before, actions, game.draw(random, batch))
-        yield Round(state, rewards, game.delivered(before, actions, state))
+        yield Round(state, rewards, game.offered(before, actions, state))
 
 
 def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
@@ -93,9 +93,9 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
-    rows, delivered = [], []
-    for state, rewards, served in play(cast, random, batch):
-        delivered.append(served)
+    rows, offered = [], []
+    for state, rewards, there in play(cast, random, batch):
+        offered.append(there)
         tor, top = cast.game.published(state)
         trust = cast.game.agent_trust(state)
         present = cast.game.present(state)
@@ -103,11 +103,11 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
             present = trust == trust  # everybody
         rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
     stack = namespace(rows[0][0]).stack
-    columns = [*(stack(column) for column in zip(*rows, strict=True)), stacked(delivered)]
+    columns = [*(stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
     return History(*columns)
 
 
-def stacked(delivered: Sequence[Array]) -> Array:
-    """What was delivered round by round, (1 or S, P, ...) each, as one array, (T, 1 or S, P, ...)."""
-    xp, shape = namespace(delivered[0]), max((one.shape for one in delivered), key=lambda shape: shape[0])
-    return xp.stack([xp.broadcast_to(one, shape) for one in delivered])
+def stacked(offered: Sequence[Array]) -> Array:
+    """What was offered round by round, (P, ...) or (S, P, ...) each, as one array."""
+    xp, shape = namespace(offered[0]), max((one.shape for one in offered), key=len)
+    return xp.stack([xp.broadcast_to(one, shape) for one in offered])

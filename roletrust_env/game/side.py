@@ -1,4 +1,4 @@
-"""The attacker's side of a game: who belongs to it, identities in reserve included, and what they do."""
+"""The attacker's side of a game: who belongs to it, identities in reserve included, and how far they are told apart."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -15,19 +15,22 @@ class Side:
     Args:
         roster: of the game.
         compromised: names of the agents that the attacker controls, no identities in reserve among them.
+        honest: names of agents that no script makes attack; those of this side do not count.
         like: an array of the game's library, dtype and device.
 
     Attributes:
         identities: names of the compromised agents, each followed by its identities in reserve.
-        raters: places of those that rate, on the rater axis.
-        providers: places of those that provide, on the provider axis.
+        honest_providers: places of the honest providers, on the provider axis.
     """
 
-    def __init__(self, roster: Roster, compromised: Sequence[str], like: Array) -> None:
+    def __init__(self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array) -> None:
         owned = [[name for name, owner in roster.owners.items() if owner == agent] for agent in compromised]
         self.identities = tuple(name for names in owned for name in names)
-        self.raters = places(self.identities, roster.rater_names)
-        self.providers = places(self.identities, roster.provider_names)
+        others = [name for name in honest if name not in self.identities]
+        self._raters = places(self.identities, roster.rater_names)
+        self._providers = places(self.identities, roster.provider_names)
+        self._honest_raters = places(others, roster.rater_names)
+        self.honest_providers = places(others, roster.provider_names)
         self._sellers = [found for names in owned if (found := places(names, roster.provider_names))]
         self._agents = places(self.identities, roster.names)
         rows = [
@@ -73,12 +76,31 @@ class Side:
         means = [mean_where(values[own, ...], present[own, ...]) for own in self._sellers]
         return namespace(values).stack(means).mean(axis=0)
 
-    def largest(self, gap: Array, phase: Array | None) -> Array:
-        """Of the gaps of all roles and identities, raters first, the largest of each agent, (n, ...).
+    def gap(
+        self,
+        trust: tuple[Array, Array],
+        present: tuple[Array | None, Array | None],
+        phase: Array | None,
+        tolerance: float,
+    ) -> Array:
+        """How far the trust of each compromised agent is below that of the honest ones, beyond a tolerance, (n, ...).
 
-        Who waits in reserve has none, and who is gone keeps it.
+        Of its roles and identities the largest gap counts. Who waits in reserve has none, and who is gone keeps it.
+
+        Args:
+            trust: ToR (S, ...) and ToP (P, ...).
+            present: which raters and which providers are there; None where all always are.
+            phase: of all agents, see `Population`; None where all are always there.
+            tolerance: what costs nothing.
         """
-        xp = namespace(gap)
+        gaps = []
+        sides = (self._honest_raters, self._raters), (self.honest_providers, self._providers)
+        for values, there, (honest, mine) in zip(trust, present, sides, strict=True):
+            if mine:
+                own = values[mine, ...]
+                gaps.append(mean_of(values, honest, there) - own - tolerance if honest else 0 * own)
+        xp = namespace(gaps[0])
+        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
         if phase is not None:
             unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (phase[self._in_gap, ...] == WAITING)
             gap = xp.where(unseen, 0 * gap, gap)
@@ -92,3 +114,9 @@ class Side:
 def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
     """Where those of the names that are on an axis stand on it, in the order of the names."""
     return [axis.index(name) for name in names if name in axis]
+
+
+def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
+    """The mean of some rows, of those that are present; 0 if none is."""
+    rows = values[places, ...]
+    return rows.mean(axis=0) if present is None else mean_where(rows, present[places, ...])

@@ -93,6 +93,12 @@ class Noise(NamedTuple):
     scale: Array | None = None
 
 
+def intended(actions: Actions, nature: Nature) -> Array:
+    """The quality that providers have chosen, as far as they are able, (P, ...); or for each rater, (S, P, ...)."""
+    quality = actions.quality if nature.ability is None else nature.ability * actions.quality
+    return quality if actions.treatment is None else actions.treatment * quality
+
+
 def check_shapes(actions: Actions, state: State) -> None:
     """Look whether actions are of the shapes that a state asks for.
 

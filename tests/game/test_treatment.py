@@ -40,7 +40,7 @@ def test_where_all_are_served_alike_there_is_nothing_of_it() -> None:
     actions, _ = cast.act(cast.game.start(cast.game.draw(random, start=True)), cast.begin(random), random)
     assert actions.treatment is None
     history = played(cast.game, dict(cast.policies))
-    assert np.array_equal(history.delivered, history.quality[:, None])
+    assert np.array_equal(np.nan_to_num(history.offered), history.quality)
 
 
 @pytest.mark.parametrize("scenario", ["paper-3x3", "peers", "market", "robots-that-move"])
@@ -48,16 +48,17 @@ def test_who_serves_all_alike_plays_as_if_it_had_not_been_asked(scenario: str) -
     game = Game(make_scenario(scenario).change(max_cycles=20))
     fair = played(game, {game.roster.provider_names[0]: Fair()})
     for name, plain, asked in zip(History._fields, played(game, {}), fair, strict=True):
-        np.testing.assert_allclose(np.broadcast_to(plain, asked.shape), asked, atol=1e-12, err_msg=name)
+        whole = plain[:, None] if asked.ndim > plain.ndim else plain
+        np.testing.assert_allclose(np.broadcast_to(whole, asked.shape), asked, atol=1e-12, err_msg=name)
 
 
 def test_each_rater_gets_and_tells_of_its_own_service() -> None:
     """By hand: sp_1 gives sr_0 and sr_2 a quarter of its best from round 2 on, and sr_1 all."""
     history = played(Game(PAPER), {"sp_1": Conflicting(raters=(0, 2), bad=0.25, start=2)})
-    assert history.delivered.shape == (12, 3, 3)
-    assert np.all(history.delivered[:2] == 1)
-    assert history.delivered[2:].tolist() == [[[1, 0.25, 1], [1, 1, 1], [1, 0.25, 1]]] * 10
-    assert np.array_equal(history.ratings[1:], history.delivered[:-1])
+    assert history.offered.shape == (12, 3, 3)
+    assert np.all(history.offered[:2] == 1)
+    assert history.offered[2:].tolist() == [[[1, 0.25, 1], [1, 1, 1], [1, 0.25, 1]]] * 10
+    assert np.array_equal(history.ratings[1:], history.offered[:-1])
     assert history.quality[2:] == pytest.approx(np.array([[1, 0.5, 1]] * 10))
     cost = PAPER.rewards.quality_cost
     assert history.rewards[5, 4] == pytest.approx(history.top[5, 1] - 0.5 * cost)
@@ -68,20 +69,19 @@ def test_a_provider_with_both_roles_never_serves_itself_and_lies_by_its_ratings_
     history = played(Game(PEERS.change(noise=0.0)), policies)
     assert history.served[5, :, 0].sum() == 8  # all but itself
     assert history.quality[5, 0] == pytest.approx(7 / 8)
-    assert history.delivered[5, :3, 0].tolist() == [1, 0, 1]
-    assert np.all(history.delivered[5, :, 3] == 0.5)
+    assert history.offered[5, :3, 0].tolist() == [1, 0, 1]
+    assert np.all(history.offered[5, :, 3] == 0.5)
 
 
 def test_quality_is_the_mean_over_who_chose_it() -> None:
     game = Game(make_scenario("market").change(max_cycles=30, noise=0.0, ratings={}))
     history = played(game, {"sp_0": Conflicting()}, (4,))
-    got = np.where(history.served, history.delivered, 0).sum(axis=1)
+    got = np.where(history.served, history.offered, 0).sum(axis=1)
     number = history.served.sum(axis=1)
     np.testing.assert_allclose(history.quality, got / np.maximum(number, 1), atol=1e-12)
-    assert np.all(history.delivered[np.broadcast_to(number[:, None] == 0, history.delivered.shape)] == 0)
-    mine = history.delivered[:, :, 0]
+    mine = history.offered[:, :, 0]
     assert np.all(mine[:, :10] == 0)
-    assert np.all((mine[:, 10:] > 0) == (number[:, 0] > 0)[:, None])
+    assert np.all(mine[:, 10:] > 0)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_a_batch_is_its_games_and_torch_agrees(scenario: Any) -> None:
 
 
 def test_the_scripted_agents_of_a_task_treat_raters_differently_there() -> None:
-    """Also where the learner sees the whole state: what is delivered is no part of it."""
+    """Also where the learner sees the whole state: what is offered is no part of it."""
     task = make_task(PAPER, ["sr_2"], others={"sp_0": Conflicting(raters=(1,))}, knowledge="white_box")
     random = task.game.random(0)
     state = task.start(task.game.draw(random, start=True), random)

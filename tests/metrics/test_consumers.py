@@ -41,5 +41,5 @@ def test_metrics_take_recorded_games() -> None:
     trust = seen(attacked)
     assert damage(trust, seen(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
-    assert (utility(attacked.top, attacked.quality).value > 0.9).all()
+    assert (utility(attacked.top, attacked.offered).value > 0.9).all()
     assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)

@@ -99,7 +99,7 @@ def test_who_left_is_paid_for_and_who_never_came_is_not() -> None:
 
 
 def test_an_action_has_no_say_over_them() -> None:
-    """Who plays by a task's action is gone when its first identity is, and shares nothing with those in reserve."""
+    """Those in reserve change nothing for who plays by a task's action, but that it is not all gone."""
     rules = SELLER | {"admission": {"threshold": 0.4, "rounds": 2}}
     task, plain = exact_task(rules), exact_task(rules | {"agents": [*AGENTS[:2], {"role": "SP"}]})
     worst = OpenLoop(np.zeros((20, 1)))
@@ -107,11 +107,9 @@ def test_an_action_has_no_say_over_them() -> None:
     ours, theirs = (
         [moment.outcome for moment in play(some, worst, (1, 1), *sources(some, 0, SEARCHED))] for some in (task, plain)
     )
-    assert ours[-1].caught.all()
-    for one, other in zip(ours, theirs, strict=True):
-        assert np.array_equal(one.reward, other.reward)
-    back = Scripted({"sp_2": Whitewashing(threshold=0.0)})
-    assert not [moment.outcome.caught.any() for moment in play(task, back, (1, 1), *sources(task, 0, SEARCHED))][6]
+    assert [one.reward.item() for one in ours] == [one.reward.item() for one in theirs]
+    assert theirs[-1].caught.all()
+    assert not ours[-1].caught.any()
 
 
 @pytest.mark.parametrize("attacker", [OpenLoop(np.zeros((20, 1))), Scripted({"sp_2": Whitewashing()})], ids=str)

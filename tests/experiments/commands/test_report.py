@@ -29,8 +29,8 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),
         "false alarms": metrics.false_alarms(curves.trust, [0, 1, 3, 4, 5]),
-        "utility": metrics.utility(curves.top, curves.delivered),
-        "utility, no attack": metrics.utility(twin.top, twin.delivered),
+        "utility": metrics.utility(curves.top, curves.offered),
+        "utility, no attack": metrics.utility(twin.top, twin.offered),
         "recovery, rounds": metrics.recovery(curves.trust, twin.trust, [0, 1, 3, 4, 5], 7),
     }
     for name, score in scores.items():
