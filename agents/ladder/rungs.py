@@ -16,7 +16,7 @@ import numpy as np
 from agents.ladder.players import Attacker, OpenLoop
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, Outcome, TaskState, make_task
-from roletrust_env.game.state import Noise
+from roletrust_env.game.state import Actions, Noise
 from roletrust_env.randomness import Random
 
 Arguments = Mapping[str, Any]
@@ -145,13 +145,13 @@ class Moment(NamedTuple):
 
     Attributes:
         state: after it.
-        action: of the attacker.
+        action: of the attacker, or all agents' actions.
         outcome: what it brought, 0 to games long over.
         offered: quality that the providers had for whoever came, see `Game.offered`.
     """
 
     state: TaskState
-    action: Array
+    action: Array | Actions
     outcome: Outcome
     offered: Array
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from baselines.rater.lying import Places, among
+from baselines.places import Places, among
 from baselines.window import WindowedAttack
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Channel

@@ -22,8 +22,8 @@ from roletrust_env.world.roster import Roster
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
 _COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
 
-# The parameters of an attack that are places on the provider axis, and may be named.
-_PLACES = ("targets", "accomplices")
+# The parameters of an attack that are places on the provider or the rater axis, and may be named.
+_PROVIDERS, _RATERS = ("targets", "accomplices"), ("raters",)
 
 # The parameters of a trust model that a field of the scenario gives it.
 _SHARED = {"lam": "lam", "initial": "initial_trust"}
@@ -85,8 +85,8 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
     Args:
         texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
-            `targets` and `accomplices` may be names of agents. Accomplices that are not given are all the providers
-            that attack, and the length of the game is the scenario's, where an attack asks for them.
+            `targets`, `accomplices` and `raters` may be names of agents. Accomplices that are not given are all the
+            providers that attack, and the length of the game is the scenario's, where an attack asks for them.
         scenario: whose agents they are.
 
     Raises:
@@ -180,9 +180,11 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
     """The same of an attack, with its places by number."""
     registry, name, parameters = _parsed(baselines.registry, text)
-    for key in _PLACES:
-        if key in parameters:
-            parameters[key] = _places(key, parameters[key], roster.provider_names)
+    axes = ((_PROVIDERS, "providers", roster.provider_names), (_RATERS, "raters", roster.rater_names))
+    for keys, who, names in axes:
+        for key in keys:
+            if key in parameters:
+                parameters[key] = _places(key, parameters[key], who, names)
     return registry, name, parameters
 
 
@@ -222,8 +224,8 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _places(key: str, given: Any, names: Sequence[str]) -> Any:
-    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the provider axis."""
+def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
+    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the axis of the names."""
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
     if isinstance(given, int) and not isinstance(given, bool):
@@ -232,7 +234,7 @@ def _places(key: str, given: Any, names: Sequence[str]) -> Any:
         return given
     for place in given:
         if isinstance(place, str) and place not in names:
-            raise ValueError(f"{key} has {place!r}; the providers are {names[0]} ... {names[-1]}")
+            raise ValueError(f"{key} has {place!r}; the {who} are {names[0]} ... {names[-1]}")
     return tuple(names.index(place) if isinstance(place, str) else place for place in given)
 
 

@@ -46,7 +46,7 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
 
 def all_kept_bytes(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> int:
     """The memory that the curves of every game take at the worst moment, see `foresee`."""
-    return kept_bytes(casts[0].game) * (len(casts) + has_twin(casts[0].game, attackers) + 1)
+    return kept_bytes(casts[0]) * (len(casts) + has_twin(casts[0].game, attackers) + 1)
 
 
 def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:

@@ -24,7 +24,8 @@ def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
 
     Args:
         trust: of the providers, as published when the service is chosen; NaN where one is absent.
-        offered: the quality of each for whoever comes, of the same shape; NaN where one does not serve.
+        offered: the quality of each for whoever comes, of the same shape; NaN where one does not serve. With an axis
+            more, that of the raters before the providers', it is what each rater could have: the mean over them counts.
         axis: of the providers.
 
     Example:
@@ -33,6 +34,9 @@ def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
         {'got': np.float64(0.3), 'best': np.float64(1.0), 'blind': np.float64(0.5333333333333333)}
     """
     xp = namespace(offered)
+    if offered.ndim > trust.ndim:
+        of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1)
+        return Bought(*(xp.mean(part, axis=axis) for part in of_each))
     there = (offered == offered) & (trust == trust)
     quality, known = xp.where(there, offered, 0 * there), xp.where(there, trust, 0 * there - 1)
     chosen = there & (known == xp.max(known, axis=axis, keepdims=True))

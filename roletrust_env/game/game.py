@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
 from roletrust_env.game.luck import Luck
 from roletrust_env.game.payoff import Payoff
-from roletrust_env.game.state import Actions, Counts, Noise, State
+from roletrust_env.game.state import Actions, Counts, Noise, State, check_shapes, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, check_trust_model
@@ -161,21 +161,8 @@ class Game:
             ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
-        if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
-            raise ValueError(
-                f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
-                f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
-            )
-        wanted, withheld, population = actions.presence, actions.withheld, state.population
-        if wanted is not None and (population is None or wanted.shape != population.phase.shape):
-            raise ValueError(
-                f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
-            )
-        if withheld is not None and withheld.shape != state.ratings.shape:
-            raise ValueError(
-                f"withheld has the shape {tuple(withheld.shape)}; it must be (S, P, ...) = "
-                f"{tuple(state.ratings.shape)}, or None where nobody withholds a rating"
-            )
+        check_shapes(actions, state)
+        withheld, population = actions.withheld, state.population
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
@@ -207,12 +194,13 @@ class Game:
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        ability, taste = state.nature
-        quality = actions.quality if ability is None else ability * actions.quality
-        quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
-        service = self.service.perceive(
-            quality, self._perturbations.strength(state.round), state.round, noise.perception, taste
-        )
+        chosen = intended(actions, state.nature)
+        if actions.treatment is not None:
+            quality = mean_where(chosen, served)
+        else:
+            chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
+        strength, taste = self._perturbations.strength(state.round), state.nature.taste
+        service = self.service.perceive(chosen, strength, state.round, noise.perception, taste)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -248,15 +236,15 @@ class Game:
     def offered(self, before: State, actions: Actions, after: State) -> Array:
         """The quality that each provider had for whoever came in a round, (P, ...); NaN where it did not serve.
 
-        What it delivered is 0 where nobody came; what a consumer could have had is not.
+        What it delivered is 0 where nobody came; what a consumer could have had is not. Where any provider treats
+        raters differently it is what each of them could have had, (S, P, ...).
 
         Args:
             before: the state before the round.
             actions: of all agents in the round.
             after: the state after it.
         """
-        xp, ability = namespace(self.like), before.nature.ability
-        quality = actions.quality if ability is None else ability * actions.quality
+        xp, quality = namespace(self.like), intended(actions, before.nature)
         for _, providing in self._acting(before, after.population):
             quality = xp.where(providing, quality, self._nowhere)
         return quality

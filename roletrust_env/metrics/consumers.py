@@ -13,11 +13,13 @@ def utility(trust: Floats, offered: Floats) -> Score:
 
         utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max offered[t]
 
-    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely.
+    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely. Where
+    providers treat raters differently, every rater is such a consumer, and both sums are over all of them, too.
 
     Args:
         trust: of the providers, (T, P, ...), NaN where one is absent.
-        offered: the quality of each for whoever came, (T, P, ...), NaN where one did not serve, see `Game.offered`.
+        offered: the quality of each for whoever came, (T, P, ...), NaN where one did not serve, see `Game.offered`; or
+            for each rater, (T, S, P, ...).
     """
     bought = _bought(trust, offered)
     return _share_of_best(bought.got, bought.best)
