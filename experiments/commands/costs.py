@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from experiments.commands.attacks import parse_trust_model
 from experiments.commands.console import console, number_table, progress_bar
+from experiments.naming import parse_trust_model
 from experiments.results.files import prepare_folder, replacing, write_csv
 from experiments.timing.contestants import Spread
 from experiments.timing.models import LIBRARIES, LIMITS, Cell, Found, Size, growth, measure_models, sizes

@@ -6,7 +6,7 @@ import pytest
 from agents.ladder.rungs import find
 from baselines import Collusion, Orchestrated, SelfPromotion, make_attacker
 from baselines.search import PaperAttacks, Scripts
-from experiments.commands.attacks import parse_attacks
+from experiments.naming import parse_attacks
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.game.attack import make_task
 from roletrust_env.game.views import ProviderView, RaterView

@@ -3,7 +3,7 @@
 import pytest
 
 from baselines import BadMouthing, Sybil
-from experiments.commands.attacks import parse_attacks
+from experiments.naming import parse_attacks
 from roletrust_env import Cast, Game, make_scenario, record
 
 WAVE = make_scenario("newcomers").change(max_cycles=100, noise=0.0)

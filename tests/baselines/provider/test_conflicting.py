@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import Conflicting
-from experiments.commands.attacks import parse_attacks
+from experiments.naming import parse_attacks
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.game.views import ProviderView
 

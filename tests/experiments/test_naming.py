@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from baselines.search import Scripts
 from experiments.cli import app
-from experiments.commands.attacks import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
+from experiments.naming import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
 from roletrust_env import make_scenario
 from roletrust_env.game.attack import make_task
 
