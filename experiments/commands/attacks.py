@@ -104,6 +104,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
         facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
         policy = _made(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:
             if agent in policies:
@@ -204,6 +205,16 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     return registry.own(module, name)
 
 
+def _check_ring(kind: Kind, parameters: Mapping[str, Any], text: str) -> None:
+    """Refuse a ring of raters that has no provider to praise."""
+    wanted = inspect.signature(kind).parameters.get("accomplices")
+    if wanted and wanted.default is wanted.empty and "accomplices" not in parameters:
+        raise ValueError(
+            f"attacker {text!r} has no accomplices: seat an attack at a provider, too, such as --attack sp_0={text}, "
+            "or name them, such as accomplices=[sp_0]"
+        )
+
+
 def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
     try:
         return registry.make(name, **parameters)
@@ -217,6 +228,8 @@ def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
     """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the axis of the names."""
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
+    if isinstance(given, int) and not isinstance(given, bool):
+        given = (given,)
     if not isinstance(given, tuple):
         return given
     for place in given:

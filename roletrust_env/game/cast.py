@@ -223,7 +223,8 @@ def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NO
     if policy.reserve > reserve:
         raise ValueError(
             f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
-            f"agent has {reserve} here; a group's reserve gives it identities, and PettingZoo leaves them out"
+            f"agent has {reserve} here; its group in the scenario gives it identities, by reserve = {policy.reserve}, "
+            "and PettingZoo leaves them out"
         )
 
 

@@ -33,6 +33,7 @@ def test_targets_by_name(targets):
     assert policy.targets == (1, 2)
     one = parse_attacks(["srsp_0=bad-mouthing:targets=srsp_3"], make_scenario("peers"))["srsp_0"]
     assert one.targets == (3,)
+    assert parse_attacks(["sr_0=bad-mouthing:targets=2"], PAPER)["sr_0"].targets == (2,)
 
 
 def test_trust_model_takes_the_scenarios_lam_unless_told():
