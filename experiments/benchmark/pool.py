@@ -46,9 +46,9 @@ class Here:
                         cell, attempt = waiting.pop()
                         job = pool.schedule(play_safely, args=(suite, cell), timeout=suite.limit_s)
                         running[job] = cell, attempt
-                    for job in wait(running, return_when=FIRST_COMPLETED).done:
-                        cell, attempt = running.pop(job)
-                        done = _result(job, suite, attempt)
+                    for ended in wait(running, return_when=FIRST_COMPLETED).done:
+                        cell, attempt = running.pop(ended)
+                        done = _result(ended, suite, attempt)
                         if done is None:
                             waiting.append((cell, attempt + 1))
                         else:
