@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.cast import Cast
-from roletrust_env.game.state import State
+from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 
 
@@ -74,13 +74,22 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
     memories = cast.begin(random, batch)
     for _ in range(game.scenario.max_cycles):
         actions, memories = cast.act(state, memories, random)
-        for channel in ("quality", "ratings", "treatment"):
-            chosen = getattr(actions, channel)
-            if chosen is not None and not bool(((chosen >= 0) & (chosen <= 1)).all()):
-                raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
+        check_allowed(actions)
         before = state
         state, rewards = game.step(before, actions, game.draw(random, batch))
         yield Round(state, rewards, game.offered(before, actions, state))
+
+
+def check_allowed(actions: Actions) -> None:
+    """See that nobody chose what is not allowed.
+
+    Raises:
+        ValueError: names what somebody chose that is NaN or outside [0, 1].
+    """
+    for channel in ("quality", "ratings", "treatment"):
+        chosen = getattr(actions, channel)
+        if chosen is not None and not bool(((chosen >= 0) & (chosen <= 1)).all()):
+            raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
 
 
 def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
