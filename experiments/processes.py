@@ -56,11 +56,13 @@ class _Worker(Generic[Key]):
         until: when that has to be done, by the monotonic clock.
     """
 
-    def __init__(self, work: Callable[..., Any], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, work: Callable[..., Any], environment: Mapping[str, str], prepare: Callable[[], None] | None
+    ) -> None:
         self.link, theirs = _SPAWN.Pipe()
         self.ready, self.until = False, inf
         self.job: _Job[Key] | None = None
-        self._process = _SPAWN.Process(target=_serve, args=(work, theirs), daemon=True)
+        self._process = _SPAWN.Process(target=_serve, args=(work, prepare, theirs), daemon=True)
         with _environment(environment):
             self._process.start()
         theirs.close()
@@ -89,10 +91,18 @@ class Crew(Generic[Key]):
         work: a function of a module, which does a job.
         number: of processes; they start with the first job.
         environment: variables that they have beside those of this process.
+        prepare: a function of a module that each calls as it starts.
     """
 
-    def __init__(self, work: Callable[..., Any], number: int, environment: Mapping[str, str]) -> None:
-        self._work, self._number, self._environment = work, number, environment
+    def __init__(
+        self,
+        work: Callable[..., Any],
+        number: int,
+        environment: Mapping[str, str],
+        prepare: Callable[[], None] | None = None,
+    ) -> None:
+        self._number = number
+        self._of_each = work, environment, prepare
         self._workers: list[_Worker[Key]] = []
 
     def __enter__(self) -> Self:
@@ -126,7 +136,7 @@ class Crew(Generic[Key]):
         stillborn = 0
         while todo or any(worker.job for worker in self._workers):
             while len(self._workers) < min(self._number, len(todo) + sum(w.job is not None for w in self._workers)):
-                self._workers.append(_Worker(self._work, self._environment))
+                self._workers.append(_Worker(*self._of_each))
             heard = wait([worker.link for worker in self._workers], _LOOK_S)
             for worker in list(self._workers):
                 job, late = worker.job, monotonic() > worker.until
@@ -172,11 +182,13 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
             os.environ.update({} if value is None else {name: value})
 
 
-def _serve(work: Callable[..., Any], link: Connection) -> None:
+def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:
     """What a process does, until the link is closed."""
     if os.name == "posix":
         os.setsid()  # a group of its own, with all that it starts; an interrupt from the keyboard is not for it
     Thread(target=_follow, daemon=True).start()
+    if prepare is not None:
+        prepare()
     with suppress(EOFError, OSError):
         link.send(None)
         while True:

@@ -133,6 +133,8 @@ class Store:
             facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
             if facts.get("format") != FORMAT:
                 raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
+            if not {"suite", "software"} <= facts.keys():
+                raise sqlite3.DatabaseError("it does not say what it is of")
             for (found,) in file.execute("PRAGMA quick_check"):
                 if found != "ok":
                     raise sqlite3.DatabaseError(" ".join(str(found).split()))
@@ -199,7 +201,7 @@ def _explained(path: Path) -> Iterator[None]:
     """SQLite's errors as one line that says what to do."""
     try:
         yield
-    except (sqlite3.DatabaseError, json.JSONDecodeError, KeyError) as error:
+    except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the rest says more than is needed
         if code in _UNWRITABLE:
             raise OSError(f"{path} cannot be written: {error}; what it holds stays, make room and go on") from None

@@ -32,7 +32,7 @@ def compile_ahead(
     Args:
         work: a function of a module; what it returns or raises is lost.
         jobs: its arguments; those that cannot be sent to another process are passed over.
-        limit_s: seconds that a job may take, with what it takes to load torch for the first one.
+        limit_s: seconds that a job may take, not counting what a process needs to start and to load torch.
         threads: of torch, which the compiled code depends on.
         advance: called with each key before its job begins.
 
@@ -41,7 +41,8 @@ def compile_ahead(
     """
     sent = {key: job for key, job in jobs.items() if _can_be_sent(job)}
     undone: dict[Key, str] = {}
-    with Crew[Key](partial(_compile, work, threads), _WORKERS, _ENVIRONMENT) as crew, suppress(ChildProcessError):
+    crew: Crew[Key] = Crew(partial(_compile, work), _WORKERS, _ENVIRONMENT, partial(_load_torch, threads))
+    with crew, suppress(ChildProcessError):
         for key, answer in crew.do(sent, limit_s, advance=advance):
             if answer.late:
                 undone[key] = f"to compile it takes more than {in_time(limit_s)}"
@@ -57,7 +58,12 @@ def _can_be_sent(job: tuple[Any, ...]) -> bool:
     return False
 
 
-def _compile(work: Callable[..., object], threads: int, *job: Any) -> None:
+def _compile(work: Callable[..., object], *job: Any) -> None:
     """Do a job."""
-    with torch_threads(threads), suppress(Exception):  # whatever it raises comes again where it is not lost
+    with suppress(Exception):  # whatever it raises comes again where it is not lost
         work(*job)
+
+
+def _load_torch(threads: int) -> None:
+    """Let torch, where it is installed, work on so many threads from now on."""
+    torch_threads(threads).__enter__()
