@@ -1,6 +1,7 @@
 """Who plays the cells: a Ray cluster. Each of its processes has one of its own, as `Here` has them, to play in."""
 
 import os
+import socket
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -29,8 +30,9 @@ class Cluster:
         self.address = address
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
-            ray.init(address, log_to_driver=False, logging_level="ERROR", include_dashboard=None)
-        except (ConnectionError, RuntimeError, ValueError, RayError) as error:
+            _check_answers(address)
+            ray.init(address, log_to_driver=False, logging_level="ERROR")
+        except (OSError, RuntimeError, ValueError, RayError) as error:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"--ray {address}: no Ray cluster answers there ({line})") from None
 
@@ -81,6 +83,18 @@ class Seat:
             other = [name for name in theirs if theirs[name] != mine[name]]
             raise ValueError(f"a machine of the cluster has other software ({', '.join(other)}); results would differ")
         return next(done for _, done in played(self._crew, suite, [cell]))
+
+
+def _check_answers(address: str) -> None:
+    """See that somebody answers at HOST:PORT, which Ray would wait minutes for.
+
+    Raises:
+        OSError: nobody does.
+        ValueError: the port is no number.
+    """
+    host, colon, port = address.rpartition("://")[2].rpartition(":")
+    if colon:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=10).close()
 
 
 def _result(ended: Any) -> Done:
