@@ -70,7 +70,7 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
         state = turn.after.game
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
-        bought.append(game.bought(turn.before.game, turn.joint, state))
+        bought.append(task.bought(turn.before.game, turn.joint, state))
     return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.cast import Cast
+from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.side import Side, mean_of, places
@@ -171,7 +172,7 @@ class AttackTask:
         if self.objective == "damage":
             objective = mean_of(1 - top, self._side.honest_providers, providers)
         elif self.objective == "mislead":
-            bought = game.bought(before, actions, after)
+            bought = self.bought(before, actions, after)
             objective = bought.best - bought.got
         else:
             sold = top * (1 - after.quality) * after.awaiting.any(axis=0)
@@ -186,6 +187,14 @@ class AttackTask:
         over = after.round >= game.scenario.max_cycles
         reward = objective - self.stealth.weight * cost
         return Outcome(reward, objective, cost, caught, over)
+
+    def bought(self, before: State, actions: Actions, after: State) -> Bought:
+        """What consumers got in a round who went by the trust published before it. See `Game.offered`."""
+        game = self.game
+        top, present = game.published(before)[1], game.present(before)
+        if present is not None:
+            top = namespace(top).where(game.roster.providers(present), top, np.nan)
+        return buy(top, game.offered(before, actions, after))
 
     def observe(self, state: TaskState) -> Array:
         """What the attacker sees, shape (K, ...).

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
-from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.luck import Luck
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, check_shapes, intended
@@ -249,13 +248,6 @@ class Game:
         for _, providing in self._acting(before, after.population):
             quality = xp.where(providing, quality, self._nowhere)
         return quality
-
-    def bought(self, before: State, actions: Actions, after: State) -> Bought:
-        """What consumers got in a round who went by the trust published before it. Arguments as for `offered`."""
-        top, present = self.published(before)[1], self.present(before)
-        if present is not None:
-            top = namespace(top).where(self.roster.providers(present), top, self._nowhere)
-        return buy(top, self.offered(before, actions, after))
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
