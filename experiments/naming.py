@@ -188,7 +188,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
     """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
     owner, _, after = rest.partition(":")
-    if name not in registry.names():
+    if name not in registry:
         if name and owner.strip().isidentifier():
             registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
         else:

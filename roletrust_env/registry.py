@@ -45,6 +45,10 @@ class Registry(Generic[Thing]):
             raise ValueError(f"{self.kind} {name!r} is registered already")
         self._factories[name] = factory
 
+    def __contains__(self, name: str) -> bool:
+        """Whether a name is known; what is installed is looked through only for those not registered here."""
+        return name in self._factories or name in self._plugins()
+
     def names(self) -> list[str]:
         """All known names: those registered here, then those that installed packages bring."""
         return list(dict.fromkeys([*self._factories, *self._plugins()]))

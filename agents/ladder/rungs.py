@@ -156,9 +156,23 @@ class Moment(NamedTuple):
     offered: Array
 
 
-def play(
-    task: AttackTask, attacker: Attacker, batch: tuple[int, int], luck: Random, chance: Random
-) -> Iterator[Moment]:
+class Turn(NamedTuple):
+    """What happened in one round, before anybody judges it.
+
+    Attributes:
+        before: the state before it.
+        action: of the attacker, or all agents' actions.
+        joint: all agents' actions, the attacker's among them.
+        after: the state after it.
+    """
+
+    before: TaskState
+    action: Array | Actions
+    joint: Actions
+    after: TaskState
+
+
+def turns(task: AttackTask, attacker: Attacker, batch: tuple[int, int], luck: Random, chance: Random) -> Iterator[Turn]:
     """Play to the scenario's end.
 
     Args:
@@ -170,17 +184,27 @@ def play(
     """
     state = task.start(_shared(task.game.draw(luck, batch[1:], start=True), batch[0]), chance)
     memory = attacker.begin(task, chance, batch)
-    ended = state.game.round < 0  # nobody yet
     for _ in range(task.game.scenario.max_cycles):
         noise = _shared(task.game.draw(luck, batch[1:]), batch[0])
         action, memory = attacker.act(task, state, memory, chance)
-        before, (actions, memories) = state.game, task.joint(state, action, chance)
-        state, outcome = task.advance(state, actions, memories, noise)
+        joint, memories = task.joint(state, action, chance)
+        before, state = state, TaskState(task.game.step(state.game, joint, noise)[0], memories)
+        yield Turn(before, action, joint, state)
+
+
+def play(
+    task: AttackTask, attacker: Attacker, batch: tuple[int, int], luck: Random, chance: Random
+) -> Iterator[Moment]:
+    """Play to the scenario's end, and see what each round brings. Arguments as for `turns`."""
+    ended: Array | None = None
+    for before, action, joint, state in turns(task, attacker, batch, luck, chance):
+        outcome = task.judge(before.game, joint, state.game)
         if state.game.population is not None:  # else nobody can be caught
+            ended = state.game.round < 0 if ended is None else ended  # nobody yet
             reward, objective, cost = (namespace(part).where(ended, 0 * part, part) for part in outcome[:3])
             ended = ended | outcome.caught
             outcome = outcome._replace(reward=reward, objective=objective, cost=cost)
-        yield Moment(state, action, outcome, task.game.offered(before, actions, state.game))
+        yield Moment(state, action, outcome, task.game.offered(before.game, joint, state.game))
 
 
 def measure(

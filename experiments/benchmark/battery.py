@@ -10,7 +10,7 @@ from agents.ladder.players import Attacker, Scripted
 from agents.ladder.rungs import Rung
 from baselines.search import USUAL, CmaEs, RandomSearch, Scripts
 from baselines.search.space import Kind
-from baselines.search.together import side_by_side
+from baselines.search.together import SideBySide, side_by_side
 from roletrust_env.game.attack import AttackTask
 
 _CELLS = 200_000
@@ -29,6 +29,13 @@ class Found(NamedTuple):
     names: tuple[str, ...]
     attacker: Attacker
     rounds: int
+
+    def apart(self) -> "Iterator[Found]":
+        """Each of several scripted attacks by itself."""
+        policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
+        for k, name in enumerate(self.names):
+            alone = {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
+            yield Found((name,), Scripted(side_by_side([alone])), self.rounds)
 
 
 def suited(task: AttackTask, kinds: Mapping[str, Kind], *, identities: bool) -> dict[str, Kind]:

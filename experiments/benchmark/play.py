@@ -1,21 +1,20 @@
 """How a cell's games are watched, and what is read off them."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from agents.ladder.players import Attacker, Scripted
-from agents.ladder.rungs import HELD_OUT, play, sources
+from agents.ladder.rungs import HELD_OUT, sources, turns
 from roletrust_env import metrics
 from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.cast import check_chosen
+from roletrust_env.game.consumer import Bought
 from roletrust_env.metrics.score import mean_where
 from roletrust_env.trust import Traits
 
 Floats = npt.NDArray[np.float64]
-
-CHOOSING = 2
-"""The luck of the games in which the worst case is chosen; beside `SEARCHED` and `HELD_OUT`, see `agents.ladder`."""
 
 MEASURED = ("utility", "blind", "damage", "false_alarms", "auc")
 """What is read off a game.
@@ -30,69 +29,90 @@ Scores = dict[str, Floats]
 
 
 class Watched(NamedTuple):
-    """What T rounds of K x G games left behind; NaN where an agent was not there or did not serve.
+    """What T rounds of K x G games left behind.
 
     Attributes:
-        trust: of the agents, each by its role, (T, N, K, G).
-        top: of the providers, (T, P, K, G).
-        offered: quality for whoever came, (T, P, K, G).
+        trust: of the agents, each by its role, (T, N, K, G); NaN where one was not there.
+        bought: what consumers got, from the second round on: before it there is no trust to go by, (T - 1, K, G).
     """
 
     trust: Floats
-    top: Floats
-    offered: Floats
+    bought: Bought
 
 
-def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], kind: int) -> Watched:
-    """Play to the end and keep what is measured. Arguments as for `agents.ladder.rungs.play` and `sources`."""
-    game, roster, rows = task.game, task.game.roster, []
-    for moment in play(task, attacker, batch, *sources(task, seed, kind)):
-        state = moment.state.game
-        trust, top, present = game.agent_trust(state), game.published(state)[1], game.present(state)
-        if present is not None:
-            trust = np.where(present, trust, np.nan)
-            top = np.where(roster.providers(present), top, np.nan)
-        rows.append((trust, top, moment.offered))
-    return Watched(*(np.stack(column) for column in zip(*rows, strict=True)))
+class Measured(NamedTuple):
+    """The scores of some attacks, in games with luck that no search has seen.
+
+    Attributes:
+        chosen: in the first half of the games: by these the worst case is chosen.
+        measured: in the second half: what that worst case comes to.
+    """
+
+    chosen: Scores
+    measured: Scores
+
+    @classmethod
+    def halves(cls, scores: Scores) -> Self:
+        """Of the scores in all games, (K, 2 G)."""
+        first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
+        return cls(*(dict(zip(scores, half, strict=True)) for half in (first, second)))
 
 
-def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], kind: int = HELD_OUT) -> Scores:
+def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
+    """Play held-out games to the end and keep what is measured. Arguments as for `agents.ladder.rungs.turns`.
+
+    Raises:
+        ValueError: somebody chose what is not allowed, or a trust model of another package fails.
+    """
+    game, trusts, bought = task.game, [], []
+    for turn in turns(task, attacker, batch, *sources(task, seed, HELD_OUT)):
+        check_chosen(turn.joint, game, f"round {int(turn.before.game.round.reshape(-1)[0])}")
+        state = turn.after.game
+        trust, present = game.agent_trust(state), game.present(state)
+        trusts.append(trust if present is None else np.where(present, trust, np.nan))
+        bought.append(task.bought(turn.before.game, turn.joint, state))
+    return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
+
+
+def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Measured:
     """Play some attacks side by side, and the same games once with everybody honest, and measure them.
 
     Args:
         task: what is played, exactly.
         attacker: K attacks side by side, or one.
         seed: of all luck.
-        batch: (K, G), K attacks in G games each.
-        kind: of luck: `CHOOSING` or `HELD_OUT`.
+        batch: (K, G), K attacks in G games each to choose the worst case, and in G others to measure it.
     """
-    seen = watch(task, attacker, seed, batch, kind)
-    twin = watch(task, Scripted({}), seed, (1, batch[1]), kind)
-    roster, rated = task.game.roster, Traits.of(task.game.model).rates_raters
-    judged = roster.names if rated else roster.provider_names
-    honest = [i for i, name in enumerate(roster.names) if name in judged and name not in task.identities]
-    scores = {
-        "utility": metrics.utility(seen.top, seen.offered),
-        "blind": metrics.blind_utility(seen.top, seen.offered),
-        "damage": metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest),
-        "false_alarms": metrics.false_alarms(seen.trust, honest),
-    }
-    return {**{name: score.value for name, score in scores.items()}, "auc": _told_apart(task, seen.trust, judged)}
+    games, judged = 2 * batch[1], _judged(task)
+    seen = watch(task, attacker, seed, (batch[0], games))
+    twin = watch(task, Scripted({}), seed, (1, games))
+    honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
+    damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
+    return Measured.halves({**_read(seen, honest), "damage": damage, "auc": _told_apart(task, seen.trust, judged)})
 
 
-def measure_honest(task: AttackTask, seed: int, games: int) -> Scores:
+def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
     """The same where everybody is honest: there is nothing to lose and nobody to find."""
-    seen = watch(task, Scripted({}), seed, (1, games), HELD_OUT)
-    rated = Traits.of(task.game.model).rates_raters
-    judged = task.game.roster.names if rated else task.game.roster.provider_names
+    judged = _judged(task)
     everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
-    nothing = np.full((1, games), np.nan)
+    nothing = np.full((1, 2 * games), np.nan)
+    seen = watch(task, Scripted({}), seed, nothing.shape)
+    return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing})
+
+
+def _judged(task: AttackTask) -> tuple[str, ...]:
+    """The agents that the trust model tells apart: all, or the providers."""
+    roster = task.game.roster
+    return roster.names if Traits.of(task.game.model).rates_raters else roster.provider_names
+
+
+def _read(seen: Watched, honest: list[int]) -> Scores:
+    """What takes no other games to compare with."""
+    got, best, blind = seen.bought
     return {
-        "utility": metrics.utility(seen.top, seen.offered).value,
-        "blind": metrics.blind_utility(seen.top, seen.offered).value,
-        "damage": nothing,
-        "false_alarms": metrics.false_alarms(seen.trust, everybody).value,
-        "auc": nothing,
+        "utility": metrics.share_of_best(got, best).value,
+        "blind": metrics.share_of_best(blind, best).value,
+        "false_alarms": metrics.false_alarms(seen.trust, honest).value,
     }
 
 

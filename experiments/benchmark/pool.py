@@ -1,19 +1,19 @@
 """Who plays the cells: processes of this machine. Results are the same wherever they are played."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from multiprocessing import get_context
+from collections.abc import Iterator, Sequence
 from typing import Protocol
-
-from pebble import ProcessExpired, ProcessPool
 
 from experiments.benchmark.cells import Cell
 from experiments.benchmark.suite import Suite
-from experiments.benchmark.work import Done, play_cell
+from experiments.benchmark.work import Done, play_cell, reason
+from experiments.processes import Answer, Crew
 
-_TRIES = 3
+TRIES = 3
 """How often a cell is given to a worker that may die."""
+
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""There is a worker for each core."""
 
 
 class Pool(Protocol):
@@ -36,59 +36,44 @@ class Here:
 
     def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
         """See `Pool.play`."""
-        context = get_context("spawn")  # a fork of a process with threads, as torch has them, may hang
-        with ProcessPool(min(self.workers, max(1, len(cells))), initializer=one_thread, context=context) as pool:
-            running: dict[Future[Done], tuple[Cell, int]] = {}
-            waiting = [(cell, 1) for cell in reversed(cells)]
-            try:
-                while running or waiting:
-                    while waiting and len(running) < 2 * self.workers:
-                        cell, attempt = waiting.pop()
-                        job = pool.schedule(play_safely, args=(suite, cell), timeout=suite.limit_s)
-                        running[job] = cell, attempt
-                    for ended in wait(running, return_when=FIRST_COMPLETED).done:
-                        cell, attempt = running.pop(ended)
-                        done = _result(ended, suite, attempt)
-                        if done is None:
-                            waiting.append((cell, attempt + 1))
-                        else:
-                            yield cell, done
-            finally:
-                pool.stop()  # type: ignore[no-untyped-call]
+        with players(self.workers) as crew:
+            yield from played(crew, suite, cells)
 
 
-def _result(job: Future[Done], suite: Suite, attempt: int) -> Done | None:
-    """What came of a cell; None if its worker died and another one should try."""
-    try:
-        return job.result()
-    except TimeoutError:
-        return Done((), suite.limit_s, failed=late(suite))
-    except ProcessExpired as error:
-        if attempt < _TRIES:
-            return None
-        return Done((), 0.0, failed=f"its worker died {_TRIES} times, the last time with exit code {error.exitcode}")
+def players(workers: int) -> Crew[Cell]:
+    """So many processes that play cells."""
+    return Crew(play_safely, workers, _ONE_THREAD)
 
 
-def late(suite: Suite) -> str:
-    """What is said of a cell that took too long."""
-    return f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell"
+def played(crew: Crew[Cell], suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    """Have cells played, each within the suite's limit. See `Pool.play`."""
+    for cell, answer in crew.do({cell: (suite, cell) for cell in cells}, suite.limit_s, TRIES):
+        yield cell, _done(answer, suite)
 
 
-def play_safely(suite: Suite, cell: Cell, play: Callable[[Suite, Cell], Done] = play_cell) -> Done:
+def _done(answer: Answer, suite: Suite) -> Done:
+    """What came of a cell."""
+    if answer.late:
+        return Done((), suite.limit_s, failed=f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell")
+    if answer.died is not None:
+        return gone(f"the last time with exit code {answer.died}")
+    done: Done = answer.value
+    return done
+
+
+def gone(words: str) -> Done:
+    """What is said of a cell whose worker died, over and over."""
+    return Done((), 0.0, failed=f"its worker died {TRIES} times, {words}")
+
+
+def play_safely(suite: Suite, cell: Cell) -> Done:
     """Play a cell; whatever a trust model or an attacker raises becomes one line."""
     try:
-        return play(suite, cell)
-    except Exception as error:  # of classes that others wrote
-        line = " ".join(str(error).split()) or "without a word"
-        return Done((), 0.0, failed=line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}")
+        return play_cell(suite, cell)
+    except (Exception, SystemExit) as error:  # of classes that others wrote
+        return Done((), 0.0, failed=reason(error))
 
 
 def cores() -> int:
     """The cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def one_thread() -> None:
-    """Let libraries use one thread: there is a worker for each core."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"

@@ -64,15 +64,16 @@ class Store:
                     self._lock = _alone(path)
                 mode = "ro" if suite is None else "rwc"
                 self._file = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, isolation_level=None)
-                if suite is not None:
+                if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
-            if facts.get("format") != FORMAT:
-                raise ValueError(f"{path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
             self.suite = read_suite(facts["suite"], str(path))
             self.software: dict[str, Any] = facts["software"]
             if suite is not None:
                 self._check(suite)
+                with _explained(path):
+                    self._file.execute("PRAGMA journal_mode=WAL")
+                    self._file.execute("PRAGMA synchronous=NORMAL")
         except BaseException:
             self.close()
             raise
@@ -121,9 +122,23 @@ class Store:
             ).fetchall()
         return [Kept(Cell(*row[:6]), Done(tuple(attacks.get(row[10], ())), *row[6:10])) for row in found]
 
-    def _facts(self) -> dict[str, Any]:
+    def _tables(self) -> int:
+        """How many tables there are; 0 in a new file."""
         with self._reading() as file:
-            return {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
+            return int(file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0])
+
+    def _facts(self) -> dict[str, Any]:
+        """What the file says of itself, once it is known to be whole and of this format."""
+        with self._reading() as file:
+            facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
+            if facts.get("format") != FORMAT:
+                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
+            if not {"suite", "software"} <= facts.keys():
+                raise sqlite3.DatabaseError("it does not say what it is of")
+            for (found,) in file.execute("PRAGMA quick_check"):
+                if found != "ok":
+                    raise sqlite3.DatabaseError(" ".join(str(found).split()))
+        return facts
 
     def _check(self, suite: Suite) -> None:
         """See that a run to go on with is the same."""
@@ -167,11 +182,7 @@ def _alone(path: Path) -> FileLock:
 
 
 def _prepare(file: sqlite3.Connection, suite: Suite) -> None:
-    """Make the tables if the file is new."""
-    file.execute("PRAGMA journal_mode=WAL")
-    file.execute("PRAGMA synchronous=NORMAL")
-    if file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-        return
+    """Make the tables of a new file, all or none."""
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software()}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
@@ -181,12 +192,19 @@ def _quoted(text: str) -> str:
     return text.replace("'", "''")
 
 
+_UNWRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
+_HELD = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
+
+
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
     """SQLite's errors as one line that says what to do."""
     try:
         yield
     except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
-        if "full" in str(error) or "I/O" in str(error):
-            raise OSError(f"{path} cannot be written: {error}; what was kept stays, make room and go on") from None
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the rest says more than is needed
+        if code in _UNWRITABLE:
+            raise OSError(f"{path} cannot be written: {error}; what it holds stays, make room and go on") from None
+        if code in _HELD:
+            raise ValueError(f"{path} is held by another program ({error}); close that, and go on") from None
         raise ValueError(f"{path} is no benchmark's file, or it is damaged: {error}") from None

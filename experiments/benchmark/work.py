@@ -1,12 +1,13 @@
 """Playing a cell: from its name in a suite to what was measured, the same wherever it is played."""
 
+from collections.abc import Iterator
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from agents.ladder.rungs import HELD_OUT, Arguments, UnsuitableError, exact_task
+from agents.ladder.rungs import Arguments, UnsuitableError, exact_task
 from experiments.benchmark.battery import Found, aim, as_lists, scripted, searching, suited
 from experiments.benchmark.cells import HONEST, Cell, attacks, place
-from experiments.benchmark.play import CHOOSING, measure, measure_honest
+from experiments.benchmark.play import measure, measure_honest
 from experiments.benchmark.suite import Suite
 from experiments.naming import parse_kinds, parse_trust_model
 from roletrust_env.game.attack import AttackTask
@@ -68,34 +69,71 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
     }
     task = exact_task(arguments)
     if cell.rung == HONEST:
-        scores = as_lists(measure_honest(task, cell.seed, suite.games), 0)
-        rows = [Row(HONEST, "everyone honest", 0, scores, scores)]
-        return Done(tuple(rows), perf_counter() - began, env_steps=suite.games * scenario.max_cycles)
-    rows, steps = [], 0
+        scores = measure_honest(task, cell.seed, suite.games)
+        row = Row(HONEST, "everyone honest", 0, *(as_lists(part, 0) for part in scores))
+        return Done((row,), perf_counter() - began, env_steps=2 * suite.games * scenario.max_cycles)
+    rows: list[Row] = []
+    failed: list[str] = []
+    steps = 0
     try:
         for found, words in _attacks(suite, cell, task, arguments):
-            batch = len(found.names), suite.games
-            chosen, measured = (measure(task, found.attacker, cell.seed, batch, kind) for kind in (CHOOSING, HELD_OUT))
-            for k, name in enumerate(found.names):
-                rows.append(Row(name, words[k], found.rounds, as_lists(chosen, k), as_lists(measured, k)))
+            good, bad = _measured(suite, cell, task, found, words)
+            rows, failed = rows + good, failed + bad
             steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * scenario.max_cycles
     except UnsuitableError as error:
         return Done((), perf_counter() - began, unsuitable=str(error))
-    return Done(tuple(rows), perf_counter() - began, env_steps=steps)
+    return Done(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
 
 
-def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: Arguments) -> Any:
+def reason(error: BaseException) -> str:
+    """What somebody's class raised, in one line."""
+    line = " ".join(str(error).split()) or "without a word"
+    return line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}"
+
+
+def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: Arguments) -> Iterator[tuple[Found, str]]:
     """The attacks of a cell, with what they are in words."""
     names = attacks(suite)
     kinds = dict(zip(names, parse_kinds(names, task.game.scenario), strict=True))
     kinds = suited(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
     if cell.rung == "scripted":
-        for found in scripted(task, kinds, suite.games):
-            yield found, ["at its defaults"] * len(found.names)
+        for found in scripted(task, kinds, 2 * suite.games):
+            yield found, "at its defaults"
         return
     rung = searching(cell.rung, list(kinds.values()))
     attempt = rung.attack(arguments, suite.budget, cell.seed, lambda rounds: None)
-    yield Found((cell.rung,), attempt.attacker, attempt.rounds), [attempt.words]
+    yield Found((cell.rung,), attempt.attacker, attempt.rounds), attempt.words
+
+
+def _measured(suite: Suite, cell: Cell, task: AttackTask, found: Found, words: str) -> tuple[list[Row], list[str]]:
+    """What some attacks came to, and what went wrong with those that failed; one that fails takes no other along.
+
+    Raises:
+        Exception: all fail; that of the first one.
+    """
+    try:
+        scores = measure(task, found.attacker, cell.seed, (len(found.names), suite.games))
+    except Exception as error:  # of a trust model or an attacker that others wrote
+        if len(found.names) == 1:
+            raise
+        return _one_by_one(suite, cell, task, found, words, error)
+    parts = [[as_lists(part, k) for part in scores] for k in range(len(found.names))]
+    return [Row(name, words, found.rounds, *part) for name, part in zip(found.names, parts, strict=True)], []
+
+
+def _one_by_one(
+    suite: Suite, cell: Cell, task: AttackTask, found: Found, words: str, error: Exception
+) -> tuple[list[Row], list[str]]:
+    """The same of each attack by itself, after some of them failed together."""
+    rows, failed = [], []
+    for one in found.apart():
+        try:
+            rows += _measured(suite, cell, task, one, words)[0]
+        except Exception as its:
+            failed.append(f"attack {one.names[0]}: {reason(its)}")
+    if not rows:
+        raise error
+    return rows, failed
 
 
 def _anybody(scenario: Any) -> str:

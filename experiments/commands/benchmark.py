@@ -12,7 +12,7 @@ from experiments.benchmark.board import Standing, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
 from experiments.benchmark.foreseen import foresee
-from experiments.benchmark.pool import Here, cores
+from experiments.benchmark.pool import Here, Pool, cores
 from experiments.benchmark.store import Store
 from experiments.benchmark.suite import Suite, load_suite
 from experiments.commands.console import console, number_table, progress_bar
@@ -45,6 +45,15 @@ def benchmark(
         ),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Play on a Ray cluster instead, such as 10.0.0.1:6379, or auto for one on this machine; the results "
+            "are the same.",
+            show_default=False,
+        ),
+    ] = None,
     allow_code: Annotated[
         bool,
         typer.Option(
@@ -80,6 +89,8 @@ def benchmark(
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
+    if ray is not None:
+        require("--ray", "ray", "ray")
     asked = _asked(load_suite(suite), model, attack, allow_code)
     every = cells(asked)
     if dry_run:
@@ -97,7 +108,7 @@ def benchmark(
             console.print(f"[dim]{len(finished):,} of {len(every):,} cells are there already.[/]")
         with progress_bar() as progress:
             job = progress.add_task(f"Playing {asked.name}", total=len(every), completed=len(finished))
-            for cell, done in Here(workers).play(asked, left):
+            for cell, done in _pool(workers, ray).play(asked, left):
                 store.add(cell, done)
                 progress.advance(job)
                 if done.failed:
@@ -110,6 +121,15 @@ def benchmark(
     for line in caveats(asked, kept, attacked(kept), names):
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: results.sqlite, leaderboard.csv", soft_wrap=True)
+
+
+def _pool(workers: int | None, ray: str | None) -> Pool:
+    """Who plays the cells."""
+    if ray is None:
+        return Here(workers)
+    from experiments.benchmark.cluster import Cluster
+
+    return Cluster(ray)
 
 
 def _asked(suite: Suite, model: Sequence[str] | None, attack: Sequence[str] | None, allow_code: bool) -> Suite:

@@ -4,65 +4,20 @@ What one process has compiled, others find in the cache: the one that times it, 
 that was broken off goes on where it was. The cache is where torch keeps it, see its TORCHINDUCTOR_CACHE_DIR.
 """
 
-import os
 import pickle
-import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
-from math import inf
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
-from time import monotonic
-from typing import Any, Generic, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
+from experiments.processes import Crew
 from experiments.results.machine import in_time
 from experiments.timing.threads import torch_threads
 
-Key = TypeVar("Key")
+Key = TypeVar("Key", bound=Hashable)
 
-_SPAWN = get_context("spawn")  # torch does not take well to forks
 _WORKERS = 2
-_BROKEN = "the process that compiled it broke down"
-_LOOK_S = 0.2
-"""Between looks at the clock."""
-
-
-class _Worker(Generic[Key]):
-    """A process that does one job after another.
-
-    Attributes:
-        link: to the process, which sends something when it is ready and after each job.
-        key: of its job; None before the first.
-        until: when the job has to be done, by the monotonic clock.
-    """
-
-    def __init__(self, work: Callable[..., object], threads: int) -> None:
-        self.link, theirs = _SPAWN.Pipe()
-        self.key: Key | None = None
-        self.until = inf
-        self._process = _SPAWN.Process(target=_serve, args=(work, threads, theirs), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def answered(self) -> bool:
-        """Whether the process has sent word, and not come to its end, which reads as word, too."""
-        with suppress(EOFError):
-            self.link.recv()
-            return True
-        return False
-
-    def begin(self, key: Key, job: tuple[Any, ...], limit_s: float) -> None:
-        """Give the process a job, now that it is ready."""
-        self.key, self.until = key, monotonic() + limit_s
-        self.link.send(job)
-
-    def stop(self) -> None:
-        """End the process, and the compilers that it has started."""
-        if os.name == "posix":
-            with suppress(ProcessLookupError):  # it has not come so far as to have a group
-                os.killpg(self._process.pid or 0, signal.SIGKILL)
-        self._process.kill()
-        self._process.join()
+_ENVIRONMENT = {"TORCHINDUCTOR_COMPILE_THREADS": "1"}  # there are as many workers as processors
 
 
 def compile_ahead(
@@ -84,31 +39,15 @@ def compile_ahead(
     Returns:
         Why not, for each key whose job was not done: it was stopped, or its process broke down.
     """
-    todo = [(key, job) for key, job in reversed(tuple(jobs.items())) if _can_be_sent(job)]
+    sent = {key: job for key, job in jobs.items() if _can_be_sent(job)}
     undone: dict[Key, str] = {}
-    workers: list[_Worker[Key]] = [_Worker(work, threads) for _ in range(min(_WORKERS, len(todo)))]
-    try:
-        while workers:
-            heard = wait([worker.link for worker in workers], _LOOK_S)
-            for worker in list(workers):
-                if worker.link not in heard and monotonic() < worker.until:
-                    continue
-                if worker.link in heard and worker.answered():
-                    if todo:
-                        key, job = todo.pop()
-                        advance(key)
-                        worker.begin(key, job, limit_s)
-                        continue
-                elif worker.key is not None:
-                    late = f"to compile it takes more than {in_time(limit_s)}"
-                    undone[worker.key] = _BROKEN if worker.link in heard else late
-                worker.stop()
-                workers.remove(worker)
-                if todo and worker.key is not None:  # one that could not even start would not start again
-                    workers.append(_Worker(work, threads))
-    finally:
-        for worker in workers:
-            worker.stop()
+    crew: Crew[Key] = Crew(partial(_compile, work), _WORKERS, _ENVIRONMENT, partial(_load_torch, threads))
+    with crew, suppress(ChildProcessError):
+        for key, answer in crew.do(sent, limit_s, advance=advance):
+            if answer.late:
+                undone[key] = f"to compile it takes more than {in_time(limit_s)}"
+            elif answer.died is not None:
+                undone[key] = "the process that compiled it broke down"
     return undone
 
 
@@ -119,14 +58,12 @@ def _can_be_sent(job: tuple[Any, ...]) -> bool:
     return False
 
 
-def _serve(work: Callable[..., object], threads: int, link: Connection) -> None:
-    """What the process of a worker does, until the link is closed."""
-    if os.name == "posix":
-        os.setsid()  # a group of its own, with all that it starts
-    os.environ["TORCHINDUCTOR_COMPILE_THREADS"] = "1"  # there are as many workers as processors
-    with torch_threads(threads), suppress(EOFError, OSError):
-        while True:
-            link.send(None)
-            job = link.recv()
-            with suppress(Exception):  # whatever it raises comes again where it is not lost
-                work(*job)
+def _compile(work: Callable[..., object], *job: Any) -> None:
+    """Do a job."""
+    with suppress(Exception):  # whatever it raises comes again where it is not lost
+        work(*job)
+
+
+def _load_torch(threads: int) -> None:
+    """Let torch, where it is installed, work on so many threads from now on."""
+    torch_threads(threads).__enter__()

@@ -12,7 +12,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.cast import Cast
-from roletrust_env.game.consumer import buy
+from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.side import Side, mean_of, places
@@ -158,8 +158,12 @@ class AttackTask:
         self, state: TaskState, actions: Actions, memories: tuple[Any, ...], noise: Noise
     ) -> tuple[TaskState, Outcome]:
         """Play one round in which it is known what all agents do, see `joint`."""
+        after, _ = self.game.step(state.game, actions, noise)
+        return TaskState(after, memories), self.judge(state.game, actions, after)
+
+    def judge(self, before: State, actions: Actions, after: State) -> Outcome:
+        """What a round brought the attacker in which all agents did this, by the states before and after it."""
         game = self.game
-        after, _ = game.step(state.game, actions, noise)
         tor, top = game.published(after)
         present = game.present(after)
         raters = providers = None
@@ -168,7 +172,8 @@ class AttackTask:
         if self.objective == "damage":
             objective = mean_of(1 - top, self._side.honest_providers, providers)
         elif self.objective == "mislead":
-            objective = self._misled(state.game, actions, after)
+            bought = self.bought(before, actions, after)
+            objective = bought.best - bought.got
         else:
             sold = top * (1 - after.quality) * after.awaiting.any(axis=0)
             if self.objective == "promote":
@@ -181,7 +186,15 @@ class AttackTask:
         caught = after.round < 0 if phase is None else self._side.gone(phase)  # without a phase never
         over = after.round >= game.scenario.max_cycles
         reward = objective - self.stealth.weight * cost
-        return TaskState(after, memories), Outcome(reward, objective, cost, caught, over)
+        return Outcome(reward, objective, cost, caught, over)
+
+    def bought(self, before: State, actions: Actions, after: State) -> Bought:
+        """What consumers got in a round who went by the trust published before it. See `Game.offered`."""
+        game = self.game
+        top, present = game.published(before)[1], game.present(before)
+        if present is not None:
+            top = namespace(top).where(game.roster.providers(present), top, np.nan)
+        return buy(top, game.offered(before, actions, after))
 
     def observe(self, state: TaskState) -> Array:
         """What the attacker sees, shape (K, ...).
@@ -241,15 +254,6 @@ class AttackTask:
             quality=_replace(xp, scripted.quality, self._providers, quality),
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
-
-    def _misled(self, before: State, actions: Actions, after: State) -> Array:
-        """What a consumer lost in a round that went by the trust published before it."""
-        game = self.game
-        top, present = game.published(before)[1], game.present(before)
-        if present is not None:
-            top = namespace(top).where(game.roster.providers(present), top, np.nan)
-        bought = buy(top, game.offered(before, actions, after))
-        return bought.best - bought.got
 
 
 def make_task(

@@ -169,16 +169,7 @@ class Cast:
             whose = ", ".join(dict.fromkeys(map(policy_name, self.policies.values())))
             what = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
             raise ValueError(f"{where}: a policy ({whose}) fails: {what}") from error
-        raters, providers = self.game.roster.rater_names, self.game.roster.provider_names
-        treatment = None if actions.treatment is None else actions.treatment.swapaxes(0, 1)
-        for channel, chosen, names in (
-            ("quality", actions.quality, providers),
-            ("ratings", actions.ratings, raters),
-            ("treatment", treatment, providers),
-        ):
-            if chosen is not None and bool((wrong := ~((chosen >= 0) & (chosen <= 1))).any()):
-                agent = names[int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])]
-                raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
+        check_chosen(actions, self.game, where)
         return actions, memories
 
     def _alike(self, quality: Array) -> Array:
@@ -215,6 +206,24 @@ class Cast:
         if rater is not None:
             withheld, memory = seats.policy.withholds(rater, memory, random)
         return _Deeds(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
+
+
+def check_chosen(actions: Actions, game: Game, where: str) -> None:
+    """See that everybody chose what is allowed.
+
+    Raises:
+        ValueError: names, after `where`, an agent and what it chose that is NaN or outside [0, 1].
+    """
+    raters, providers = game.roster.rater_names, game.roster.provider_names
+    treatment = None if actions.treatment is None else actions.treatment.swapaxes(0, 1)
+    for channel, chosen, names in (
+        ("quality", actions.quality, providers),
+        ("ratings", actions.ratings, raters),
+        ("treatment", treatment, providers),
+    ):
+        if chosen is not None and bool((wrong := ~((chosen >= 0) & (chosen <= 1))).any()):
+            agent = names[int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])]
+            raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
 
 
 def _role(agent: str) -> str:

@@ -22,13 +22,13 @@ def utility(trust: Floats, offered: Floats) -> Score:
             for each rater, (T, S, P, ...).
     """
     bought = _bought(trust, offered)
-    return _share_of_best(bought.got, bought.best)
+    return share_of_best(bought.got, bought.best)
 
 
 def blind_utility(trust: Floats, offered: Floats) -> Score:
     """The same of a consumer that goes to any provider, each as likely: what trust has to beat. See `utility`."""
     bought = _bought(trust, offered)
-    return _share_of_best(bought.blind, bought.best)
+    return share_of_best(bought.blind, bought.best)
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
@@ -51,7 +51,7 @@ def _bought(trust: Floats, offered: Floats) -> Bought:
     return buy(np.asarray(trust, np.float64)[:-1], np.asarray(offered, np.float64)[1:], axis=1)
 
 
-def _share_of_best(got: Floats, best: Floats) -> Score:
-    """Sums over the rounds, as a share."""
+def share_of_best(got: Floats, best: Floats) -> Score:
+    """What consumers got over the best that there was: sums over the rounds, which are axis 0. See `utility`."""
     most = best.sum(axis=0)
     return Score.where(most > 0, ratio(got.sum(axis=0), most), "no provider ever served well")
