@@ -1,16 +1,15 @@
 """Who plays the cells: processes of this machine. Results are the same wherever they are played."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from multiprocessing import get_context
-from typing import Protocol
+from typing import Any, Protocol
 
 from pebble import ProcessExpired, ProcessPool
 
-from experiments.benchmark.cells import Cell
-from experiments.benchmark.suite import Suite
-from experiments.benchmark.work import Done, play_cell
+from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
+from experiments.benchmark.terms import Done
 
 _TRIES = 3
 """How often a cell is given to a worker that may die."""
@@ -19,7 +18,7 @@ _TRIES = 3
 class Pool(Protocol):
     """Plays cells."""
 
-    def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
         """Play cells and give them back as they are done, those that failed with the reason."""
         ...
 
@@ -34,11 +33,11 @@ class Here:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or cores()
 
-    def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
         """See `Pool.play`."""
         context = get_context("spawn")  # a fork of a process with threads, as torch has them, may hang
         with ProcessPool(min(self.workers, max(1, len(cells))), initializer=one_thread, context=context) as pool:
-            running: dict[Future[Done], tuple[Cell, int]] = {}
+            running: dict[Future[Done], tuple[AnyCell, int]] = {}
             waiting = [(cell, 1) for cell in reversed(cells)]
             try:
                 while running or waiting:
@@ -57,7 +56,7 @@ class Here:
                 pool.stop()  # type: ignore[no-untyped-call]
 
 
-def _result(job: Future[Done], suite: Suite, attempt: int) -> Done | None:
+def _result(job: Future[Done], suite: AnySuite, attempt: int) -> Done | None:
     """What came of a cell; None if its worker died and another one should try."""
     try:
         return job.result()
@@ -69,15 +68,15 @@ def _result(job: Future[Done], suite: Suite, attempt: int) -> Done | None:
         return Done((), 0.0, failed=f"its worker died {_TRIES} times, the last time with exit code {error.exitcode}")
 
 
-def late(suite: Suite) -> str:
+def late(suite: AnySuite) -> str:
     """What is said of a cell that took too long."""
     return f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell"
 
 
-def play_safely(suite: Suite, cell: Cell, play: Callable[[Suite, Cell], Done] = play_cell) -> Done:
-    """Play a cell; whatever a trust model or an attacker raises becomes one line."""
+def play_safely(suite: AnySuite, cell: AnyCell) -> Done:
+    """Play a cell; whatever a trust model, an attacker or a learner raises becomes one line."""
     try:
-        return play(suite, cell)
+        return kind_of(suite).play(suite, cell)
     except Exception as error:  # of classes that others wrote
         line = " ".join(str(error).split()) or "without a word"
         return Done((), 0.0, failed=line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}")
