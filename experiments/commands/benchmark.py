@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import baselines
 import typer
 from rich.markup import escape
 from rich.table import Table
 
+import baselines
 from experiments.benchmark.board import Standing, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
@@ -17,7 +17,7 @@ from experiments.benchmark.kinds import AnySuite, kind_of
 from experiments.benchmark.learners.suite import LearnersSuite
 from experiments.benchmark.pool import Here, cores
 from experiments.benchmark.store import Kept, Store
-from experiments.benchmark.suite import Suite, load_suite, suites
+from experiments.benchmark.suite import Suite, load_suite
 from experiments.commands.console import console, number_table, progress_bar
 from experiments.commands.extras import require
 from experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
@@ -31,7 +31,9 @@ _HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] f
 
 
 def benchmark(
-    suite: Annotated[str, typer.Option(help=f"{', '.join(suites())}, or the path of a .toml file.")] = "quick",
+    suite: Annotated[
+        str, typer.Option(help="quick, standard, full, learners, learners-quick, or the path of a .toml file.")
+    ] = "quick",
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -97,8 +99,8 @@ def benchmark(
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
 
-    [dim]# your own learner beside PPO and a search, in a minute or two[/]
-    [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO --learner CMA-ES[/]
+    [dim]# your own learner beside PPO, in a minute or two[/]
+    [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)

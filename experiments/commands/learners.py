@@ -14,7 +14,6 @@ from experiments.benchmark.learners.suite import LearnersSuite
 from experiments.benchmark.store import Kept
 from experiments.commands.console import console, number_table
 from experiments.naming import check_installed
-from experiments.plots.learners import learners_figure
 from experiments.results.confidence import Interval
 from experiments.results.files import write_csv, write_figure
 from experiments.results.learners import EVERY, HEADER, Result, Scale, lines, ranked
@@ -42,6 +41,8 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
 
 def tell_learners(suite: LearnersSuite, kept: Sequence[Kept], out: Path) -> None:
     """Write the table and the picture, and print who is where."""
+    from experiments.plots.learners import learners_figure
+
     scales, found = standings(suite, kept)
     write_csv(out / "learners.csv", HEADER, lines(found))
     about = f"Learners, suite {suite.name}, {len(suite.seeds)} seeds"
@@ -68,7 +69,7 @@ def tell_learners_cost(suite: LearnersSuite) -> None:
 def _table(suite: LearnersSuite, found: Sequence[Result], scales: dict[str, Scale]) -> Table:
     largest = suite.budgets[-1]
     caption = (
-        f"share with {largest:,} rounds: 0 is honest play; interquartile mean of the runs, with its 95% interval from a "
+        f"share with {largest:,} rounds: 0 is honest play; interquartile mean of the runs, with its 95% interval by "
         "stratified bootstrap"
     )
     title = f"Learners, suite {suite.name}"
