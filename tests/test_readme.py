@@ -61,14 +61,14 @@ def test_the_learned_attacker_sells_bad_service_on_good_trust(said):
 
 
 def test_the_learner_learns(said):
-    """With fewer rounds than in any suite it does better than one that has hardly begun, by far."""
-    task = Task(task="ProviderAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
+    """With a few thousand rounds it lies far better than after its first update."""
+    task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
     rung = Entered(said["Reinforce"](), "mine", task.id)
     rounds = {"seed": 0, "games": 2, "tell": lambda rounds: None}
-    begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 32_000))
+    begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
     assert isinstance(rung.learner, Learner)
-    assert learned.rounds == 32_000
-    assert learned.scores.mean() > begun.scores.mean() + 0.01
+    assert learned.rounds == 12_800
+    assert learned.scores.mean() > begun.scores.mean() + 0.05
 
 
 def test_the_wrappers_are_what_it_says(said):

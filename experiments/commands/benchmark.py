@@ -161,8 +161,8 @@ def _asked(
             not installed.
     """
     wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
-    for option, given in wrong.items():
-        if given:
+    for option, names in wrong.items():
+        if names:
             raise ValueError(f"{option} is not for the suite {suite.name}, which is one for {suite.kind}")
     if isinstance(suite, LearnersSuite):
         return asked_learners(suite, learner, allow_code)

@@ -4,19 +4,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.benchmark.learners.suite import FOOT, TOPS, LearnersSuite
-from experiments.benchmark.store import Kept
+from experiments.benchmark.learners.suite import FOOT, TOPS, LearnersSuite, Trial
+from experiments.benchmark.terms import Done
 from experiments.results.learners import Result, Run, Scale, results, scale
 
 _WORDS = dict(zip(TOPS, ("the exact optimum", "a bound that is proven"), strict=True))
 
 
-def standings(suite: LearnersSuite, kept: Sequence[Kept]) -> tuple[dict[str, Scale], list[Result]]:
+def standings(suite: LearnersSuite, kept: Sequence[tuple[Trial, Done]]) -> tuple[dict[str, Scale], list[Result]]:
     """What share 0 and 1 are on each task that has been played, and what each learner reaches.
 
     Args:
         suite: of the run.
-        kept: its trials.
+        kept: its trials, with what became of them.
     """
     runs: list[Run] = []
     bounds: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
