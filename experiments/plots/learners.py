@@ -58,7 +58,7 @@ def _bars(axes: Axes, found: Sequence[Result], names: Sequence[str], looks: Mapp
     mine = {one.learner: one.share for one in found if one.budget == largest}
     for place, name in enumerate(reversed(names)):
         if name not in mine:
-            axes.text(0, place, " not on every task", va="center", fontsize=9, color=QUIET)
+            axes.text(0, place, " not on every task", va="center", fontsize=9, color=looks[name]["color"])
             continue
         value, low, high = np.maximum(mine[name], _LOWEST)
         axes.barh(place, value, color=looks[name]["color"], height=0.62, zorder=2)
@@ -66,6 +66,7 @@ def _bars(axes: Axes, found: Sequence[Result], names: Sequence[str], looks: Mapp
             axes.plot([low, high], [place, place], color=INK, linewidth=1.2, zorder=3)
         axes.text(np.nanmax([value, high, 0]) + 0.02, place, f"{mine[name].value:.3f}", va="center", fontsize=9.5)
     axes.set_yticks(range(len(names)), list(reversed(names)), color=INK)
+    axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlim(min(0.0, axes.get_xlim()[0]), max(1.0, axes.get_xlim()[1]) * 1.12)
     axes.axvline(1, color=QUIET, linewidth=0.8, linestyle="--")
     axes.set_xlabel(f"share with {largest:,} rounds, 95% interval", color=INK)

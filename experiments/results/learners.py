@@ -107,7 +107,7 @@ def ranked(found: Sequence[Result]) -> list[str]:
     largest = max((result.budget for result in found), default=0)
     best = {one.learner: one.share.value for one in found if one.task == EVERY and one.budget == largest}
     names = dict.fromkeys(result.learner for result in found)
-    return sorted(names, key=lambda name: -best.get(name, -np.inf))
+    return sorted(names, key=lambda name: -np.nan_to_num(best.get(name, np.nan), nan=-np.inf))
 
 
 def lines(found: Sequence[Result]) -> list[tuple[object, ...]]:
