@@ -84,4 +84,4 @@ def _words(share: Interval | None) -> str:
     if share is None or share.value != share.value:
         return "-"
     interval = "" if share.low != share.low else f" [{share.low:.2f}, {share.high:.2f}]"
-    return f"{share.value:.3f}{escape(interval)}"
+    return f"{share.value:.2f}{escape(interval)}"
