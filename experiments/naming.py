@@ -14,7 +14,7 @@ from typing import Any
 import baselines
 from baselines.search.space import Kind, told
 from roletrust_env import Policy, Scenario
-from roletrust_env.registry import Registry
+from roletrust_env.registry import Registry, Thing
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -165,23 +165,32 @@ def read_trust_model(
     return registry, name, {**given, **parameters}
 
 
-def check_installed(*named: Sequence[str] | str) -> None:
+def parse_named(registry: Registry[Thing], text: str) -> Thing:
+    """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+
+    Raises:
+        ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
+    """
+    made: Thing = _made(*_parsed(registry, text), text)
+    return made
+
+
+def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None:
     """See that names from a file are those of what is installed: nothing else is imported for a file's sake.
 
     Args:
-        named: names of trust models and of attacks, with their parameters.
+        registry: of the things that are named.
+        texts: their names, with parameters; a single word, such as `all`, names nothing.
 
     Raises:
-        ValueError: a name is none of these.
+        ValueError: a name is none of the registry's.
     """
-    registries: tuple[Registry[Any], ...] = (trust_models, baselines.registry)
-    for registry, texts in zip(registries, named, strict=True):
-        for text in () if isinstance(texts, str) else texts:
-            if text.strip().partition(":")[0] not in registry.names():
-                raise ValueError(
-                    f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
-                    "it, --allow-code lets it import what it names"
-                )
+    for text in () if isinstance(texts, str) else texts:
+        if text.strip().partition(":")[0] not in registry.names():
+            raise ValueError(
+                f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
+                "it, --allow-code lets it import what it names"
+            )
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents.ladder.rungs import find
+from experiments.benchmark.learners.learner import Entered, Learner
+from experiments.benchmark.learners.suite import Task
 from roletrust_env import Cast, Game, load_scenario, make_scenario
 from roletrust_env.game.rollout import record
 
@@ -55,6 +58,17 @@ def test_the_attacker_plays(said):
 def test_the_learned_attacker_sells_bad_service_on_good_trust(said):
     sold = said["sold"]
     assert (sold.top * (1 - sold.quality))[:, 2].mean() > 0.2
+
+
+def test_the_learner_learns(said):
+    """With a few thousand rounds it lies far better than after its first update."""
+    task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
+    rung = Entered(said["Reinforce"](), "mine", task.id)
+    rounds = {"seed": 0, "games": 2, "tell": lambda rounds: None}
+    begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
+    assert isinstance(rung.learner, Learner)
+    assert learned.rounds == 12_800
+    assert learned.scores.mean() > begun.scores.mean() + 0.05
 
 
 def test_the_wrappers_are_what_it_says(said):

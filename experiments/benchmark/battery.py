@@ -11,6 +11,7 @@ from agents.ladder.rungs import Rung
 from baselines.search import USUAL, CmaEs, RandomSearch, Scripts
 from baselines.search.space import Kind
 from baselines.search.together import SideBySide, side_by_side
+from experiments.training.settings import Algo
 from roletrust_env.game.attack import AttackTask
 
 _CELLS = 200_000
@@ -75,29 +76,30 @@ def scripted(task: AttackTask, kinds: Mapping[str, Kind], games: int) -> Iterato
         yield Found(names, Scripted(side_by_side([attacks[name] for name in names])), 0)
 
 
-def searching(rung: str, kinds: Sequence[Kind]) -> Rung:
+SEARCHING = ("PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner")
+"""The rungs that search, learn or plan, by their names in a suite."""
+
+
+def searching(rung: str, kinds: Sequence[Kind] | None = None) -> Rung:
     """A rung that searches, learns or plans.
 
     Args:
-        rung: its name in a suite.
-        kinds: of the scripted attacks that fit, as a mixture of which every compromised agent picks one.
-
-    Raises:
-        ValueError: there is none of that name.
+        rung: one of `SEARCHING`.
+        kinds: of the scripted attacks that are searched, see `Scripts.of`.
     """
+    attacks = None if kinds is None else tuple(kinds)
     if rung == "random search":
-        return RandomSearch(attacks=tuple(kinds))
+        return RandomSearch(attacks=attacks)
     if rung == "CMA-ES":
-        return CmaEs(attacks=tuple(kinds))
-    if rung == "PPO":
-        from experiments.training.rung import Learner
-
-        return Learner("ppo")
+        return CmaEs(attacks=attacks)
     if rung == "white-box planner":
         from agents.planning.planner import Planner
 
         return Planner()
-    raise ValueError(f"there is no rung {rung!r}")
+    from experiments.training.rung import Learner
+
+    algos: dict[str, Algo] = {"PPO": "ppo", "recurrent PPO": "recurrent-ppo", "SAC": "sac"}
+    return Learner(algos[rung], rung)
 
 
 def aim(rung: str, roles: Sequence[str]) -> str:

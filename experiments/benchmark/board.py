@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from experiments.benchmark.store import Kept
 from experiments.benchmark.suite import OPEN, Suite
-from experiments.benchmark.work import Row
+from experiments.benchmark.terms import Row
 from experiments.results.confidence import over_games
 from experiments.results.measures import Estimate
 from roletrust_env.metrics.score import mean_where

@@ -9,10 +9,9 @@ from typing import Any
 import ray
 from ray.exceptions import RayActorError, RayError
 
-from experiments.benchmark.cells import Cell
+from experiments.benchmark.kinds import AnyCell, AnySuite
 from experiments.benchmark.pool import TRIES, gone, played, players
-from experiments.benchmark.suite import Suite
-from experiments.benchmark.work import Done, reason
+from experiments.benchmark.terms import Done, reason
 from experiments.results.files import software
 
 
@@ -36,7 +35,7 @@ class Cluster:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"--ray {address}: no Ray cluster answers there ({line})") from None
 
-    def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
         """See `Pool.play`.
 
         Raises:
@@ -46,7 +45,7 @@ class Cluster:
         seat: Any = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES - 1)(Seat)
         free = [seat.remote([os.getcwd(), *sys.path]) for _ in range(number)]
         seats = list(free)
-        running: dict[Any, tuple[Any, Cell]] = {}
+        running: dict[Any, tuple[Any, AnyCell]] = {}
         waiting = list(reversed(cells))
         try:
             while waiting or running:
@@ -77,7 +76,7 @@ class Seat:
         sys.path += [folder for folder in path if folder not in sys.path]
         self._crew = players(1)
 
-    def play(self, theirs: dict[str, Any], suite: Suite, cell: Cell) -> Done:
+    def play(self, theirs: dict[str, Any], suite: AnySuite, cell: AnyCell) -> Done:
         """Play a cell, for somebody with this software."""
         if theirs != (mine := software()):
             other = [name for name in theirs if theirs[name] != mine[name]]

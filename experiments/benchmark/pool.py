@@ -2,11 +2,10 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
-from experiments.benchmark.cells import Cell
-from experiments.benchmark.suite import Suite
-from experiments.benchmark.work import Done, play_cell, reason
+from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
+from experiments.benchmark.terms import Done, reason
 from experiments.processes import Answer, Crew
 
 TRIES = 3
@@ -19,7 +18,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 class Pool(Protocol):
     """Plays cells."""
 
-    def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
         """Play cells and give them back as they are done, those that failed with the reason."""
         ...
 
@@ -34,24 +33,24 @@ class Here:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or cores()
 
-    def play(self, suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
         """See `Pool.play`."""
         with players(self.workers) as crew:
             yield from played(crew, suite, cells)
 
 
-def players(workers: int) -> Crew[Cell]:
+def players(workers: int) -> Crew[AnyCell]:
     """So many processes that play cells."""
     return Crew(play_safely, workers, _ONE_THREAD)
 
 
-def played(crew: Crew[Cell], suite: Suite, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Done]]:
+def played(crew: Crew[AnyCell], suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
     """Have cells played, each within the suite's limit. See `Pool.play`."""
     for cell, answer in crew.do({cell: (suite, cell) for cell in cells}, suite.limit_s, TRIES):
         yield cell, _done(answer, suite)
 
 
-def _done(answer: Answer, suite: Suite) -> Done:
+def _done(answer: Answer, suite: AnySuite) -> Done:
     """What came of a cell."""
     if answer.late:
         return Done((), suite.limit_s, failed=f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell")
@@ -66,10 +65,10 @@ def gone(words: str) -> Done:
     return Done((), 0.0, failed=f"its worker died {TRIES} times, {words}")
 
 
-def play_safely(suite: Suite, cell: Cell) -> Done:
-    """Play a cell; whatever a trust model or an attacker raises becomes one line."""
+def play_safely(suite: AnySuite, cell: AnyCell) -> Done:
+    """Play a cell; whatever a trust model, an attacker or a learner raises becomes one line."""
     try:
-        return play_cell(suite, cell)
+        return kind_of(suite).play(suite, cell)
     except (Exception, SystemExit) as error:  # of classes that others wrote
         return Done((), 0.0, failed=reason(error))
 

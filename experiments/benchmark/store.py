@@ -10,20 +10,19 @@ from typing import Any, NamedTuple, Self
 
 from filelock import FileLock, Timeout
 
-from experiments.benchmark.cells import Cell
-from experiments.benchmark.suite import Suite, read_suite
-from experiments.benchmark.work import Done, Row
+from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
+from experiments.benchmark.suite import read_suite
+from experiments.benchmark.terms import Done, Row
 from experiments.results.files import software
 
-FORMAT = 1
+FORMAT = 2
 """Of the file; one of another format is refused."""
 
 _TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE cells (
-    key TEXT PRIMARY KEY, model TEXT NOT NULL, scenario TEXT NOT NULL, track TEXT NOT NULL, share REAL NOT NULL,
-    rung TEXT NOT NULL, seed INTEGER NOT NULL, seconds REAL NOT NULL, env_steps INTEGER NOT NULL,
-    unsuitable TEXT NOT NULL, failed TEXT NOT NULL, host TEXT NOT NULL
+    key TEXT PRIMARY KEY, cell TEXT NOT NULL, seconds REAL NOT NULL, unsuitable TEXT NOT NULL, failed TEXT NOT NULL,
+    env_steps INTEGER NOT NULL, host TEXT NOT NULL
 ) WITHOUT ROWID;
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
@@ -35,7 +34,7 @@ CREATE TABLE attacks (
 class Kept(NamedTuple):
     """A cell and what became of it."""
 
-    cell: Cell
+    cell: Any
     done: Done
 
 
@@ -52,7 +51,7 @@ class Store:
         OSError: it cannot be written.
     """
 
-    def __init__(self, path: Path, suite: Suite | None = None) -> None:
+    def __init__(self, path: Path, suite: AnySuite | None = None) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -93,9 +92,9 @@ class Store:
         if self._lock is not None:
             self._lock.release()
 
-    def add(self, cell: Cell, done: Done) -> None:
+    def add(self, cell: AnyCell, done: Done) -> None:
         """Keep what became of a cell, whole or not at all; what was kept of it before goes."""
-        row = (cell.key, *cell, done.seconds, done.env_steps, done.unsuitable, done.failed, platform.node())
+        row = (cell.key, json.dumps(cell._asdict()), *done[1:], platform.node())
         attacks = [
             (cell.key, part.attack, part.words, part.rounds, json.dumps(part.chosen), json.dumps(part.measured))
             for part in done.rows
@@ -117,10 +116,11 @@ class Store:
             for key, name, words, rounds, chosen, measured in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
                 attacks.setdefault(key, []).append(Row(name, words, rounds, json.loads(chosen), json.loads(measured)))
             found = file.execute(
-                "SELECT model, scenario, track, share, rung, seed, seconds, unsuitable, failed, env_steps, key "
-                "FROM cells ORDER BY key"
+                "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
-        return [Kept(Cell(*row[:6]), Done(tuple(attacks.get(row[10], ())), *row[6:10])) for row in found]
+            kind = kind_of(self.suite)
+            made = [(key, kind.cell(**json.loads(cell)), rest) for key, cell, *rest in found]
+        return [Kept(cell, Done(tuple(attacks.get(key, ())), *rest)) for key, cell, rest in made]
 
     def _tables(self) -> int:
         """How many tables there are; 0 in a new file."""
@@ -140,10 +140,12 @@ class Store:
                     raise sqlite3.DatabaseError(" ".join(str(found).split()))
         return facts
 
-    def _check(self, suite: Suite) -> None:
+    def _check(self, suite: AnySuite) -> None:
         """See that a run to go on with is the same."""
         if self.suite != suite:
-            names = [name for name in Suite.model_fields if getattr(self.suite, name) != getattr(suite, name)]
+            names = [
+                name for name in type(suite).model_fields if getattr(self.suite, name, None) != getattr(suite, name)
+            ]
             raise ValueError(
                 f"{self.path} holds another suite (not the same: {', '.join(names)}); give another --out, or begin "
                 "anew with --force"
@@ -181,7 +183,7 @@ def _alone(path: Path) -> FileLock:
     return lock
 
 
-def _prepare(file: sqlite3.Connection, suite: Suite) -> None:
+def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     """Make the tables of a new file, all or none."""
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software()}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())

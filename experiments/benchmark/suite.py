@@ -6,8 +6,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
+from pydantic import Field, PositiveInt, ValidationError, model_validator
 
+from experiments.benchmark.learners.suite import LearnersSuite
+from experiments.benchmark.terms import Terms, Text, once
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.errors import explain
 from roletrust_env.world.frozen import Frozen
@@ -18,24 +20,24 @@ Rung = Literal["scripted", "random search", "CMA-ES", "PPO", "white-box planner"
 OPEN: frozenset[str] = frozenset({"white-box planner"})
 """Rungs that know more than an attacker has in life."""
 
-_Text = Annotated[str, Field(min_length=1, pattern=r"^[^|]+$")]
 _Part = Annotated[float, Field(gt=0, lt=1)]
 
 
 class Stage(Frozen):
     """A scenario of a suite."""
 
-    preset: _Text
+    preset: Text
     """Name of a scenario, or path of its file."""
     set: dict[str, Any] = Field(default_factory=dict)
     """Fields of it that are changed."""
 
-    def scenario(self) -> Scenario:
-        """The scenario.
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.scenario()
+        return self
 
-        Raises:
-            ValueError: there is none of that name, or a field or a value is not allowed.
-        """
+    def scenario(self) -> Scenario:
+        """The scenario."""
         rules = make_scenario(self.preset)
         return rules.change(**self.set) if self.set else rules
 
@@ -61,40 +63,32 @@ class Track(Frozen):
         return self
 
 
-class Suite(Frozen):
-    """A benchmark: models x scenarios x tracks x shares x rungs x seeds."""
+class Suite(Terms):
+    """A benchmark of trust models: models x scenarios x tracks x shares x rungs x seeds.
 
-    name: str = "custom"
-    """What it is called."""
-    description: str = ""
-    """One line on what it is for."""
-    models: tuple[_Text, ...] | Literal["all"] = "all"
+    The worst case is chosen in as many games as it is measured in, others than these.
+    """
+
+    kind: Literal["robustness"] = "robustness"
+    """Of suite."""
+    models: tuple[Text, ...] | Literal["all"] = "all"
     """Trust models as `--trust-model` takes them; or all that are registered or installed."""
-    attacks: tuple[_Text, ...] | Literal["all"] = "all"
+    attacks: tuple[Text, ...] | Literal["all"] = "all"
     """Scripted attacks as `--attack` takes them behind its =; or all that are registered or installed."""
-    scenarios: dict[_Text, Stage]
+    scenarios: dict[Text, Stage]
     """By the name that they have in the suite."""
-    tracks: dict[_Text, Track]
+    tracks: dict[Text, Track]
     """By name. One without roles shows what a model is worth while everybody is honest."""
     rungs: tuple[Rung, ...] = ("scripted", "random search", "CMA-ES", "PPO", "white-box planner")
     """Ways to attack, each with the same budget; scripts at their defaults need none."""
     budget: PositiveInt = 100_000
     """Game rounds, rounds x games, that each search, learner and planner may play for each cell."""
-    games: Annotated[int, Field(ge=2, le=100_000)] = 64
-    """Games that the worst case is chosen in, and as many others that it is measured in, with each seed."""
-    seeds: tuple[Annotated[int, Field(ge=0)], ...] = (0,)
-    """Of all luck; each searches, chooses and measures anew."""
-    limit_s: PositiveFloat = 600.0
-    """Seconds after which a cell is given up."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not self.scenarios or not self.tracks or not self.seeds or not self.rungs:
-            raise ValueError("scenarios, tracks, rungs and seeds must each have one at least")
-        for what in ("rungs", "seeds"):
-            given = getattr(self, what)
-            if len(set(given)) < len(given):
-                raise ValueError(f"{what} has something twice: {given}")
+        if not self.scenarios or not self.tracks or not self.rungs:
+            raise ValueError("scenarios, tracks and rungs must each have one at least")
+        once(rungs=self.rungs)
         return self
 
 
@@ -104,7 +98,7 @@ def suites() -> dict[str, str]:
     return {name: load_suite(name).description for name in names}
 
 
-def load_suite(suite: str | Path) -> Suite:
+def load_suite(suite: str | Path) -> Suite | LearnersSuite:
     """A suite by its name, or from a TOML file.
 
     Raises:
@@ -123,23 +117,22 @@ def load_suite(suite: str | Path) -> Suite:
     return read_suite({"name": str(suite), **_parse(text, suite)}, f"suite {suite}")
 
 
-def read_suite(data: Mapping[str, Any], source: str) -> Suite:
+def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
     """A suite of plain data.
 
     Raises:
         ValueError: names each wrong field, its value and what is allowed.
     """
+    kind = str(data.get("kind", "robustness"))
+    if kind not in _KINDS:
+        raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_KINDS)}")
     try:
-        found = Suite.model_validate(data)
-        for stage in found.scenarios.values():
-            stage.scenario()
+        return _KINDS[kind].model_validate(data)
     except ValidationError as error:
         raise ValueError(f"{source}: {explain(error)}") from None
-    except ValueError as error:
-        raise ValueError(f"{source}: {error}") from None
-    return found
 
 
+_KINDS: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _FOLDER = files("experiments.benchmark") / "suites"
 
 

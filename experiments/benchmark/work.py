@@ -2,51 +2,16 @@
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from agents.ladder.rungs import Arguments, UnsuitableError, exact_task
 from experiments.benchmark.battery import Found, aim, as_lists, scripted, searching, suited
 from experiments.benchmark.cells import HONEST, Cell, attacks, place
 from experiments.benchmark.play import measure, measure_honest
 from experiments.benchmark.suite import Suite
+from experiments.benchmark.terms import Done, Row, reason
 from experiments.naming import parse_kinds, parse_trust_model
 from roletrust_env.game.attack import AttackTask
-
-
-class Row(NamedTuple):
-    """What one attack came to.
-
-    Attributes:
-        attack: its name: that of a script, or of the rung that found it.
-        words: what it is, in a few words.
-        rounds: game rounds that were played to find it.
-        chosen: its scores in the games in which the worst case is chosen, by the names of `play.MEASURED`.
-        measured: the same in the games in which it is measured.
-    """
-
-    attack: str
-    words: str
-    rounds: int
-    chosen: dict[str, list[float | None]]
-    measured: dict[str, list[float | None]]
-
-
-class Done(NamedTuple):
-    """What became of a cell.
-
-    Attributes:
-        rows: an attack each.
-        seconds: that it took, by the clock on the wall.
-        unsuitable: why the rung does not apply; empty if it does.
-        failed: what went wrong; empty if nothing did.
-        env_steps: rounds x games that were played in all.
-    """
-
-    rows: tuple[Row, ...]
-    seconds: float
-    unsuitable: str = ""
-    failed: str = ""
-    env_steps: int = 0
 
 
 def play_cell(suite: Suite, cell: Cell) -> Done:
@@ -83,12 +48,6 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
     except UnsuitableError as error:
         return Done((), perf_counter() - began, unsuitable=str(error))
     return Done(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
-
-
-def reason(error: BaseException) -> str:
-    """What somebody's class raised, in one line."""
-    line = " ".join(str(error).split()) or "without a word"
-    return line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}"
 
 
 def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: Arguments) -> Iterator[tuple[Found, str]]:

@@ -1,4 +1,4 @@
-"""`roletrust benchmark`: how robust trust models are, by the worst of all attacks."""
+"""`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which learner attacks best."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,25 +8,32 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import baselines
 from experiments.benchmark.board import Standing, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
 from experiments.benchmark.foreseen import foresee
+from experiments.benchmark.kinds import AnySuite, kind_of
+from experiments.benchmark.learners.suite import LearnersSuite
 from experiments.benchmark.pool import Here, Pool, cores
-from experiments.benchmark.store import Store
+from experiments.benchmark.store import Kept, Store
 from experiments.benchmark.suite import Suite, load_suite
 from experiments.commands.console import console, number_table, progress_bar
 from experiments.commands.extras import require
+from experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
 from experiments.naming import check_installed, parse_kinds, parse_trust_model
 from experiments.results.files import prepare_folder, write_csv
 from experiments.results.machine import in_time
 from experiments.results.measures import Estimate
+from roletrust_env.trust.model import registry as trust_models
 
 _HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
 
 
 def benchmark(
-    suite: Annotated[str, typer.Option(help="quick, standard, full, or the path of a .toml file.")] = "quick",
+    suite: Annotated[
+        str, typer.Option(help="quick, standard, full, learners, learners-quick, or the path of a .toml file.")
+    ] = "quick",
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -41,6 +48,15 @@ def benchmark(
         typer.Option(
             metavar="NAME[:key=value,...]",
             help="Scripted attack instead of the suite's; repeat for more, `all` are those that are installed.",
+            show_default=False,
+        ),
+    ] = None,
+    learner: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:key=value,...]",
+            help="In a suite for learners: a learner instead of the suite's; repeat for more, `all` are the suite's. "
+            "NAME may be your own package.module:Class.",
             show_default=False,
         ),
     ] = None,
@@ -74,6 +90,10 @@ def benchmark(
     that there is. The [bold]worst case[/] of a condition is chosen in some games and measured in others; it is never
     less than choosing blindly brings. Models are ranked by its mean over all conditions.
 
+    A suite for [bold]learners[/] is tasks x learners x budgets of rounds x seeds. A learner's share of a task is 0 for
+    honest play and 1 for the optimum, a bound that is proven, or else the best that any of them found; all that count
+    is what it plays in games that it has not seen. Written: [green]learners.csv learners.png[/].
+
     Results are kept as they come, in [green]results.sqlite[/]; killed at any moment, the same command goes on.
     Written at the end: [green]leaderboard.csv[/]; `roletrust report` makes pages to look at.
 
@@ -87,38 +107,53 @@ def benchmark(
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
+
+    [dim]# your own learner beside PPO, in a minute or two[/]
+    [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
-    asked = _asked(load_suite(suite), model, attack, allow_code)
-    every = cells(asked)
+    asked = _asked(load_suite(suite), model, attack, learner, allow_code)
     if dry_run:
         _tell_cost(asked, workers)
         return
+    kept = _play(asked, _pool(workers, ray), force, out)
+    if isinstance(asked, LearnersSuite):
+        tell_learners(asked, kept, out)
+    else:
+        _tell(asked, kept, out)
+
+
+def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[Kept]:
+    """Play what is not there yet, and give back all that is there then."""
     prepare_folder(out)
-    path = out / "results.sqlite"
     if force:
         for old in out.glob("results.sqlite*"):
             old.unlink()
-    with Store(path, asked) as store:
+    every = kind_of(suite).cells(suite)
+    with Store(out / "results.sqlite", suite) as store:
         finished = store.finished()
         left = [cell for cell in every if cell.key not in finished]
         if finished:
             console.print(f"[dim]{len(finished):,} of {len(every):,} cells are there already.[/]")
         with progress_bar() as progress:
-            job = progress.add_task(f"Playing {asked.name}", total=len(every), completed=len(finished))
-            for cell, done in _pool(workers, ray).play(asked, left):
+            job = progress.add_task(f"Playing {suite.name}", total=len(every), completed=len(finished))
+            for cell, done in pool.play(suite, left):
                 store.add(cell, done)
                 progress.advance(job)
                 if done.failed:
                     progress.console.print(f"[red]{escape(cell.key)}: {escape(done.failed)}[/]", soft_wrap=True)
-        kept = store.all()
-    names = models(asked)
-    rows = standings(asked, kept, names, len(every) // len(names))
+        return store.all()
+
+
+def _tell(suite: Suite, kept: Sequence[Kept], out: Path) -> None:
+    """Write and print the leaderboard."""
+    names = models(suite)
+    rows = standings(suite, kept, names, len(cells(suite)) // len(names))
     write_csv(out / "leaderboard.csv", _HEADER, [_line(row) for row in rows])
-    console.print(_table(asked, rows))
-    for line in caveats(asked, kept, attacked(kept), names):
+    console.print(_table(suite, rows))
+    for line in caveats(suite, kept, attacked(kept), names):
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: results.sqlite, leaderboard.csv", soft_wrap=True)
 
@@ -132,14 +167,28 @@ def _pool(workers: int | None, ray: str | None) -> Pool:
     return Cluster(ray)
 
 
-def _asked(suite: Suite, model: Sequence[str] | None, attack: Sequence[str] | None, allow_code: bool) -> Suite:
-    """The suite with its models and attacks by name, all of which can be made.
+def _asked(
+    suite: AnySuite,
+    model: Sequence[str] | None,
+    attack: Sequence[str] | None,
+    learner: Sequence[str] | None,
+    allow_code: bool,
+) -> AnySuite:
+    """The suite with what was asked for by name, all of which can be made.
 
     Raises:
-        ValueError: a name is unknown, a model cannot be made, or a file names what is not installed.
+        ValueError: a name is unknown, what it names cannot be made or is not for such a suite, or a file names what is
+            not installed.
     """
+    wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
+    for option, names in wrong.items():
+        if names:
+            raise ValueError(f"{option} is not for the suite {suite.name}, which is one for {suite.kind}")
+    if isinstance(suite, LearnersSuite):
+        return asked_learners(suite, learner, allow_code)
     if not allow_code:
-        check_installed(suite.models, suite.attacks)
+        check_installed(trust_models, suite.models)
+        check_installed(baselines.registry, suite.attacks)
     named = {
         "models": tuple(dict.fromkeys(_expanded(model, models(suite.model_copy(update={"models": "all"}))))),
         "attacks": tuple(dict.fromkeys(_expanded(attack, attacks(suite.model_copy(update={"attacks": "all"}))))),
@@ -157,7 +206,10 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
     return [part for name in names or [] for part in (everything if name == "all" else [name])]
 
 
-def _tell_cost(suite: Suite, workers: int | None) -> None:
+def _tell_cost(suite: AnySuite, workers: int | None) -> None:
+    if isinstance(suite, LearnersSuite):
+        tell_learners_cost(suite)
+        return
     found = foresee(suite, cells(suite))
     table = number_table(
         f"{suite.name}, at the most", "time of one core, from a short trial", "cells", "rounds", "time"

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,9 @@ from roletrust_env.metrics.score import mean_where
 Floats = npt.NDArray[np.float64]
 
 _MANY, _NORMAL_95 = 1000, 1.959963984540054  # degrees of freedom, and Student's quantile for infinitely many
+
+
+_RESAMPLES = 2000
 
 
 class Mean(NamedTuple):
@@ -59,3 +63,41 @@ def student_95(freedom: int) -> float:
     density = np.cos(angle) ** (freedom - 1)
     area = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
     return float(math.sqrt(freedom) * np.tan(np.interp(0.95, area / area[-1], angle)))
+
+
+class Interval(NamedTuple):
+    """An estimate and its 95% interval; NaN where it is undefined."""
+
+    value: float
+    low: float
+    high: float
+
+
+def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:
+    """The mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal et al., 2021).
+
+    It minds outliers less than the mean, and is surer than the median. The resamples are drawn from each stratum apart,
+    for what differs between tasks is no luck; the interval is that of their percentiles.
+
+    Args:
+        strata: the runs of each task, (R,) each.
+        seed: of the resamples.
+
+    Returns:
+        No interval where a stratum has one run only; nothing where there is none.
+    """
+    from scipy.stats import bootstrap, trim_mean  # type: ignore[import-untyped]
+
+    def middle(*runs: Floats, axis: int = -1) -> Floats:
+        found: Floats = trim_mean(np.concatenate(runs, axis=axis), 0.25, axis=axis)
+        return found
+
+    if not strata or not all(map(len, strata)):
+        return Interval(math.nan, math.nan, math.nan)
+    value = float(middle(*strata))
+    if min(map(len, strata)) < 2:
+        return Interval(value, math.nan, math.nan)
+    found = bootstrap(
+        strata, middle, n_resamples=_RESAMPLES, method="percentile", vectorized=True, random_state=seed
+    ).confidence_interval
+    return Interval(value, float(found.low), float(found.high))

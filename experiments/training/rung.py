@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
 _GAMES = 32
-"""That are played as one batch: a small budget leaves time for many updates of few games, and not for few of many."""
+"""That are played as one batch, at the most: a small budget leaves time for many updates of few games, and not for few
+of many."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Learner:
         from experiments.training.settings import make_settings
 
         task = make_task(**arguments, like=np.zeros((), np.float32))
-        settings = make_settings("", self.algo, {"games": _GAMES})
+        settings = make_settings("", self.algo, {})
+        settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
         used = Counter(tell)
         used.count(normalising_rounds(task))
         model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)

@@ -8,7 +8,8 @@ from experiments.benchmark.board import attacked, standings, worst
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import Cell, cells, models
 from experiments.benchmark.store import Kept
-from experiments.benchmark.work import Done, Row, play_cell
+from experiments.benchmark.terms import Done, Row
+from experiments.benchmark.work import play_cell
 from roletrust_env.trust import register_trust_model
 from roletrust_env.trust.models.central.mean import Mean
 

@@ -1,0 +1,33 @@
+"""Who takes part in the learners' benchmark, by name."""
+
+from agents.ladder.known import HonestPlay
+from agents.ladder.rungs import Rung
+from experiments.benchmark.battery import SEARCHING, searching
+from experiments.benchmark.learners.learner import Entered, registry
+from experiments.benchmark.learners.suite import FOOT, TOPS
+from experiments.naming import parse_named
+
+
+def contestant(name: str, task_id: str) -> Rung:
+    """A contestant on a task.
+
+    Args:
+        name: `FOOT`, one of `TOPS` or of `SEARCHING`, or of a learner: of an installed package, or
+            `package.module:Class`, each also with parameters, as `NAME:key=value,...`.
+        task_id: one of `TASKS`.
+
+    Raises:
+        ValueError: nobody has the name, or the learner cannot be made.
+    """
+    if name == FOOT:
+        return HonestPlay()
+    if name in TOPS:
+        from agents.planning.optimum import BestKnown, Exact
+
+        return Exact() if name == TOPS[0] else BestKnown()
+    if name in SEARCHING:
+        return searching(name)
+    if ":" not in name and name not in registry.names():
+        known = ", ".join([*SEARCHING, *registry.names()])
+        raise ValueError(f"unknown learner {name!r}; known: {known}, or your own package.module:Class")
+    return Entered(parse_named(registry, name), name, task_id)

@@ -1,0 +1,100 @@
+"""`roletrust benchmark` with suites for learners."""
+
+import csv
+
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import app
+
+SUITE = """
+kind = "learners"
+learners = ["CMA-ES"]
+budgets = [2000, 4000]
+games = 2
+seeds = [0, 1]
+[tasks.provider]
+task = "ProviderAttack"
+set = { max_cycles = 12, noise = 0.0, perturbations = [] }
+"""
+MINE = """
+import numpy as np
+
+class Always:
+    def __init__(self, quality=0.5):
+        self.quality = quality
+    def learn(self, env, budget, seed):
+        env.step(np.full(env.action_space.shape, self.quality, np.float32))
+        return lambda seen: np.full((len(seen), 1), self.quality, np.float32)
+
+class Greedy(Always):
+    def learn(self, env, budget, seed):
+        while True:
+            super().learn(env, budget, seed)
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(SUITE)
+    (tmp_path / "my_learners.py").write_text(MINE)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["benchmark", "--suite", "tiny.toml", "--workers", "1", *arguments])
+
+
+def test_a_learner_of_ones_own_beside_the_suites(here):
+    asked = ["--learner", "all", "--learner", "my_learners:Always:quality=0.4", "--learner", "my_learners:Greedy"]
+    result = run(*asked, "--out", "out")
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.output.split())
+    assert "provider: 1 is the exact optimum" in told
+    assert "my_learners:Greedy|4000|0: 0 of 4000 rounds are left, and a step of 32 games needs more" in told
+    with (here / "out" / "learners.csv").open() as file:
+        rows = {(row["task"], row["learner"], row["budget"]): row for row in csv.DictReader(file)}
+    assert {learner for _, learner, _ in rows} == {"CMA-ES", "my_learners:Always:quality=0.4"}
+    cma = rows["provider", "CMA-ES", "4000"]
+    assert cma["runs"] == "2"
+    assert 0 < float(cma["share_low_95"]) <= float(cma["share"]) <= float(cma["share_high_95"]) <= 1
+    assert rows["all tasks", "CMA-ES", "4000"]["share"] == cma["share"]
+    before = {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")}
+    assert set(before) == {"learners.csv", "learners.png"}
+    again = run(*asked, "--out", "out")
+    assert "12 of 16 cells are there already" in " ".join(again.output.split())  # the greedy's are tried again
+    assert {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")} == before
+
+
+def test_a_dry_run_tells_the_rounds(here):
+    result = run("--dry-run")
+    assert result.exit_code == 0, result.output
+    assert "12,096" in result.output  # 2 x (2000 + 4000), and 2 x 2 x 2 games of 12 rounds
+    assert not (here / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--model", "mean"], "--model is not for the suite tiny, which is one for learners"),
+        (["--suite", "quick", "--learner", "PPO"], "--learner is not for the suite quick, which is one for robustness"),
+        (["--learner", "PPOO"], "unknown learner 'PPOO'; known: PPO,"),
+        (["--learner", "my_learners:MINE"], "learner 'my_learners:MINE' cannot be loaded"),
+        (["--learner", "os:system:command=touch hacked"], "learner 'os:system' must make a Learner"),
+        (["--suite", "theirs.toml"], "the file names the learner 'my_learners:Always', which is not installed"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(here, arguments, message):
+    (here / "theirs.toml").write_text(SUITE.replace("CMA-ES", "my_learners:Always"))
+    result = CliRunner().invoke(app, ["benchmark", "--suite", "tiny.toml", *arguments])
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
+    assert not (here / "results").exists()
+    assert not (here / "hacked").exists()
+
+
+def test_a_file_may_name_what_is_not_installed_if_the_user_says_so(here):
+    (here / "theirs.toml").write_text(SUITE.replace("CMA-ES", "my_learners:Always"))
+    arguments = ["benchmark", "--suite", "theirs.toml", "--allow-code", "--dry-run"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
