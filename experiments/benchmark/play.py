@@ -29,6 +29,18 @@ Scores = dict[str, Floats]
 """A number for each game, (K, G), by the names of `MEASURED`; NaN where it is undefined."""
 
 
+class Measured(NamedTuple):
+    """What K attacks came to in G games each.
+
+    Attributes:
+        scores: of the games.
+        by_round: utility in each round from the second on, the mean over the games, (T - 1, K).
+    """
+
+    scores: Scores
+    by_round: Floats
+
+
 class Watched(NamedTuple):
     """What T rounds of K x G games left behind; NaN where an agent was not there or did not serve.
 
@@ -56,7 +68,7 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
     return Watched(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 
-def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], kind: int = HELD_OUT) -> Scores:
+def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], kind: int = HELD_OUT) -> Measured:
     """Play some attacks side by side, and the same games once with everybody honest, and measure them.
 
     Args:
@@ -77,23 +89,30 @@ def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, i
         "damage": metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest),
         "false_alarms": metrics.false_alarms(seen.trust, honest),
     }
-    return {**{name: score.value for name, score in scores.items()}, "auc": _told_apart(task, seen.trust, judged)}
+    auc = _told_apart(task, seen.trust, judged)
+    return Measured({**{name: score.value for name, score in scores.items()}, "auc": auc}, _by_round(seen))
 
 
-def measure_honest(task: AttackTask, seed: int, games: int) -> Scores:
+def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
     """The same where everybody is honest: there is nothing to lose and nobody to find."""
     seen = watch(task, Scripted({}), seed, (1, games), HELD_OUT)
     rated = Traits.of(task.game.model).rates_raters
     judged = task.game.roster.names if rated else task.game.roster.provider_names
     everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, games), np.nan)
-    return {
+    scores = {
         "utility": metrics.utility(seen.top, seen.offered).value,
         "blind": metrics.blind_utility(seen.top, seen.offered).value,
         "damage": nothing,
         "false_alarms": metrics.false_alarms(seen.trust, everybody).value,
         "auc": nothing,
     }
+    return Measured(scores, _by_round(seen))
+
+
+def _by_round(seen: Watched) -> Floats:
+    """The utility of each round, (T - 1, K)."""
+    return mean_where(metrics.utility_by_round(seen.top, seen.offered), axis=-1)
 
 
 def _told_apart(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:

@@ -1,10 +1,11 @@
 """Playing a cell: from its name in a suite to what was measured, the same wherever it is played."""
 
+from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from agents.ladder.rungs import HELD_OUT, Arguments, UnsuitableError, exact_task
-from experiments.benchmark.battery import Found, aim, as_lists, scripted, searching, suited
+from experiments.benchmark.battery import Found, aim, as_curve, as_lists, scripted, searching, suited
 from experiments.benchmark.cells import HONEST, Cell, attacks, place
 from experiments.benchmark.play import CHOOSING, measure, measure_honest
 from experiments.benchmark.suite import Suite
@@ -21,6 +22,7 @@ class Row(NamedTuple):
         rounds: game rounds that were played to find it.
         chosen: its scores in the games in which the worst case is chosen, by the names of `play.MEASURED`.
         measured: the same in the games in which it is measured.
+        by_round: utility there in each round from the second on, the mean over the games; None where undefined.
     """
 
     attack: str
@@ -28,6 +30,7 @@ class Row(NamedTuple):
     rounds: int
     chosen: dict[str, list[float | None]]
     measured: dict[str, list[float | None]]
+    by_round: Sequence[float | None] = ()
 
 
 class Done(NamedTuple):
@@ -68,8 +71,9 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
     }
     task = exact_task(arguments)
     if cell.rung == HONEST:
-        scores = as_lists(measure_honest(task, cell.seed, suite.games), 0)
-        rows = [Row(HONEST, "everyone honest", 0, scores, scores)]
+        calm = measure_honest(task, cell.seed, suite.games)
+        scores = as_lists(calm.scores, 0)
+        rows = [Row(HONEST, "everyone honest", 0, scores, scores, as_curve(calm.by_round, 0))]
         return Done(tuple(rows), perf_counter() - began, env_steps=suite.games * scenario.max_cycles)
     rows, steps = [], 0
     try:
@@ -77,7 +81,8 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
             batch = len(found.names), suite.games
             chosen, measured = (measure(task, found.attacker, cell.seed, batch, kind) for kind in (CHOOSING, HELD_OUT))
             for k, name in enumerate(found.names):
-                rows.append(Row(name, words[k], found.rounds, as_lists(chosen, k), as_lists(measured, k)))
+                scores = as_lists(chosen.scores, k), as_lists(measured.scores, k)
+                rows.append(Row(name, words[k], found.rounds, *scores, as_curve(measured.by_round, k)))
             steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * scenario.max_cycles
     except UnsuitableError as error:
         return Done((), perf_counter() - began, unsuitable=str(error))

@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from experiments.benchmark.board import Standing, attacked, standings
+from experiments.benchmark.board import HEADER, Standing, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
 from experiments.benchmark.foreseen import foresee
@@ -21,8 +21,6 @@ from experiments.naming import check_installed, parse_kinds, parse_trust_model
 from experiments.results.files import prepare_folder, write_csv
 from experiments.results.machine import in_time
 from experiments.results.measures import Estimate
-
-_HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
 
 
 def benchmark(
@@ -105,7 +103,7 @@ def benchmark(
         kept = store.all()
     names = models(asked)
     rows = standings(asked, kept, names, len(every) // len(names))
-    write_csv(out / "leaderboard.csv", _HEADER, [_line(row) for row in rows])
+    write_csv(out / "leaderboard.csv", HEADER, [row.line() for row in rows])
     console.print(_table(asked, rows))
     for line in caveats(asked, kept, attacked(kept), names):
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
@@ -172,8 +170,3 @@ def _words(estimate: Estimate, *, half: bool = False) -> str:
     if estimate.mean != estimate.mean:
         return "-"
     return f"{estimate.mean:.3f}±{estimate.half:.3f}" if half else f"{estimate.mean:.3f}"
-
-
-def _line(row: Standing) -> list[object]:
-    numbers = [value for estimate in row[2:8] for value in estimate[:2]]
-    return [row.rank, row.model, *numbers, row.holds]

@@ -25,6 +25,16 @@ def utility(trust: Floats, offered: Floats) -> Score:
     return _share_of_best(bought.got, bought.best)
 
 
+def utility_by_round(trust: Floats, offered: Floats) -> Floats:
+    """The same for each round by itself: offered[t, argmax trust[t - 1]] / max offered[t]. See `utility`.
+
+    Returns:
+        Of the rounds from the second on, (T - 1, ...); NaN where no provider served well.
+    """
+    bought = _bought(trust, offered)
+    return ratio(bought.got, bought.best)
+
+
 def blind_utility(trust: Floats, offered: Floats) -> Score:
     """The same of a consumer that goes to any provider, each as likely: what trust has to beat. See `utility`."""
     bought = _bought(trust, offered)

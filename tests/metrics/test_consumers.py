@@ -5,13 +5,15 @@ import pytest
 
 from baselines.provider.on_off import OnOff
 from roletrust_env import Cast, Game, make_scenario, record
-from roletrust_env.metrics import auc, damage, robustness, seen, utility
+from roletrust_env.metrics import auc, damage, robustness, seen, utility, utility_by_round
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:
     trust = np.array([[0.9, 0.1], [0.2, 0.8], [0.5, 0.5]])[:, :, None]
     quality = np.array([[0.0, 0.0], [0.4, 0.8], [0.6, 1.0]])[:, :, None]
     assert utility(trust, quality).value == pytest.approx((0.4 + 1.0) / (0.8 + 1.0))
+    assert utility_by_round(trust, quality)[:, 0] == pytest.approx([0.4 / 0.8, 1.0 / 1.0])
+    assert np.isnan(utility_by_round(trust, 0 * quality)).all()
     equal = utility(np.full_like(trust, 0.5), quality)
     assert equal.value == pytest.approx((0.6 + 0.8) / 1.8)
     assert "served well" in utility(trust, 0 * quality).why

@@ -1,0 +1,56 @@
+"""`roletrust report`: what a benchmark found, as one page to look at."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from experiments.commands.console import console
+from experiments.commands.extras import require
+from experiments.results.files import prepare_folder, replacing, write_csv, write_figure
+
+
+def report(
+    results: Annotated[Path, typer.Argument(help="The file that `roletrust benchmark` keeps its results in.")] = Path(
+        "results/benchmark/results.sqlite"
+    ),
+    out: Annotated[Path, typer.Option(help="Folder for the report; it is made if need be.")] = Path("results/report"),
+) -> None:
+    """Show [bold]what a benchmark found[/] on one page, which opens in any browser, without a network.
+
+    The leaderboard, to sort and to filter; what each attack leaves of each model, and how it comes to that round by
+    round; which share of liars breaks a model; damage against detectability; and what limits these numbers.
+    A run need not be over: the page shows the cells that have been played.
+
+    Written: [green]report.html[/], and of each figure a [green].csv[/] with its numbers and a [green].png[/].
+
+    [bold]Examples[/]
+
+    [dim]# play the quick suite, and look at it[/]
+    [cyan]roletrust benchmark --out results/quick[/]
+    [cyan]roletrust report results/quick/results.sqlite --out results/quick/report[/]
+    """
+    require("the report", "report", "bokeh", "jinja2")
+    require("the report", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    from experiments.benchmark.store import Store
+    from experiments.report.content import read
+    from experiments.report.page import page
+    from experiments.report.pictures import pictures
+
+    with Store(results) as store:
+        content = read(store)
+    prepare_folder(out)
+    for name, table in content.tables.items():
+        write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
+    for name, picture in pictures(content).items():
+        write_figure(out / f"{name}.png", picture)
+    command = shlex.join(["roletrust", "report", str(results), "--out", str(out)])
+    with replacing(out / "report.html") as temporary:
+        temporary.write_text(page(content, command), encoding="utf-8")
+    console.print(f"Written to {out}: report.html; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
+
+
+def _flat(value: Any) -> Any:
+    """A curve goes into one field of a table."""
+    return " ".join(f"{part:g}" for part in value) if isinstance(value, list) else value
