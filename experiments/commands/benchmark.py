@@ -150,19 +150,17 @@ def _tell_cost(suite: Suite, workers: int | None) -> None:
 
 def _table(suite: Suite, rows: Sequence[Standing]) -> Table:
     caption = (
-        "utility of who goes by trust, ± half the 95% interval over the games. worst: over all attacks, chosen on other "
-        "games; open: over a planner that knows all, too. damage and AUC: under the worst. alarms: false ones, all "
-        "honest. holds: probability of the rank on new games"
+        "utility of who goes by trust, ± half the 95% interval over the games; worst: over all attacks, chosen on "
+        "other games. damage, AUC: in the worst case. alarms: false ones, all honest. holds: how sure the rank is"
     )
-    table = number_table(f"Leaderboard, suite {suite.name}", caption, "clean", "worst", "open", "damage", "alarms")
-    table.add_column("AUC", justify="right")
-    table.add_column("holds", justify="right")
+    table = number_table(f"Leaderboard, suite {suite.name}", caption, "clean", "worst", "damage", "alarms", "AUC")
+    table.add_column("holds", justify="right", no_wrap=True)
+    table.columns[0].no_wrap = True
     for row in rows:
-        missing = f", {row.missing} cells missing" if row.missing else ""
         sure = [_words(row.clean, half=True), _words(row.worst, half=True)]
-        rest = [_words(estimate) for estimate in (row.open_worst, row.damage, row.false_alarms, row.detection)]
-        holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
-        table.add_row(f"{row.rank} {row.model}{missing}", *sure, *rest, holds)
+        rest = [_words(estimate) for estimate in (row.damage, row.false_alarms, row.detection)]
+        holds = f"{row.missing} cells missing" if row.missing else f"{row.holds:.0%}"
+        table.add_row(f"{row.rank:2} {row.model}", *sure, *rest, holds)
     return table
 
 
