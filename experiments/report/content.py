@@ -70,7 +70,7 @@ def read(store: Store) -> Content:
     tables = {
         "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
         "heatmap": _heatmap(suite, attacks, cases),
-        "curves": _curves(attacks, cases),
+        "curves": _curves(suite, attacks, cases),
         "breakdown": _breakdown(suite, cases),
         "tradeoff": _tradeoff(attacks, cases),
     }
@@ -109,11 +109,11 @@ def _utility(one: Attacked) -> tuple[float, float, float]:
     return *_mean(one.measured["utility"]), _mean(one.measured["blind"])[0]
 
 
-def _curves(attacks: Sequence[Attacked], cases: _Worst) -> Table:
-    """Utility from round to round."""
+def _curves(suite: Suite, attacks: Sequence[Attacked], cases: _Worst) -> Table:
+    """Utility from round to round; the conditions in which all are honest come last."""
     header = ("condition", "attack", "model", "worst", "rounds", "utility")
     rows = []
-    for one in attacks:
+    for one in sorted(attacks, key=lambda one: not suite.tracks[one.condition.track].roles):
         if len(one.by_round):
             rounds, utility = _few(one.by_round)
             rows.append((*_name(one), _is_worst(one, cases), rounds, utility))

@@ -25,5 +25,5 @@ class Look(NamedTuple):
 
 
 def looks(models: Sequence[str]) -> dict[str, Look]:
-    """A look for each model; no two of the first 140 are the same."""
-    return {model: Look(COLOURS[k % 7], DASHES[k // 7 % 4], MARKS[(k + k // 7) % 5]) for k, model in enumerate(models)}
+    """A look for each model; no two of the first 28 have the same line, and no two of the first 35 the same mark."""
+    return {model: Look(COLOURS[k % 7], DASHES[k % 4], MARKS[k % 5]) for k, model in enumerate(models)}
