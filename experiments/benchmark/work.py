@@ -81,8 +81,15 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
             batch = len(found.names), suite.games
             chosen, measured = (measure(task, found.attacker, cell.seed, batch, kind) for kind in (CHOOSING, HELD_OUT))
             for k, name in enumerate(found.names):
-                scores = as_lists(chosen.scores, k), as_lists(measured.scores, k)
-                rows.append(Row(name, words[k], found.rounds, *scores, as_curve(measured.by_round, k)))
+                row = Row(
+                    name,
+                    words[k],
+                    found.rounds,
+                    as_lists(chosen.scores, k),
+                    as_lists(measured.scores, k),
+                    as_curve(measured.by_round, k),
+                )
+                rows.append(row)
             steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * scenario.max_cycles
     except UnsuitableError as error:
         return Done((), perf_counter() - began, unsuitable=str(error))

@@ -2,16 +2,8 @@
 
 from typing import Any
 
-from bokeh.models import (
-    ColorBar,
-    ColumnDataSource,
-    FactorRange,
-    HoverTool,
-    LinearColorMapper,
-    NumeralTickFormatter,
-    Range1d,
-    Whisker,
-)
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LinearColorMapper, NumeralTickFormatter, Range1d
+from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
@@ -35,7 +27,7 @@ def _heatmap(content: Content) -> Any:
     table = content.tables["heatmap"]
     source = _source("cells", *table.header, "mark", "ink")
     left = [row[table.header.index("utility")] for row in table.rows]
-    mapper = LinearColorMapper(Cividis256, low=min(left, default=0.0), high=1.0)
+    mapper = LinearColorMapper(palette=Cividis256, low=min(left, default=0.0), high=1.0)
     found = _figure(
         x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above", height=150 + 26 * len(content.order)
     )
@@ -70,10 +62,9 @@ def _breakdown() -> Any:
     points = _source(
         "points", "share", "utility", "utility_half_95", "low", "high", "model", "attack", "colour", "mark"
     )
-    whisker = Whisker(base="share", lower="low", upper="high", source=points, line_color="colour")
-    whisker.upper_head.size = whisker.lower_head.size = 7
-    whisker.upper_head.line_color = whisker.lower_head.line_color = "colour"
-    found.add_layout(whisker)
+    heads: Any = [TeeHead(size=7, line_color="colour") for _ in range(2)]
+    ends: Any = {"base": "share", "lower": "low", "upper": "high", "lower_head": heads[0], "upper_head": heads[1]}
+    found.add_layout(Whisker(source=points, line_color="colour", **ends))
     marks = _marks(found, "share", "utility", points)
     _hover(found, marks, ("share", "@share{0%}"), ("under", "@attack"), _with_half("utility"))
     return found
@@ -82,7 +73,7 @@ def _breakdown() -> Any:
 def _tradeoff() -> Any:
     """A mark for each attack on each model."""
     found = _figure(x_axis_label="detectability (AUC)", y_axis_label="damage to the honest", height=420)
-    found.x_range = Range1d(-0.03, 1.03)
+    found.x_range = Range1d(start=-0.03, end=1.03)
     points = _source("points", "auc", "auc_half_95", "damage", "damage_half_95", "model", "attack", "colour", "mark")
     marks = _marks(found, "auc", "damage", points)
     _hover(found, marks, ("under", "@attack"), _with_half("damage"), _with_half("auc"))
