@@ -16,6 +16,7 @@ from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
 from experiments.commands.models import models
 from experiments.commands.play import play
+from experiments.commands.report import report
 from experiments.commands.speed import speed
 from experiments.commands.train import train
 from experiments.commands.zoo import zoo
@@ -78,6 +79,7 @@ app.command("play")(play)
 app.command("benchmark")(benchmark)
 app.command("ladder")(ladder)
 app.command("list")(list_command)
+app.command("report")(report)
 app.command("speed")(speed)
 app.command("costs")(costs)
 app.command("models")(models)

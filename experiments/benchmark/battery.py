@@ -118,6 +118,11 @@ def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
     return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}
 
 
+def as_curve(by_round: Any, row: int) -> list[float | None]:
+    """The rounds of one attack as plain data, as exact as a picture needs; None where they are undefined."""
+    return [None if np.isnan(x) else round(float(x), 3) for x in by_round[:, row]]
+
+
 def _some(names: Iterable[str], many: int) -> Iterator[tuple[str, ...]]:
     """The names, so many at a time."""
     left = iter(names)

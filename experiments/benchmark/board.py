@@ -43,6 +43,7 @@ class Attacked(NamedTuple):
         words: what it is.
         chosen: utility in the games for choosing, of all seeds one after the other, (G,).
         measured: what was measured in the other games, (G,) each, by the names of `play.MEASURED`.
+        by_round: utility in each round of these from the second on, the mean over them, (T - 1,).
     """
 
     model: str
@@ -52,6 +53,7 @@ class Attacked(NamedTuple):
     words: str
     chosen: Floats
     measured: Mapping[str, Floats]
+    by_round: Floats
 
     @property
     def utility(self) -> Floats:
@@ -87,6 +89,15 @@ class Standing(NamedTuple):
     holds: float
     missing: int
 
+    def line(self) -> list[object]:
+        """It as plain values, see `HEADER`."""
+        numbers = [value for estimate in self[2:8] for value in estimate[:2]]
+        return [self.rank, self.model, *numbers, self.holds]
+
+
+HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
+"""Of the leaderboard as a table."""
+
 
 def attacked(kept: Iterable[Kept]) -> list[Attacked]:
     """All attacks of a run, those of several seeds as one."""
@@ -104,6 +115,7 @@ def attacked(kept: Iterable[Kept]) -> list[Attacked]:
             "; ".join(dict.fromkeys(row.words for row in rows)),
             np.concatenate([_numbers(row.chosen["utility"]) for row in rows]),
             {name: np.concatenate([_numbers(row.measured[name]) for row in rows]) for name in rows[0].measured},
+            mean_where(np.stack([_numbers(row.by_round) for row in rows]), axis=0),
         )
         for (model, where, attack, rung), rows in found.items()
     ]

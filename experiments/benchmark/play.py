@@ -11,7 +11,7 @@ from roletrust_env import metrics
 from roletrust_env.game.attack import AttackTask
 from roletrust_env.game.cast import check_chosen
 from roletrust_env.game.consumer import Bought
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_where, ratio
 from roletrust_env.trust import Traits
 
 Floats = npt.NDArray[np.float64]
@@ -46,16 +46,21 @@ class Measured(NamedTuple):
     Attributes:
         chosen: in the first half of the games: by these the worst case is chosen.
         measured: in the second half: what that worst case comes to.
+        by_round: utility there in each round from the second on, the mean over the games, (T - 1, K); NaN where none
+            served well.
     """
 
     chosen: Scores
     measured: Scores
+    by_round: Floats
 
     @classmethod
-    def halves(cls, scores: Scores) -> Self:
-        """Of the scores in all games, (K, 2 G)."""
+    def halves(cls, scores: Scores, bought: Bought) -> Self:
+        """Of the scores in all games, (K, 2 G), and of what was bought in them."""
         first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
-        return cls(*(dict(zip(scores, half, strict=True)) for half in (first, second)))
+        got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
+        chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
+        return cls(chosen, measured, mean_where(ratio(got, best), axis=-1))
 
 
 def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
@@ -88,7 +93,8 @@ def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, i
     twin = watch(task, Scripted({}), seed, (1, games))
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
     damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
-    return Measured.halves({**_read(seen, honest), "damage": damage, "auc": _told_apart(task, seen.trust, judged)})
+    auc = _told_apart(task, seen.trust, judged)
+    return Measured.halves({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought)
 
 
 def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
@@ -97,7 +103,7 @@ def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
     everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
     seen = watch(task, Scripted({}), seed, nothing.shape)
-    return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing})
+    return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing}, seen.bought)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:

@@ -26,7 +26,8 @@ CREATE TABLE cells (
 ) WITHOUT ROWID;
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
-    chosen TEXT NOT NULL, measured TEXT NOT NULL, PRIMARY KEY (cell, attack)
+    chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
+    PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
 """
 
@@ -95,14 +96,11 @@ class Store:
     def add(self, cell: AnyCell, done: Done) -> None:
         """Keep what became of a cell, whole or not at all; what was kept of it before goes."""
         row = (cell.key, json.dumps(cell._asdict()), *done[1:], platform.node())
-        attacks = [
-            (cell.key, part.attack, part.words, part.rounds, json.dumps(part.chosen), json.dumps(part.measured))
-            for part in done.rows
-        ]
+        attacks = [(cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:])) for part in done.rows]
         with self._changing() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
-            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?)", attacks)
+            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?)", attacks)
 
     def finished(self) -> set[str]:
         """The keys of the cells that need not be played again: all that did not fail."""
@@ -113,8 +111,8 @@ class Store:
         """All cells with what became of them, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[Row]] = {}
-            for key, name, words, rounds, chosen, measured in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(Row(name, words, rounds, json.loads(chosen), json.loads(measured)))
+            for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
+                attacks.setdefault(key, []).append(Row(name, words, rounds, *map(json.loads, plain)))
             found = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()

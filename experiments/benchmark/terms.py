@@ -1,5 +1,6 @@
 """The terms of a benchmark: what suites of all kinds say, and what becomes of a cell of any of them."""
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, PositiveFloat, model_validator
@@ -52,6 +53,7 @@ class Row(NamedTuple):
         rounds: game rounds that were played to find it.
         chosen: its scores in the games in which the worst case is chosen, if one is, by their names.
         measured: the same in the games in which it is measured.
+        by_round: utility there in each round from the second on, the mean over the games; None where undefined.
     """
 
     attack: str
@@ -59,6 +61,7 @@ class Row(NamedTuple):
     rounds: int
     chosen: dict[str, list[float | None]]
     measured: dict[str, list[float | None]]
+    by_round: Sequence[float | None] = ()
 
 
 class Done(NamedTuple):

@@ -5,9 +5,9 @@ from time import perf_counter
 from typing import Any
 
 from agents.ladder.rungs import Arguments, UnsuitableError, exact_task
-from experiments.benchmark.battery import Found, aim, as_lists, scripted, searching, suited
+from experiments.benchmark.battery import Found, aim, as_curve, as_lists, scripted, searching, suited
 from experiments.benchmark.cells import HONEST, Cell, attacks, place
-from experiments.benchmark.play import measure, measure_honest
+from experiments.benchmark.play import Measured, measure, measure_honest
 from experiments.benchmark.suite import Suite
 from experiments.benchmark.terms import Done, Row, reason
 from experiments.naming import parse_kinds, parse_trust_model
@@ -34,8 +34,7 @@ def play_cell(suite: Suite, cell: Cell) -> Done:
     }
     task = exact_task(arguments)
     if cell.rung == HONEST:
-        scores = measure_honest(task, cell.seed, suite.games)
-        row = Row(HONEST, "everyone honest", 0, *(as_lists(part, 0) for part in scores))
+        row = _row(HONEST, "everyone honest", 0, measure_honest(task, cell.seed, suite.games), 0)
         return Done((row,), perf_counter() - began, env_steps=2 * suite.games * scenario.max_cycles)
     rows: list[Row] = []
     failed: list[str] = []
@@ -76,8 +75,13 @@ def _measured(suite: Suite, cell: Cell, task: AttackTask, found: Found, words: s
         if len(found.names) == 1:
             raise
         return _one_by_one(suite, cell, task, found, words, error)
-    parts = [[as_lists(part, k) for part in scores] for k in range(len(found.names))]
-    return [Row(name, words, found.rounds, *part) for name, part in zip(found.names, parts, strict=True)], []
+    return [_row(name, words, found.rounds, scores, k) for k, name in enumerate(found.names)], []
+
+
+def _row(name: str, words: str, rounds: int, scores: Measured, k: int) -> Row:
+    """The k-th of the attacks that were measured side by side, as plain data."""
+    chosen, measured = (as_lists(half, k) for half in scores[:2])
+    return Row(name, words, rounds, chosen, measured, as_curve(scores.by_round, k))
 
 
 def _one_by_one(

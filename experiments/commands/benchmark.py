@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import baselines
-from experiments.benchmark.board import Standing, attacked, standings
+from experiments.benchmark.board import HEADER, Standing, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
 from experiments.benchmark.foreseen import foresee
@@ -26,8 +26,6 @@ from experiments.results.files import prepare_folder, write_csv
 from experiments.results.machine import in_time
 from experiments.results.measures import Estimate
 from roletrust_env.trust.model import registry as trust_models
-
-_HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
 
 
 def benchmark(
@@ -151,7 +149,7 @@ def _tell(suite: Suite, kept: Sequence[Kept], out: Path) -> None:
     """Write and print the leaderboard."""
     names = models(suite)
     rows = standings(suite, kept, names, len(cells(suite)) // len(names))
-    write_csv(out / "leaderboard.csv", _HEADER, [_line(row) for row in rows])
+    write_csv(out / "leaderboard.csv", HEADER, [row.line() for row in rows])
     console.print(_table(suite, rows))
     for line in caveats(suite, kept, attacked(kept), names):
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
@@ -242,8 +240,3 @@ def _words(estimate: Estimate, *, half: bool = False) -> str:
     if estimate.mean != estimate.mean:
         return "-"
     return f"{estimate.mean:.3f}±{estimate.half:.3f}" if half else f"{estimate.mean:.3f}"
-
-
-def _line(row: Standing) -> list[object]:
-    numbers = [value for estimate in row[2:8] for value in estimate[:2]]
-    return [row.rank, row.model, *numbers, row.holds]

@@ -10,7 +10,7 @@ import typer
 from rich.progress import Progress
 
 from experiments.commands.console import console, errors, print_json, progress_bar
-from experiments.commands.report import as_data, as_table, notes
+from experiments.commands.play_report import as_data, as_table, notes
 from experiments.naming import changed, parse_attacks, parse_settings, parse_trust_model
 from experiments.results.files import (
     cast_list,

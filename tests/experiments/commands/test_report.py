@@ -1,114 +1,173 @@
+"""`roletrust report`: the page in a real browser, and its files, against the file of a run."""
+
+import csv
 import json
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from command_line import TINY, play, run
+from command_line import run
+from small_suites import small
 
-from baselines import BadMouthing
-from experiments.commands.console import errors, progress_bar
-from experiments.results.confidence import over_games
-from experiments.results.measures import under_attack
-from experiments.results.recording import Curves, record
-from roletrust_env import Cast, Game, make_scenario, metrics
-from roletrust_env.world.roster import Roster
+from experiments.benchmark.cells import cells
+from experiments.benchmark.store import Store
+from experiments.benchmark.work import play_cell
 
-
-def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
-    results, printed = play(tmp_path, "--games", "3", "--attack", "sr_2=bad-mouthing:start=4,stop=7")
-    found = results["measured"]["role-trust"]["metrics"]
-    roles = ["AUC under the attack, sr", "AUC at the end, sr"]
-    assert list(found) == [*roles, "false alarms", "utility", "utility, no attack", "recovery, rounds"]
-    for name in ("AUC, sr", "false alarms", "utility", "utility, no attack", "recovery, rounds"):
-        assert f" {name} " in printed.replace("\n", " \n ")
-    rules = make_scenario("paper-3x3").change(max_cycles=12)
-    game = Game(rules)
-    casts = [Cast(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})]
-    with progress_bar(errors) as progress:
-        curves, twin = (record(cast, 0, progress, "", games=3) for cast in casts)
-    scores = {
-        "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
-        "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),
-        "false alarms": metrics.false_alarms(curves.trust, [0, 1, 3, 4, 5]),
-        "utility": metrics.utility(curves.top, curves.offered),
-        "utility, no attack": metrics.utility(twin.top, twin.offered),
-        "recovery, rounds": metrics.recovery(curves.trust, twin.trust, [0, 1, 3, 4, 5], 7),
-    }
-    for name, score in scores.items():
-        assert found[name]["mean"] == pytest.approx(score.value.mean())
-        assert found[name]["half_95"] == pytest.approx(over_games(score.value).half)
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+SHOWN = {"heatmap": "cells", "curves": "lines", "breakdown": "points", "tradeoff": "points"}
 
 
-@pytest.mark.parametrize(
-    ("window", "undefined"),
-    [
-        ("start=4", {"recovery, rounds": "the attack lasts to the end"}),
-        ("start=11,stop=12", {"recovery, rounds": "the attack lasts to the end"}),
-        ("start=40,stop=50", dict.fromkeys(["AUC under the attack, sp", "recovery, rounds"], "the attack never began")),
-    ],
-)
-def test_what_is_undefined_is_null_with_the_reason(tmp_path, window, undefined):
-    results, printed = play(tmp_path, "--attack", f"sp_0=on-off:{window}")
-    found = results["measured"]["role-trust"]["metrics"]
-    assert {name: value["why"] for name, value in found.items() if value["mean"] is None} == undefined
-    for name, why in undefined.items():
-        assert f"{name}: undefined: {why}" in printed.replace("\n", " ")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of three models, and its report."""
+    here = tmp_path_factory.mktemp("report")
+    suite = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
+    with Store(here / "results.sqlite", suite) as store:
+        for cell in cells(suite):
+            store.add(cell, play_cell(suite, cell))
+    made = run("report", str(here / "results.sqlite"), "--out", str(here / "out"))
+    assert made.exit_code == 0, made.output
+    return here
 
 
-def test_detection_is_that_of_the_attack_s_own_rounds_and_of_the_end():
-    roster = Roster.of(make_scenario("paper-3x3"))
-    curves = Curves(*[np.ones((6, n, 1)) for n in (1, 3, 3, 6, 6, 3)])
-    curves.trust[1:3, 0] = 0.9  # found out while it attacks,
-    curves.trust[3:, 1:3] = 0.2  # and believed more than the others afterwards
-    found = under_attack(roster, curves, None, {"sr_0": BadMouthing(start=1, stop=3)})
-    assert found["AUC under the attack, sr"].mean == 1
-    assert found["AUC at the end, sr"].mean == 0
-    assert found["false alarms"].mean == 2 * 3 / (5 * 6)
-
-
-def test_undefined_in_some_games_only():
-    roster = Roster.of(make_scenario("paper-3x3"))
-    full = Curves(*[np.ones((6, n, 2)) for n in (1, 3, 3, 6, 6, 3)])
-    trust = full.trust.copy()
-    trust[3:, :, 1] = 0.2  # in the second game trust is not back
-    found = under_attack(roster, full._replace(trust=trust), full, {"sr_0": BadMouthing(stop=3)})
-    assert found["recovery, rounds"].mean == 0
-    assert found["recovery, rounds"].why == "trust was not back before the game was over, in 1 of 2 games"
-    everybody = dict.fromkeys(roster.names[:3], BadMouthing())
-    assert "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
-    assert "live camera" in under_attack(roster, full, None, everybody)["utility, no attack"].why
-
-
-def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
-    """Its trust in them reads 1 whatever they do: in a mean over all it would hide harm."""
-    results, printed = play(tmp_path, "--trust-model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
-    found = results["measured"]["mean"]
-    why = "the model has no trust in raters"
-    unjudged = [found["damage"]["2 sr"], found["damage"]["all 5 honest"], found["groups"]["2 sr, honest"]["mean trust"]]
-    unjudged += [found["metrics"][name] for name in ("AUC under the attack, sr", "AUC at the end, sr")]
-    assert unjudged == [{"mean": None, "half_95": None, "why": why}] * 5
-    assert found["groups"]["2 sr, honest"]["present at the end"]["mean"] == 2
-    assert found["damage"]["3 sp"]["mean"] > 0.1
-    with_raters = Curves(*[np.ones((6, n, 1)) for n in (1, 3, 3, 6, 6, 3)])
-    with_raters.trust[:, 3:] = 0.2
-    roster = Roster.of(make_scenario("paper-3x3"))
-    for rates_raters, alarms in ((True, 3 / 5), (False, 1.0)):
-        score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)["false alarms"]
-        assert score.mean == pytest.approx(alarms)
-    assert "no trust in raters: mean: false alarms and recovery are those of providers alone" in " ".join(
-        printed.split()
+def mean(folder: Path, model: str, attack: str, track: str, share: float, name: str = "utility") -> float:
+    """Of what was measured, read from the file of the run by itself."""
+    file = sqlite3.connect(folder / "results.sqlite")
+    ((found,),) = file.execute(
+        "SELECT measured FROM attacks JOIN cells ON cell = key "
+        "WHERE model = ? AND attack = ? AND track = ? AND share = ?",
+        (model, attack, track, share),
     )
+    file.close()
+    return float(np.mean([x for x in json.loads(found)[name] if x is not None]))
 
 
-def test_json_is_all_that_is_printed(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    asked = ["play", *TINY, "--attack", "sr_0=bad-mouthing", "--games", "2", "--json"]
-    alone = run(*asked)
-    assert (alone.exit_code, list(tmp_path.iterdir())) == (0, [])
-    kept = run(*asked, "--out", "out")
-    assert kept.exit_code == 0
-    assert "Written to out" in kept.stderr
-    assert (
-        json.loads(alone.stdout) == json.loads(kept.stdout) == json.loads((tmp_path / "out/results.json").read_text())
+def lines(folder: Path, name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / "out" / f"{name}.csv").open(encoding="utf-8")))
+
+
+def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
+    for name in ("leaderboard", *SHOWN):
+        assert lines(folder, name)
+        assert (folder / "out" / f"{name}.png").stat().st_size > 5000
+    for line in lines(folder, "heatmap"):
+        if line["condition"] == "market, raters 50%":
+            expected = mean(folder, line["model"], line["attack"], "raters", 0.5)
+            assert float(line["utility"]) == pytest.approx(expected, abs=1e-6)
+    last = lines(folder, "leaderboard")[-1]
+    assert last["model"] == "constant"
+    start = [
+        line for line in lines(folder, "breakdown") if line["where"] == "market, raters" and line["share"][0] == "0"
+    ]
+    assert {float(line["share"]) for line in start} == {0, 0.25, 0.5}
+
+
+def test_a_curve_is_the_utility_of_the_rounds(folder: Path) -> None:
+    for line in lines(folder, "curves"):
+        values = [float(x) for x in line["utility"].split()]
+        assert len(values) == len(line["rounds"].split()) == 11  # of 12 rounds; in the first nothing is known
+        assert 0 <= min(values) <= max(values) <= 1
+
+
+def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path) -> None:
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<script src" not in page
+    assert "<script>alert" not in page
+    assert f"roletrust report {folder / 'results.sqlite'}" in page
+
+
+def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
+    with Store(tmp_path / "empty.sqlite", small()):
+        pass
+    for name, said in (("none.sqlite", "there is no"), ("empty.sqlite", "no attack")):
+        refused = run("report", str(tmp_path / name), "--out", str(tmp_path / "out"))
+        assert refused.exit_code == 2
+        assert said in refused.output
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture(params=["light", "dark", "phone"])
+def page(request: pytest.FixtureRequest, browser: Any, folder: Path) -> Iterator[Any]:
+    """The page, ready; what its console complained of is an error."""
+    size = {"width": 390 if request.param == "phone" else 1100, "height": 900}
+    found = browser.new_page(viewport=size, color_scheme="dark" if request.param == "dark" else "light")
+    wrong: list[str] = []
+    found.on("pageerror", lambda error: wrong.append(str(error)))
+    found.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    found.on(
+        "request", lambda asked: None if asked.url.startswith(("file:", "data:", "blob:")) else wrong.append(asked.url)
     )
-    assert run(*asked, "--video").exit_code == 2
-    assert "--video needs a folder" in run(*asked, "--video").stderr
+    found.goto((folder / "out" / "report.html").as_uri())
+    found.wait_for_selector("html[data-ready]", timeout=120_000)
+    yield found
+    if shots := os.environ.get("SCREENSHOTS"):  # a folder, to look at them
+        found.screenshot(path=f"{shots}/{request.param}.png", full_page=True)
+    found.close()
+    assert wrong == []
+
+
+def test_in_a_browser_every_figure_has_data_and_every_control_works(page: Any, folder: Path) -> None:
+    def data(name: str) -> dict[str, list[Any]]:
+        return page.evaluate(
+            "([n, s]) => Object.fromEntries(Object.entries(source(n, s).data).map(([k, v]) => [k, [...v]]))",
+            [name, SHOWN[name]],
+        )
+
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for name in SHOWN:
+        assert data(name)["model"], name
+        assert page.locator(f"#{name} canvas").count()
+    # The choice of a condition, and the numbers against the run's.
+    page.select_option("#heatmap select", "market, raters 25%")
+    cells = data("heatmap")
+    assert set(cells["condition"]) == {"market, raters 25%"}
+    for model, attack, value in zip(cells["model"], cells["attack"], cells["utility"], strict=True):
+        assert value == pytest.approx(mean(folder, model, attack, "raters", 0.25), abs=1e-4)
+    page.select_option("#curves select >> nth=0", "market, raters 50%")
+    page.select_option("#curves select >> nth=1", "bad-mouthing")
+    assert set(data("curves")["attack"]) == {"bad-mouthing"}
+    # The models of the lower figures.
+    page.uncheck("#models input[value=constant]")
+    for name in ("curves", "breakdown", "tradeoff"):
+        assert set(data(name)["model"]) <= {"mean", "role-trust"}
+    page.click("text=none")
+    assert data("breakdown")["model"] == []
+    # The numbers as a table, by keyboard.
+    page.focus("#heatmap .numbers summary")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#heatmap .numbers tbody tr")
+    assert page.locator("#heatmap .numbers tbody tr").count() == len(cells["model"])
+    # The leaderboard is filtered, and sorted by keyboard.
+    page.fill("#filter", "role")
+    assert page.locator("#board tbody tr:visible").count() == 1
+    page.fill("#filter", "")
+    page.focus("#board thead button >> nth=0")
+    page.keyboard.press("Enter")
+    assert page.locator("#board tbody th").first.inner_text() == "constant"
+
+
+def test_dark_is_dark(browser: Any, folder: Path) -> None:
+    page = browser.new_page(color_scheme="dark")
+    page.goto((folder / "out" / "report.html").as_uri())
+    page.wait_for_selector("html[data-ready]", timeout=120_000)
+    for scheme, ink in (("dark", "#e6edf3"), ("light", "#1f2328")):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function(f"plots.curves.left[0].major_label_text_color === '{ink}'", timeout=60_000)
+    page.close()

@@ -1,0 +1,84 @@
+"""The HTML file: the template with the leaderboard, the figures and their numbers, and all that it needs inside."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from bokeh.embed import json_item
+from bokeh.resources import Resources
+from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
+
+from experiments.report.content import Content
+from experiments.report.figures import figures
+from experiments.report.looks import looks
+from experiments.results.measures import Estimate
+
+_DIGITS = 4
+"""Decimals of the numbers in the page; the CSV files have more."""
+
+_CHOSEN = 6
+"""Models that the figures show at first."""
+
+
+def page(content: Content, command: str) -> str:
+    """The page, which needs no other file and no network.
+
+    Args:
+        content: what it tells.
+        command: that makes it, as a person types it.
+    """
+    told = {
+        "tables": {name: _plain(table.columns()) for name, table in content.tables.items()},
+        "looks": {name: look._asdict() for name, look in looks(content.order).items()},
+        "figures": {name: json_item(found) for name, found in figures(content).items()},
+    }
+    environment = Environment(
+        loader=PackageLoader("experiments.report", "template"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"estimate": _estimate, "number": _number, "share": _share}
+    return environment.get_template("page.html").render(
+        content=content,
+        command=command,
+        looks=told["looks"],
+        chosen=_CHOSEN,
+        choices={name: _choices(content, name) for name in ("heatmap", "curves", "breakdown", "tradeoff")},
+        told=Markup(_script_safe(json.dumps(told, allow_nan=False, separators=(",", ":")))),
+        bokeh=Markup(Resources(mode="inline", components=["bokeh"]).render_js()),
+    )
+
+
+def _choices(content: Content, name: str) -> list[str]:
+    """What the first column of a table holds: of these the reader chooses one."""
+    return list(dict.fromkeys(row[0] for row in content.tables[name].rows))
+
+
+def _script_safe(text: str) -> str:
+    """JSON that no HTML parser takes for a tag, whatever the names in it."""
+    return text.replace("<", "\\u003c")
+
+
+def _plain(columns: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    return {name: [_value(value) for value in values] for name, values in columns.items()}
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_value(part) for part in value]
+    if isinstance(value, float):
+        return None if math.isnan(value) else round(value, _DIGITS)
+    return value
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"
+
+
+def _estimate(value: Estimate) -> Markup:
+    half = "" if math.isnan(value.half) else f" ± {value.half:.3f}"
+    return Markup('{}<span class="half">{}</span>').format(_number(value.mean), half)
+
+
+def _share(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.0%}"
