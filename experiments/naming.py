@@ -165,6 +165,25 @@ def read_trust_model(
     return registry, name, {**given, **parameters}
 
 
+def check_installed(*named: Sequence[str] | str) -> None:
+    """See that names from a file are those of what is installed: nothing else is imported for a file's sake.
+
+    Args:
+        named: names of trust models and of attacks, with their parameters.
+
+    Raises:
+        ValueError: a name is none of these.
+    """
+    registries: tuple[Registry[Any], ...] = (trust_models, baselines.registry)
+    for registry, texts in zip(registries, named, strict=True):
+        for text in () if isinstance(texts, str) else texts:
+            if text.strip().partition(":")[0] not in registry.names():
+                raise ValueError(
+                    f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
+                    "it, --allow-code lets it import what it names"
+                )
+
+
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
