@@ -42,16 +42,16 @@ class WaryRoleTrust:
         ToR[i] <- lam QoR[i] + (1 - lam) ToR[i]
         QoP[j]  = sum over the raters i of w[i, j] sinc(1 - g[i, j]) g[i, j] / sum of w[i, j],    ToR as just updated
         d[j]    = QoP[j] - ToP[j],   h = the median of d over the providers that were rated, the upper of two
-        d[j]   <- min(d[j] - h, 0)    where d[j] < 0 and h < -shock
-        ToP[j] <- ToP[j] + lam d[j]   where d[j] < 0,   and ToP[j] + rise lam d[j]   elsewhere
+        own[j]  = min(d[j] - (h if h < -shock else 0), 0)
+        ToP[j] <- ToP[j] + lam (own[j] + rise (d[j] - own[j]))
 
     `power`: a weighted mean in place of the paper's plain one, so that ToR says who counts and does not lower ToP; 0
     counts all alike. `keep`: a rater has its say on a provider also when it was not there, so that the few who were do
     not decide alone; 0 hears this round only. `noise`: a gap that noise explains costs nothing, as the root makes much
     of small gaps; 0 is the paper's QoR around c. `shock`: when most providers fall together, that is the world's doing,
-    and only what one falls beyond it is its own; 1 forgives nobody. `rise`: the paper's stability term punishes both
-    edges of a change, here unsteady service is paid for by the slow way up, on which a newcomer is, too; 1 is as fast
-    as down.
+    and only what one falls beyond it is its own; 1 has all falls their own. `rise`: the paper's stability term punishes
+    both edges of a change; here unsteady service is paid for by the slow way up, on which a newcomer is, too, and what
+    is the world's doing is followed as slowly. 1 is as fast as down.
 
     Attributes:
         lam: weight of the newest round, in [0.5, 1), for raters, and for providers that fall.
@@ -101,8 +101,8 @@ class WaryRoleTrust:
         rated = xp.any(mask, axis=0)
         change = xp.where(rated, quality - top, 0.0)
         common = _upper_median(change, rated)
-        own = xp.where(common < -self.shock, xp.clip(change - common, None, 0), change)
-        return top + self.lam * xp.where(change < 0, own, self.rise * change)
+        own = xp.clip(change - xp.where(common < -self.shock, common, 0.0), None, 0)
+        return top + self.lam * (own + self.rise * (change - own))
 
     def rater_trust(self, state: WaryState) -> Array:
         """ToR, shape (S, ...)."""
