@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_env.arrays import Array, namespace
-from roletrust_env.ranges import Factor, Lam, LessThanHalf, Power, Share
+from roletrust_env.arrays import Array, largest, namespace
+from roletrust_env.ranges import Factor, Lam, Power, Share
 from roletrust_env.trust.algorithms import masked_mean, sinc, smooth, weighted_mean
 
 _LEAST = 0.01
@@ -33,12 +33,12 @@ class WaryRoleTrust:
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 
     The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their gap to the consensus, and
-    providers by good, steady notes of trusted raters. Five things are new, and each is undone by one value of one
+    providers by good, steady notes of trusted raters. Four things are new, and each is undone by one value of one
     parameter:
 
         w[i, j] = fresh[i, j] max(ToR[i], 0.01)^power              1 for a note of this round, times keep each round
         c[j]    = sum over the raters i of w[i, j] g[i, j] / sum of w[i, j]              g[i, j] is i's last note of j
-        QoR[i]  = 1 - mean over the providers j that i rated of sqrt(max(|f[i, j] - c[j]| - noise, 0) / (1 - noise))
+        QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - c[j]|)
         ToR[i] <- lam QoR[i] + (1 - lam) ToR[i]
         QoP[j]  = sum over the raters i of w[i, j] sinc(1 - g[i, j]) g[i, j] / sum of w[i, j],    ToR as just updated
         d[j]    = QoP[j] - ToP[j],   h = the median of d over the providers that were rated, the upper of two
@@ -47,8 +47,7 @@ class WaryRoleTrust:
 
     `power`: a weighted mean in place of the paper's plain one, so that ToR says who counts and does not lower ToP; 0
     counts all alike. `keep`: a rater has its say on a provider also when it was not there, so that the few who were do
-    not decide alone; 0 hears this round only. `noise`: a gap that noise explains costs nothing, as the root makes much
-    of small gaps; 0 is the paper's QoR around c. `shock`: when most providers fall together, that is the world's doing,
+    not decide alone; 0 hears this round only. `shock`: when most providers fall together, that is the world's doing,
     and only what one falls beyond it is its own; 1 has all falls their own. `rise`: the paper's stability term punishes
     both edges of a change; here unsteady service is paid for by the slow way up, on which a newcomer is, too, and what
     is the world's doing is followed as slowly. 1 is as fast as down.
@@ -59,7 +58,6 @@ class WaryRoleTrust:
         rise: rate of rising as a share of that of falling, in (0, 1].
         power: of a rater's trust in its weight, in [0, 8].
         keep: what is left of the weight of a note after a round, in [0, 1].
-        noise: gap to the consensus that is for nothing, in [0, 0.5).
         shock: median fall from which on it is the world's, in [0, 1].
     """
 
@@ -68,7 +66,6 @@ class WaryRoleTrust:
     rise: Factor = 0.1
     power: Power = 2.0
     keep: Share = 0.5
-    noise: LessThanHalf = 0.1
     shock: Share = 0.1
     rates_raters = True
     source = "after Su and Saint-Jore (2023)"
@@ -84,9 +81,9 @@ class WaryRoleTrust:
         xp = namespace(ratings)
         last = xp.where(mask, ratings, state.last)
         fresh = xp.where(mask, 1.0, self.keep * state.fresh)
-        consensus = weighted_mean(last, self._weights(fresh, state.tor), axis=0)
-        gap = xp.clip(abs(last - consensus) - self.noise, 0, None) / (1 - self.noise)
-        distance, given = masked_mean(xp.sqrt(gap), mask, axis=1)
+        below = last - largest(xp.where(fresh > 0, last, 0.0))  # raters who agree are exactly 0 apart
+        consensus = weighted_mean(below, self._weights(fresh, state.tor), axis=0)
+        distance, given = masked_mean(xp.sqrt(abs(below - consensus)), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         quality = weighted_mean(sinc(1 - last) * last, self._weights(fresh, tor), axis=0)
         return WaryState(tor, self._moved(state.top, quality, mask), last, fresh)
