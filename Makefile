@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-clients setup format pictures costs ladder zoo clean
+.PHONY: run test test-extras test-clients setup format pictures costs better-model ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -48,6 +48,11 @@ pictures: setup
 costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
+
+# The leaderboard of what the parts of wary role-trust are worth; a few minutes.
+better-model: setup
+	$(BIN)/roletrust benchmark --suite development --force --out $(OUT)/better-model
+	cp $(OUT)/better-model/leaderboard.csv docs/better-model.csv
 
 # Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
 ladder: setup

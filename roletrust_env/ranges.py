@@ -110,6 +110,9 @@ LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
 Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
 """The probability that is cut off at either end of a distribution."""
 
+Power = Annotated[float, _within("[0, 8]", lambda x: 0 <= x <= 8)]
+"""A power of a share, such as of trust in a weight; 0 makes all alike."""
+
 DrawnShare = Annotated[float | tuple[float, float], _drawn("[0, 1]", lambda x: 0 <= x <= 1)]
 """A share, or a range of them from which one is drawn."""
 

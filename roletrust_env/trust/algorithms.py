@@ -240,8 +240,8 @@ def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Arr
 
 def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """The sum over raters of rho * ToR * f, shape (P, ...)."""
-    steady = _sinc(values - last_ratings)
-    rho = _sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
+    steady = sinc(values - last_ratings)
+    rho = sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
     return total(rho * tor[:, None, ...] * values, 0)
 
 
@@ -291,7 +291,7 @@ def occurred(count: Array) -> Array:
     return count / (count + _TINY)
 
 
-def _sinc(x: Array) -> Array:
+def sinc(x: Array) -> Array:
     """sin(pi x) / (pi x) for x in [0, 1], and exactly 1 at x = 0.
 
     The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.

@@ -13,6 +13,7 @@ from roletrust_env.trust.models.central.median import Median
 from roletrust_env.trust.models.central.power_trust import PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
+from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.clustering import Clustering
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.peer_trust import PeerTrust
@@ -35,6 +36,7 @@ register_trust_model("mean", Mean)
 register_trust_model("median", Median)
 register_trust_model("power-trust", PowerTrust)
 register_trust_model("trimmed-mean", TrimmedMean)
+register_trust_model("wary-role-trust", WaryRoleTrust)
 
 register_trust_model("clustering", Clustering)
 register_trust_model("fire", Fire)
