@@ -13,6 +13,7 @@ from experiments.commands.costs import costs
 from experiments.commands.figures import figures
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
+from experiments.commands.live.app import live
 from experiments.commands.models import models
 from experiments.commands.play import play
 from experiments.commands.speed import speed
@@ -79,6 +80,7 @@ app.command("list")(list_command)
 app.command("speed")(speed)
 app.command("costs")(costs)
 app.command("models")(models)
+app.add_typer(live, name="live")
 app.command("train")(train)
 app.command("zoo")(zoo)
 

@@ -32,6 +32,7 @@ class Reason(StrEnum):
     """Why something was refused: of a whole message down to its signature, of single ratings from there on."""
 
     GARBAGE = "garbage"
+    ELSEWHERE = "on the topic of another"
     UNKNOWN_RATER = "unknown rater"
     FUTURE = "stamp from the future"
     PAST = "stamp from the past"

@@ -18,6 +18,7 @@ class Entry(NamedTuple):
     Attributes:
         round: its number, from 0.
         stamp: the earliest of its messages, nanoseconds.
+        closed: when it was closed, nanoseconds.
         team: who stood where.
         rows: the ratings.
         missing: raters that were waited for, in vain.
@@ -26,6 +27,7 @@ class Entry(NamedTuple):
 
     round: int
     stamp: int
+    closed: int
     team: Team
     rows: Rows
     missing: tuple[str, ...]
@@ -94,8 +96,8 @@ class Journal:
             raise ValueError(f"round {entry.round} is not the next one, which is {self._rounds}")
         if entry.team != self._team:
             self._write({"raters": entry.team.raters, "providers": entry.team.providers})
-        said = {"round": entry.round, "stamp": entry.stamp, "ratings": dict(entry.rows), "missing": entry.missing}
-        self._write(said | entry.trust._asdict())
+        when = {"round": entry.round, "stamp": entry.stamp, "closed": entry.closed}
+        self._write({**when, "ratings": dict(entry.rows), "missing": entry.missing, **entry.trust._asdict()})
         self._team, self._rounds = entry.team, self._rounds + 1
 
     def close(self) -> None:
@@ -135,7 +137,8 @@ def read_journal(path: Path) -> Iterator[Entry]:
                 team = Team(tuple(said["raters"]), tuple(said["providers"]))
                 continue
             trust = Trust(*(tuple(said[name]) for name in Trust._fields))
-            yield Entry(said["round"], said["stamp"], team, said["ratings"], tuple(said["missing"]), trust)
+            when = said["round"], said["stamp"], said["closed"]
+            yield Entry(*when, team, said["ratings"], tuple(said["missing"]), trust)
 
 
 def _whole(path: Path) -> int:

@@ -84,17 +84,17 @@ class Manager:
         admitted = self.gate.admit(ratings, self._providers, now)
         if not admitted:
             return []
-        return [self._take(closed) for closed in self.rounds.add(ratings.rater, ratings.stamp, admitted, now)]
+        return [self._take(one, now) for one in self.rounds.add(ratings.rater, ratings.stamp, admitted, now)]
 
     def tick(self, now: int) -> list[Entry]:
         """Publish the rounds that were waited for long enough. To be asked often, some ten times a period."""
-        return [self._take(closed) for closed in self.rounds.due(now)]
+        return [self._take(one, now) for one in self.rounds.due(now)]
 
     def close(self) -> None:
         """Leave the journal to others."""
         self._journal.close()
 
-    def _take(self, closed: Round[dict[str, float]]) -> Entry:
+    def _take(self, closed: Round[dict[str, float]], now: int) -> Entry:
         """Play a round, and write it down."""
         rated = [provider for row in closed.items.values() for provider in row]
         self._team = self._team.joined(closed.items, rated)
@@ -104,7 +104,7 @@ class Manager:
             self._standing = Standing(self._model, self._team, past)
         rows = {name: [row.get(provider) for provider in self._team.providers] for name, row in closed.items.items()}
         self._standing.take(rows)
-        entry = Entry(self.next_round, closed.stamp, self._team, rows, closed.missing, self._standing.trust)
+        entry = Entry(self.next_round, closed.stamp, now, self._team, rows, closed.missing, self._standing.trust)
         self._journal.append(entry)
         return entry
 
