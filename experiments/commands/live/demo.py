@@ -20,7 +20,7 @@ from roletrust_env.live.standing import Team
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.roster import Roster
 
-_MEET_S = 2.0  # nodes find each other before the first round
+_MEET_S = 4.0  # in which nodes find each other, also on a busy machine
 _LOOK_S = 0.25
 _AFTER = 4  # periods in which the last rounds come in
 
