@@ -1,6 +1,5 @@
 """The journal of a manager: every round on disk before it is published, so that nothing that was said is lost."""
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator
@@ -54,11 +53,7 @@ class Journal:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                busy = f"{path} is the journal of a manager that is running; stop it, or name another"
-                raise ValueError(busy) from None
+            _lock(self._file, path)
             self._begin({"journal": _VERSION, **about})
         except BaseException:
             self.close()
@@ -139,6 +134,16 @@ def read_journal(path: Path) -> Iterator[Entry]:
             trust = Trust(*(tuple(said[name]) for name in Trust._fields))
             when = said["round"], said["stamp"], said["closed"]
             yield Entry(*when, team, said["ratings"], tuple(said["missing"]), trust)
+
+
+def _lock(file: int, path: Path) -> None:
+    """Keep a file to this process, as long as it has it open."""
+    import fcntl  # not all systems have it, and the rest of the library runs on them
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ValueError(f"{path} is the journal of a manager that is running; stop it, or name another") from None
 
 
 def _whole(path: Path) -> int:

@@ -71,15 +71,15 @@ def run_manager(
             found = []
             for name, reader in raters.items():
                 for raw in reader.take():
-                    office.publish(_hear(manager, name, raw))
+                    office.publish(hear_raw(manager, name, raw, time.time_ns()))
             office.publish(manager.tick(time.time_ns()))
             office.diagnose(manager)
             node.wait(period / SECOND / 20)
     manager.close()
 
 
-def _hear(manager: Manager, name: str, raw: bytes) -> list[Entry]:
-    """What a message on a rater's topic leads to."""
+def hear_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Entry]:
+    """What a message leads to that came on a rater's topic at a time, nanoseconds; whatever its bytes are."""
     try:
         ratings = messages.read_ratings(raw)
     except ValueError:
@@ -88,7 +88,7 @@ def _hear(manager: Manager, name: str, raw: bytes) -> list[Entry]:
     if ratings.rater != name:
         manager.gate.refuse(name, Reason.ELSEWHERE)
         return []
-    return manager.hear(ratings, time.time_ns())
+    return manager.hear(ratings, now)
 
 
 class _Office:

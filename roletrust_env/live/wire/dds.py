@@ -106,11 +106,8 @@ class Node:
         self._conditions: list[ReadCondition] = []
         self._attach(self._found)
         self._gids: dict[str, list[Any]] = {"reader": [], "writer": []}
-        once = Qos(
-            Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=_QOS
-        )
         topic, carrier = self._topic("ros_discovery_info", _DISCOVERY)
-        self._introduction = Writer(DataWriter(self._participant, topic, once), carrier)
+        self._introduction = Writer(DataWriter(self._participant, topic, _ONCE), carrier)
         self._introduce()
 
     def writer(self, topic: str, kind: str, *, depth: int = 10) -> Writer:
@@ -211,6 +208,10 @@ def _carrier(kind: str) -> type[Any]:
 
 
 _QOS = Qos(Policy.DataRepresentation(use_cdrv0_representation=True))
+
+
+_ONCE = Qos(Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=_QOS)
+"""What is told to whoever comes later, too."""
 
 
 def _qos(kind: str, depth: int) -> Qos:
