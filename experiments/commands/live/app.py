@@ -4,6 +4,7 @@ import typer
 
 from experiments.commands.live.demo import demo
 from experiments.commands.live.nodes import assess, cam, keys, manager
+from experiments.commands.live.recordings import record, recover, replay
 
 live = typer.Typer(
     no_args_is_help=True,
@@ -15,3 +16,6 @@ live.command("cam")(cam)
 live.command("assess")(assess)
 live.command("manager")(manager)
 live.command("keys")(keys)
+live.command("record")(record)
+live.command("replay")(replay)
+live.command("recover")(recover)

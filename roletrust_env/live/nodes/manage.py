@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from roletrust_env.live.standing import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader, Writer
 from roletrust_env.live.wire.keys import PublicKeys
+from roletrust_env.live.wire.recording import Recorded
 from roletrust_env.trust import TrustModel
 
 _DEPTH = 200  # messages of a rater that are kept while the manager is busy
@@ -89,6 +90,28 @@ def hear_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Entry]:
         manager.gate.refuse(name, Reason.ELSEWHERE)
         return []
     return manager.hear(ratings, now)
+
+
+def replay(recording: Iterable[Recorded], manager: Manager, period: int) -> Iterator[Entry]:
+    """What a manager makes of a recording, by the recording's clock; it hears raters and knows cameras as live.
+
+    Args:
+        recording: in order of arrival.
+        manager: with a journal of its own.
+        period: between rounds, nanoseconds.
+    """
+    now: int | None = None
+    for time_ns, topic, kind, raw in recording:
+        for moment in range(time_ns if now is None else now, time_ns, period // 20):
+            yield from manager.tick(moment)
+        now = time_ns
+        name = topic[1:].partition("/")[0]
+        if topic == f"/{name}{RATINGS}" and kind == messages.RATINGS:
+            yield from hear_raw(manager, name, raw, time_ns)
+        elif topic == f"/{name}{IMAGES}":
+            manager.meet(name)
+    if now is not None:
+        yield from manager.tick(now + 2 * period)
 
 
 class _Office:
