@@ -8,7 +8,7 @@ import typer
 from experiments.commands.attacks import parse_attacks, parse_trust_model
 from experiments.commands.console import console, errors
 from experiments.commands.live.options import Keys, Network, Scenario, Speed, Start, period_ns, require_live
-from roletrust_env import Policy, make_scenario
+from roletrust_env import Cast, Game, Policy, make_scenario
 from roletrust_env import Scenario as Rules
 from roletrust_env.world.roster import Roster
 
@@ -166,4 +166,8 @@ def _timeline(rules: Rules, speed: float, start: int | None) -> "Timeline":
 
 
 def _policy(rules: Rules, name: str, attack: str | None) -> Policy | None:
-    return None if attack is None else parse_attacks([f"{name}={attack}"], rules)[name]
+    if attack is None:
+        return None
+    policies = parse_attacks([f"{name}={attack}"], rules)
+    Cast(Game(rules), policies)  # refuses what the agent cannot play
+    return policies[name]
