@@ -5,6 +5,7 @@ import typer
 from experiments.commands.live.demo import demo
 from experiments.commands.live.nodes import assess, cam, keys, manager
 from experiments.commands.live.recordings import record, recover, replay
+from experiments.commands.live.view import view
 
 live = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -26,6 +27,7 @@ def roletrust_live() -> None:
 
 
 live.command("demo")(demo)
+live.command("view")(view)
 live.command("cam")(cam)
 live.command("assess")(assess)
 live.command("manager")(manager)
