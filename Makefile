@@ -49,7 +49,7 @@ pictures: setup
 	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder
 
-# The table of what the trust models cost; on a quiet machine, some minutes.
+# The table of what the trust models cost; on a quiet machine, up to 20 minutes, of which most is compiling.
 costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/

@@ -8,6 +8,7 @@ from baselines.coalition.self_promotion import SelfPromotion
 from baselines.identity.sybil import Sybil
 from baselines.identity.whitewashing import Whitewashing
 from baselines.provider.camouflage import Camouflage
+from baselines.provider.conflicting import Conflicting
 from baselines.provider.exit import Exit
 from baselines.provider.on_off import OnOff
 from baselines.provider.opportunistic import Opportunistic
@@ -31,6 +32,7 @@ from roletrust_env.registry import Registry
 registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
 registry.register("on-off", OnOff)
 registry.register("camouflage", Camouflage)
+registry.register("conflicting", Conflicting)
 registry.register("exit", Exit)
 registry.register("opportunistic", Opportunistic)
 registry.register("reputation-lag", ReputationLag)
@@ -96,6 +98,7 @@ __all__ = [
     "CamouflageRating",
     "Collusion",
     "Complementary",
+    "Conflicting",
     "Exit",
     "FlipFlop",
     "OnOff",

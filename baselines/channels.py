@@ -28,6 +28,11 @@ class ByChannel(Policy):
         quality, mine = self.serves.quality(view, memory[0], random)
         return quality, (mine, memory[1])
 
+    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.treats`."""
+        treatment, mine = self.serves.treats(view, memory[0], random)
+        return treatment, (mine, memory[1])
+
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.ratings`."""
         ratings, mine = self.rates.ratings(view, memory[1], random)

@@ -8,6 +8,7 @@ import typer
 from rich.markup import escape
 from typer.core import TyperGroup
 
+from experiments.commands.benchmark import benchmark
 from experiments.commands.console import console, errors
 from experiments.commands.costs import costs
 from experiments.commands.figures import figures
@@ -75,6 +76,7 @@ def roletrust(
 
 app.command("figures")(figures)
 app.command("play")(play)
+app.command("benchmark")(benchmark)
 app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("speed")(speed)

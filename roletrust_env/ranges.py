@@ -59,6 +59,10 @@ class Victims:
     """Annotated to a tuple of places on the provider axis: searches pick how many honest providers it names."""
 
 
+class Identities:
+    """Annotated to a number of identities in reserve: searches try from 1 to as many as the attacker has."""
+
+
 class Accomplices:
     """Annotated to a tuple of places on the provider axis: the attacker's own providers, told where they are known."""
 

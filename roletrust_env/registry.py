@@ -42,7 +42,7 @@ class Registry(Generic[Thing]):
         if not name or not all(c.isalnum() or c in "-_." for c in name):
             raise ValueError(f"{name!r} is no name for a {self.kind}; use letters, digits, '-', '_' and '.'")
         if name in self._factories:
-            raise ValueError(f"a {self.kind} named {name!r} is registered already")
+            raise ValueError(f"{self.kind} {name!r} is registered already")
         self._factories[name] = factory
 
     def names(self) -> list[str]:

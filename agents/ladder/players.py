@@ -7,7 +7,8 @@ from typing import Any, Protocol
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack import AttackTask, TaskState
 from roletrust_env.game.cast import Cast
-from roletrust_env.game.policy import Policy, policy_name
+from roletrust_env.game.policy import Policy
+from roletrust_env.game.state import Actions
 from roletrust_env.randomness import Random
 
 
@@ -18,8 +19,8 @@ class Attacker(Protocol):
         """What it remembers before the first round."""
         ...
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
-        """The joint action, (A, K, G), see `AttackTask.action_size`, and the new memory."""
+    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array | Actions, Any]:
+        """The joint action, (A, K, G), see `AttackTask.action_size`, or all agents' actions; and the new memory."""
         ...
 
 
@@ -27,37 +28,21 @@ class Attacker(Protocol):
 class Scripted:
     """Each compromised agent has a policy of its own, and plays honestly without.
 
-    A policy that needs more than a task's action has is refused, see `check_fits_tasks`.
+    Policies play on every channel, also on those that a task's action does not have: presence, silence and treatment.
     """
 
     policies: Mapping[str, Policy]
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
         """See `Attacker.begin`."""
-        for name, policy in self.policies.items():
-            check_fits_tasks(policy, name)
         cast = Cast(task.game, self.policies)
         return cast, cast.begin(random, batch)
 
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
+    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Actions, Any]:
         """See `Attacker.act`."""
         cast, memories = memory
         actions, memories = cast.act(state.game, memories, random)
-        return task.own_action(actions), (cast, memories)
-
-
-def check_fits_tasks(policy: Policy, who: str) -> None:
-    """Look whether a compromised agent can play a policy: a task's action has no presence and no silence.
-
-    Raises:
-        ValueError: it takes identities in reserve, or attacks on other channels than an action has.
-    """
-    if policy.reserve or (policy.attacks and policy.attacks.isdisjoint(("quality", "ratings"))):
-        what = "calls identities in reserve" if policy.reserve else f"attacks by {' and '.join(sorted(policy.attacks))}"
-        raise ValueError(
-            f"{who} cannot play {policy_name(policy)} in a task: that {what}, and a task's action has quality and "
-            "ratings only; it plays in a Cast, and as one of the task's others"
-        )
+        return actions, (cast, memories)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from agents.ladder.players import Attacker, OpenLoop
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack import AttackTask, Outcome, TaskState, make_task
-from roletrust_env.game.state import Noise
+from roletrust_env.game.state import Actions, Noise
 from roletrust_env.randomness import Random
 
 Arguments = Mapping[str, Any]
@@ -141,11 +141,19 @@ def exact_task(arguments: Arguments) -> AttackTask:
 
 
 class Moment(NamedTuple):
-    """One round as it was played: the state after it, the joint action, and what it brought, 0 to games long over."""
+    """One round as it was played.
+
+    Attributes:
+        state: after it.
+        action: of the attacker, or all agents' actions.
+        outcome: what it brought, 0 to games long over.
+        offered: quality that the providers had for whoever came, see `Game.offered`.
+    """
 
     state: TaskState
-    action: Array
+    action: Array | Actions
     outcome: Outcome
+    offered: Array
 
 
 def play(
@@ -166,12 +174,13 @@ def play(
     for _ in range(task.game.scenario.max_cycles):
         noise = _shared(task.game.draw(luck, batch[1:]), batch[0])
         action, memory = attacker.act(task, state, memory, chance)
-        state, outcome = task.step(state, action, noise, chance)
+        before, (actions, memories) = state.game, task.joint(state, action, chance)
+        state, outcome = task.advance(state, actions, memories, noise)
         if state.game.population is not None:  # else nobody can be caught
             reward, objective, cost = (namespace(part).where(ended, 0 * part, part) for part in outcome[:3])
             ended = ended | outcome.caught
             outcome = outcome._replace(reward=reward, objective=objective, cost=cost)
-        yield Moment(state, action, outcome)
+        yield Moment(state, action, outcome, task.game.offered(before, actions, state.game))
 
 
 def measure(

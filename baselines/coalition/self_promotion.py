@@ -5,8 +5,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
+from baselines.places import Places, among
 from baselines.rater.ballot_stuffing import praise
-from baselines.rater.lying import Lying, Places, among
+from baselines.rater.lying import Lying
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import ProviderView, RaterView

@@ -1,6 +1,6 @@
 """What an owner of several identities does with each of them."""
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, PositiveInt
 from pydantic.dataclasses import dataclass
@@ -9,6 +9,7 @@ from baselines.channels import ByChannel
 from baselines.provider.on_off import OnOff
 from baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.ranges import Identities
 
 
 @dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True))
@@ -21,7 +22,7 @@ class Cheat(ByChannel):
         rates: how each of them rates; by default all as low as can be.
     """
 
-    reserve: PositiveInt = 1
+    reserve: Annotated[PositiveInt, Identities()] = 1
     serves: Policy = OnOff(duty=1.0)
     rates: Policy = BadMouthing(level=0.0)
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})

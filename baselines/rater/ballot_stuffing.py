@@ -4,7 +4,8 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
-from baselines.rater.lying import Lying, Places, among
+from baselines.places import Places, among
+from baselines.rater.lying import Lying
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random

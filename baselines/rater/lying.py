@@ -3,18 +3,15 @@
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, NonNegativeInt
 from pydantic.dataclasses import dataclass
 
+from baselines.places import Places, among
 from baselines.window import WindowedAttack
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Victims
-
-Places = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
-"""Of providers, on their axis; at least one."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +43,8 @@ class Lying(WindowedAttack):
 class TargetedLying(Lying):
     """A rater that lies about chosen providers and tells the truth about the others.
 
-    So each of these attacks is discriminatory (Dellarocas 2000) by its targets. The other side of discrimination, to
-    serve chosen raters badly, is not in this game: a provider has one quality for all in a round.
+    So each of these attacks is discriminatory (Dellarocas 2000) by its targets. The other side of discrimination is to
+    serve chosen raters badly, see `Conflicting`.
 
     Attributes:
         targets: places of the victims on the provider axis; None lies about all.
@@ -61,24 +58,3 @@ class TargetedLying(Lying):
         """The targets, while active. See `Lying.about`."""
         active = self.active(view.round)
         return active if self.targets is None else active & among(self.targets, view.service, "targets")
-
-
-def among(places: tuple[int, ...], providers: Array, what: str) -> Array:
-    """Whether each provider is among some places.
-
-    Args:
-        places: on the provider axis.
-        providers: an array with one row for each, (P, ...).
-        what: the places are, for error messages.
-
-    Returns:
-        Boolean, shape (P, 1 ...).
-
-    Raises:
-        ValueError: a place is beyond the last provider.
-    """
-    count = providers.shape[0]
-    if max(places, default=0) >= count:
-        raise ValueError(f"{what} is {places}; the last provider is {count - 1}")
-    chosen = namespace(providers).asarray([place in places for place in range(count)], device=providers.device)
-    return chosen.reshape(-1, *[1] * (providers.ndim - 1))

@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from baselines.rater.lying import Places, among
+from baselines.places import Places, among
 from baselines.window import WindowedAttack
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Channel
@@ -17,8 +17,8 @@ from roletrust_env.ranges import Victims
 class Silent(WindowedAttack):
     """Silence: a rater that is served as all are and rates nobody, or leaves out those that it wants to stay unknown.
 
-    Resnick, Kuwabara, Zeckhauser and Friedman (2000), "Reputation Systems", name it as what such systems have to
-    overcome first: raters who do not bother. Here it may also be about chosen providers only.
+    A reputation system collects, distributes and aggregates feedback (Resnick et al. 2000, "Reputation Systems"): of
+    what is never sent it learns nothing. To attack by that, also about chosen providers only, is from no paper.
 
     Attributes:
         targets: places of the providers that it does not rate; None rates nobody.

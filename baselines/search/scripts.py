@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from agents.ladder.players import check_fits_tasks
 from baselines.provider.on_off import OnOff
 from baselines.rater.bad_mouthing import BadMouthing
 from baselines.search.space import HONEST, Kind, Mixture, Space, words
@@ -15,6 +14,9 @@ from roletrust_env.game.policy import Channel, Policy
 
 USUAL: tuple[Kind, ...] = (OnOff, BadMouthing)
 """The paper's attacks: a provider attacks on and off, a rater by bad-mouthing, an agent with both roles does both."""
+
+_SERVING: frozenset[Channel] = frozenset({"quality", "treatment"})
+_RATING: frozenset[Channel] = frozenset({"ratings", "silence"})
 
 
 @dataclass(frozen=True)
@@ -42,25 +44,31 @@ class Scripts:
             attacks: the kinds of attack; several for one role are a mixture. None are the usual ones that fit.
 
         Raises:
-            ValueError: no compromised agent can play one of the kinds, see also `check_fits_tasks`, or a kind cannot be
-                searched, see `Space`.
+            ValueError: no compromised agent can play one of the kinds, one of them has not the identities in reserve
+                that a kind needs, or a kind cannot be searched, see `Space`.
         """
-        roster, bad = task.game.roster, {*task.compromised, *task.cast.attackers}
+        roster, bad = task.game.roster, {*task.identities, *task.cast.attackers}
         providers = list(enumerate(roster.provider_names))
         victims = tuple(place for place, name in providers if name not in bad)
-        accomplices = tuple(place for place, name in providers if name in task.compromised)
-        facts = victims, accomplices, task.game.scenario.max_cycles
+        accomplices = tuple(place for place, name in providers if name in task.identities)
+        owners = list(roster.owners.values())
+        reserve = min(owners.count(name) - 1 for name in task.compromised)
+        facts = victims, accomplices, task.game.scenario.max_cycles, reserve
         spaces = [Space(kind, *facts) for kind in (USUAL if attacks is None else attacks)]
-        roles: dict[Channel, tuple[str, ...]] = {"quality": roster.provider_names, "ratings": roster.rater_names}
-        decided = {channel for channel, names in roles.items() if not set(names).isdisjoint(task.compromised)}
+        roles = ((_SERVING, roster.provider_names), (_RATING, roster.rater_names))
+        decided = {channel for by, names in roles if not set(names).isdisjoint(task.compromised) for channel in by}
         for space in spaces if attacks is not None else ():
-            check_fits_tasks(space.default, ", ".join(task.compromised))
+            if space.default.reserve > reserve:
+                raise ValueError(
+                    f"{words(space.default)} needs a reserve of {space.default.reserve}, and of "
+                    f"{', '.join(task.compromised)} one has {reserve}; a group's reserve gives it identities"
+                )
             if not space.channels & decided:
                 by, who = " and ".join(sorted(space.channels)) or "nothing", ", ".join(task.compromised)
                 raise ValueError(
                     f"{words(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
                 )
-        serving, rating = ([space for space in spaces if channel in space.channels] for channel in roles)
+        serving, rating = ([space for space in spaces if space.channels & by] for by, _ in roles)
         agents = tuple(
             (name, bool(serving) and name in roster.provider_names, bool(rating) and name in roster.rater_names)
             for name in task.compromised

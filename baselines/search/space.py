@@ -1,8 +1,8 @@
 """The attacks of one kind as points to search: what a policy's class declares on its fields, whatever the class.
 
-A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal` and the
-places of `Victims` are coordinates, in the order of the class's signature. `Kept`, and every other field, keeps its
-default, but for what an attacker is told: `Accomplices` and `Length`.
+A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal`, the
+places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. `Kept`, and
+every other field, keeps its default, but for what an attacker is told: `Accomplices` and `Length`.
 """
 
 import itertools
@@ -16,10 +16,13 @@ from pydantic import ValidationError
 from roletrust_env.arrays import Array
 from roletrust_env.errors import explain
 from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.ranges import Accomplices, Kept, Length, Searched, Tried, Victims
+from roletrust_env.ranges import Accomplices, Identities, Kept, Length, Searched, Tried, Victims
 
 Kind = Callable[..., Policy]
 """A policy's class, or `functools.partial` of one where some of its parameters are fixed."""
+
+Declared = Searched | Victims | Identities | tuple[Any, ...]
+"""Where searches look for a parameter: in a range, among victims, identities, or the options of a `Literal`."""
 
 HONEST = Policy()
 
@@ -46,6 +49,7 @@ class Space:
         victims: places of the honest providers on the provider axis.
         accomplices: places of the attacker's own providers there.
         length: of the game, in rounds.
+        reserve: identities in reserve that the attacker has.
 
     Raises:
         ValueError: the kind has no defaults for what is neither searched nor fixed, or its fields cannot be read.
@@ -55,7 +59,9 @@ class Space:
         channels: on which that attacks.
     """
 
-    def __init__(self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int) -> None:
+    def __init__(
+        self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int, reserve: int = 0
+    ) -> None:
         self._make: Any
         self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
         self._fixed = {**told(self._make, accomplices, length), **given}
@@ -63,7 +69,7 @@ class Space:
         free = [name for name in hints if name not in self._fixed]
         self.default = self._made()
         self.channels: frozenset[Channel] = self.default.attacks
-        axes = (_axis(name, hints[name], getattr(self.default, name, None), victims) for name in free)
+        axes = (_axis(name, hints[name], getattr(self.default, name, None), victims, reserve) for name in free)
         self._axes = [axis for axis in axes if axis is not None]
 
     @property
@@ -139,8 +145,8 @@ def told(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
-def searched(kind: Any) -> dict[str, Searched | Victims | tuple[Any, ...]]:
-    """What is searched of the attacks of a kind, by parameter: a range, the options of a `Literal`, or victims.
+def searched(kind: Any) -> dict[str, Declared]:
+    """What is searched of the attacks of a kind, by parameter: see `Declared`.
 
     Args:
         kind: the class of the attack.
@@ -158,7 +164,7 @@ def words(policy: Policy) -> str:
     usual = {field.name: field.default for field in _fields(type(policy))}
     for name, hint in _hints(type(policy)).items():
         value = getattr(policy, name)
-        if value is not None and (_axis(name, hint, value, ()) or value != usual[name]):
+        if value is not None and (_declared(hint) or value != usual[name]):
             parts.append(f"{name}={_short(value)}")
     return f"{policy_name(policy)}:{','.join(parts)}" if parts else policy_name(policy)
 
@@ -172,7 +178,7 @@ def _short(value: Any) -> str:
     return str(value)
 
 
-def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...]) -> Axis | None:
+def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int) -> Axis | None:
     """The coordinate that a field declares, if it does."""
     declared = _declared(hint)
     tried: tuple[Any, ...]
@@ -180,6 +186,8 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...]) -> Axis | 
         return None
     if isinstance(declared, Victims):
         at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
+    elif isinstance(declared, Identities):
+        at, tried = _whole(1, max(1, reserve)), tuple({1, max(1, reserve)})
     elif isinstance(declared, Searched):
         low, high = declared.low, declared.high
         at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
@@ -190,12 +198,12 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...]) -> Axis | 
     return Axis(name, at, chosen.values if chosen else tried)
 
 
-def _declared(hint: Any) -> Searched | Victims | tuple[Any, ...] | None:
-    """Where searches look for a parameter of a type: a range, options, victims, or nowhere."""
+def _declared(hint: Any) -> Declared | None:
+    """Where searches look for a parameter of a type, if anywhere."""
     if _mark(hint, Kept):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: Searched | Victims | tuple[Any, ...] | None = _mark(hint, Victims) or options or _mark(hint, Searched)
+    found: Declared | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, Searched)
     return found
 
 

@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from baselines.channels import ByChannel
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel, Policy
-from roletrust_env.game.views import ProviderView, RaterView
+from roletrust_env.game.views import IdentityView, ProviderView, RaterView
 from roletrust_env.randomness import Random
+
+View = TypeVar("View", ProviderView, RaterView, IdentityView)
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,15 @@ class Both(ByChannel):
     def reserve(self) -> int:  # type: ignore[override]
         """As many identities as either takes."""
         return max(self.serves.reserve, self.rates.reserve)
+
+    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """As the one has it that takes identities, the one it serves by if both do. See `Policy.presence`."""
+        serves, rates = memory
+        if self.serves.reserve:
+            there, serves = self.serves.presence(view, serves, random)
+        else:
+            there, rates = self.rates.presence(view, rates, random)
+        return there, (serves, rates)
 
 
 @dataclass(frozen=True)
@@ -52,24 +63,45 @@ class SideBySide(Policy):
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.quality`."""
-        rows = [
-            policy.quality(ProviderView(*(field[..., k, :] for field in view)), memory[k], random)
-            for k, policy in enumerate(self.policies)
-        ]
+        rows = [p.quality(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
         return _stack(rows)
+
+    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.treats`."""
+        rows = [p.treats(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
+        return _stack_unusual(rows, 0 * view.ratings[..., 0, :] + 1)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.ratings`."""
-        rows = [
-            policy.ratings(RaterView(*(field[..., k, :] for field in view)), memory[k], random)
-            for k, policy in enumerate(self.policies)
-        ]
+        rows = [p.ratings(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
+        return _stack(rows)
+
+    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.withholds`."""
+        rows = [p.withholds(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
+        return _stack_unusual(rows, view.awaiting[..., 0, :] & False)
+
+    def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """See `Policy.presence`."""
+        rows = [p.presence(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
         return _stack(rows)
 
 
 def side_by_side(attacks: Sequence[Mapping[str, Policy]]) -> dict[str, Policy]:
     """K attacks as one, for a batch of games of shape (K, G)."""
     return {name: SideBySide(tuple(attack[name] for attack in attacks)) for name in attacks[0]}
+
+
+def _row(view: View, k: int) -> View:
+    """What the k-th policy sees, of a batch of games of shape (K, G)."""
+    return type(view)(*(field[..., k, :] for field in view))
+
+
+def _stack_unusual(rows: Sequence[tuple[Array | None, Any]], usual: Array) -> tuple[Array | None, Any]:
+    """The same of what few do; who gave None does the usual. None if all do."""
+    if all(done is None for done, _ in rows):
+        return None, tuple(memory for _, memory in rows)
+    return _stack([(usual if done is None else done, memory) for done, memory in rows])
 
 
 def _stack(rows: Sequence[tuple[Array, Any]]) -> tuple[Array, Any]:

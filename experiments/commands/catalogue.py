@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, get_type_hints
 import baselines
 from baselines.search.space import searched, told, words
 from roletrust_env import Policy
-from roletrust_env.ranges import Searched, allowed
+from roletrust_env.ranges import Identities, Searched, allowed
 from roletrust_env.registry import Registry, summary
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry as models
@@ -115,4 +115,6 @@ def _plain(range: Any) -> Any:
         return {"low": range.low, "high": range.high}
     if isinstance(range, tuple):
         return {"options": list(range)}
+    if isinstance(range, Identities):
+        return "identities"
     return None if range is None else "victims"

@@ -10,11 +10,11 @@ from typing import Annotated, Any
 
 import typer
 
-from experiments.commands.attacks import parse_trust_model
 from experiments.commands.console import console, number_table, progress_bar
+from experiments.naming import parse_trust_model
 from experiments.results.files import prepare_folder, replacing, write_csv
 from experiments.timing.contestants import Spread
-from experiments.timing.models import LIBRARIES, Cell, Found, Size, growth, measure_models, sizes
+from experiments.timing.models import LIBRARIES, LIMITS, Cell, Found, Size, growth, measure_models, sizes
 from experiments.timing.threads import torch_threads
 from roletrust_env import make_scenario
 from roletrust_env.trust import Traits, TrustModel, trust_models
@@ -36,8 +36,11 @@ def costs(
         typer.Option(metavar="MODEL", help="NAME or NAME:key=value,...; may be repeated; all if left out."),
     ] = None,
     compiled: Annotated[
-        bool, typer.Option("--compiled", help="Also compiled by torch, which takes some seconds a cell.")
+        bool, typer.Option("--compiled", help="Also compiled by torch, which takes up to some minutes a cell.")
     ] = False,
+    compile_limit: Annotated[
+        float, typer.Option(min=1, help="Seconds to compile a cell in; one that takes longer is left out.")
+    ] = LIMITS.compiling,
     side: Annotated[
         list[int] | None,
         typer.Option(min=1, help="Raters, and as many providers; two of them or more; 3, 30 and 300 if left out."),
@@ -52,6 +55,9 @@ def costs(
 
     Models are timed in turn, so that other work strikes all alike. A size at which an update would take more than 5
     seconds or 3 GB, as the smaller ones let expect, is left out, and the table says so.
+
+    All is compiled before anything compiled is timed, two cells at a time. What is compiled stays in torch's cache on
+    disk, so that a run that was broken off goes on where it was, and a second one is quick.
 
     [bold]Examples[/]
 
@@ -70,11 +76,14 @@ def costs(
     models = {name: parse_trust_model(name, scenario) for name in names}
     libraries = LIBRARIES if compiled else LIBRARIES[:1]
     with progress_bar() as progress, torch_threads(threads):
-        task = progress.add_task("", total=len(models) * sum(len(sizes(sides, library)) for library in libraries))
+        steps = sum(len(sizes(sides, library)) for library in libraries) + compiled * len(sides)
+        task = progress.add_task("", total=len(models) * steps)
         found = measure_models(
             models,
             sides,
             libraries,
+            limits=LIMITS._replace(compiling=compile_limit),
+            threads=threads,
             seed=seed,
             advance=lambda what: progress.update(task, description=what, advance=1),
         )

@@ -16,7 +16,6 @@ from agents.ladder.known import HonestPlay, learned_rungs
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, Scripts
-from experiments.commands.attacks import parse_kinds, parse_settings, parse_trust_model
 from experiments.commands.console import console
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
@@ -27,6 +26,7 @@ from experiments.commands.task_options import (
     TrustModelOption,
     find_task,
 )
+from experiments.naming import parse_kinds, parse_settings, parse_trust_model
 from experiments.plots.trajectory import Trajectory, watch
 from experiments.results.files import prepare_folder, provenance, write_csv, write_figure, write_json
 from experiments.results.games import task_memory

@@ -53,7 +53,10 @@ def list_command(
         entries, table = _KINDS[one]
         console.print(table(entries()))
     if kind in (None, Kind.ATTACKERS):
-        console.print("[dim]victims: some of the honest providers; told: what a command knows of the game it plays[/]")
+        console.print(
+            "[dim]victims: some of the honest providers; identities: from 1 to all that are in reserve; "
+            "told: what a command knows of the game it plays[/]"
+        )
     if kind is not Kind.SCENARIOS:
         console.print("[dim]Your own: package.module:Class in place of a name, or an entry point (see the README).[/]")
 
@@ -123,8 +126,8 @@ def _searched(parameter: Mapping[str, Any]) -> str:
             return f"{low:g} to {high:g}"
         case {"options": options}:
             return " | ".join(map(str, options))
-        case "victims":
-            return "victims"
+        case "victims" | "identities" as whom:
+            return str(whom)
     return "told" if parameter["told"] else ""
 
 

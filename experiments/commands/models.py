@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from experiments.commands.attacks import parse_attacks, parse_trust_model
 from experiments.commands.console import console, progress_bar
+from experiments.naming import parse_attacks, parse_trust_model
 from experiments.results.files import (
     cast_list,
     described,

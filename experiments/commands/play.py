@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 from rich.progress import Progress
 
-from experiments.commands.attacks import changed, parse_attacks, parse_settings, parse_trust_model
 from experiments.commands.console import console, errors, print_json, progress_bar
 from experiments.commands.report import as_data, as_table, notes
+from experiments.naming import changed, parse_attacks, parse_settings, parse_trust_model
 from experiments.results.files import (
     cast_list,
     described,
@@ -98,6 +98,10 @@ def play(
 
     [dim]# for scripts: the damage under every model that was asked for[/]
     [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
+
+    [dim]# a seller who leaves when distrusted and comes back as a newcomer, up to three times[/]
+    [cyan]roletrust play --set 'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
+    --attack sp_5=whitewashing:reserve=3[/]
 
     [dim]# your own scenario, with some fields changed[/]
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]

@@ -71,18 +71,21 @@ def as_table(title: str, played: Sequence[Played], games: int) -> Table:
 def notes(played: Sequence[Played], games: int, attackers: Mapping[str, Policy]) -> list[str]:
     """What the numbers of the table are."""
     rules = played[0].game.scenario
-    start = (measured_since(attackers, rules.max_cycles) + 1) * rules.period_s
+    since = measured_since(attackers, rules.max_cycles)
+    start = f"round {since} ({(since + 1) * rules.period_s:g} s)"
     past = "the attack is on, the first rounds are past" if attackers else "the first rounds are past"
     said = [
         f"mean of {games} games ± half the 95% confidence interval, rounded up" if games > 1 else "one game",
         "at end: agents present in the last round / all of them; means are over those present",
-        f"lowest trust: of the group's mean, from {start:g} s on: {past}",
+        f"lowest trust: of the group's mean, from {start} on: {past}",
     ]
     if any(one.damage for one in played):
         said.append(
             "damage: mean trust of the honest in the same games without the attack, less that under it; "
             "who is gone in one of the two counts with its last trust"
         )
+    if unrated := [one.model for one in played if not one.game.model.rates_raters]:
+        said.append(f"no trust in raters: {', '.join(unrated)}: false alarms and recovery are those of providers alone")
     measured = [(one.model, name, estimate) for one in played for name, estimate in one.metrics.items()]
     shown = {name.partition(",")[0] for _, name, estimate in measured if not np.isnan(estimate.mean)}
     said += [explained for name, explained in _EXPLAINED.items() if name in shown]

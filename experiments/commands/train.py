@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from experiments.commands.attacks import parse_settings, read_trust_model
 from experiments.commands.console import console, errors
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
@@ -19,6 +18,7 @@ from experiments.commands.task_options import (
     TrustModelOption,
     find_task,
 )
+from experiments.naming import parse_settings, read_trust_model
 from experiments.results.files import provenance, write_csv, write_figure
 from experiments.results.machine import check_memory
 from experiments.training.runs import RunFolder, write_bytes
@@ -48,6 +48,7 @@ class Objective(StrEnum):
     DAMAGE = "damage"
     EXPLOIT = "exploit"
     PROMOTE = "promote"
+    MISLEAD = "mislead"
 
 
 class Knowledge(StrEnum):

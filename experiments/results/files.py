@@ -109,12 +109,19 @@ def provenance(game: Game, seed: int) -> dict[str, Any]:
     It holds no time and no host, so the same run writes the same bytes.
     """
     return {
-        "package": {"name": "roletrust-env", "version": __version__},
-        "python": platform.python_version(),
-        "packages": {name: found for name in _PACKAGES if (found := _version(name))},
+        **software(),
         "seed": seed,
         "trust_model": described(game.model),
         "scenario": game.scenario.model_dump(mode="json"),
+    }
+
+
+def software() -> dict[str, Any]:
+    """This package, Python and the packages that decide what numbers come out, with their versions."""
+    return {
+        "package": {"name": "roletrust-env", "version": __version__},
+        "python": platform.python_version(),
+        "packages": {name: found for name in _PACKAGES if (found := _version(name))},
     }
 
 

@@ -46,7 +46,7 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
 
 def all_kept_bytes(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> int:
     """The memory that the curves of every game take at the worst moment, see `foresee`."""
-    return kept_bytes(casts[0].game) * (len(casts) + has_twin(casts[0].game, attackers) + 1)
+    return kept_bytes(casts[0]) * (len(casts) + has_twin(casts[0].game, attackers) + 1)
 
 
 def foresee(casts: Sequence[Cast], attackers: Mapping[str, Policy]) -> Cost:
@@ -74,14 +74,15 @@ def play_games(
     model: str, cast: Cast, attackers: Mapping[str, Policy], *, games: int, seed: int, progress: Progress
 ) -> Played:
     """Play under one trust model, with the attack and once more without, and measure it."""
-    game, twin = cast.game, None
+    game, twin, rates_raters = cast.game, None, cast.game.model.rates_raters
     attackers = game.roster.with_reserves(attackers)
     curves = record(cast, seed, progress, f"Playing, {model}", games=games)
     if has_twin(game, attackers):
         twin = record(Cast(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
-    lost = damage(game.roster, curves, twin, attackers) if twin else {}
-    metrics = under_attack(game.roster, curves, twin, attackers) if attackers else {}
-    groups = measure(game.roster, curves, attackers, measured_since(attackers, game.scenario.max_cycles))
+    lost = damage(game.roster, curves, twin, attackers, rates_raters) if twin else {}
+    metrics = under_attack(game.roster, curves, twin, attackers, rates_raters) if attackers else {}
+    since = measured_since(attackers, game.scenario.max_cycles)
+    groups = measure(game.roster, curves, attackers, since, rates_raters)
     return Played(model, game, curves, groups, lost, metrics)
 
 

@@ -13,12 +13,14 @@ from roletrust_env.game.policy import policy_name
 from roletrust_env.metrics.score import Score, mean_where
 from roletrust_env.world.roster import Roster
 
-MEASURES = ("mean trust", "lowest trust", "final trust", "mean reward")
+_OF_TRUST = ("mean trust", "lowest trust", "final trust")
+MEASURES = (*_OF_TRUST, "mean reward")
 
 AUC_MEANWHILE, AUC_FINALLY = "AUC under the attack", "AUC at the end"
 UTILITY_WITHOUT, RECOVERY = "utility, no attack", "recovery, rounds"
 
 _NEVER = "the attack never began"
+_UNRATED = "the model has no trust in raters"
 _SETTLED = 10  # rounds after which the initial trust counts for 2 ** -10 at most
 
 
@@ -51,7 +53,9 @@ class Group(NamedTuple):
     measures: dict[str, Estimate]
 
 
-def measure(roster: Roster, curves: Curves, attackers: Mapping[str, Policy], since: int) -> list[Group]:
+def measure(
+    roster: Roster, curves: Curves, attackers: Mapping[str, Policy], since: int, rates_raters: bool = True
+) -> list[Group]:
     """Every group of agents and how it fared.
 
     Args:
@@ -59,6 +63,7 @@ def measure(roster: Roster, curves: Curves, attackers: Mapping[str, Policy], sin
         curves: of the games.
         attackers: who attacks, and how.
         since: the round from which the lowest trust is looked for.
+        rates_raters: whether the model does; without, the trust of agents that only rate is undefined.
     """
     places_of: dict[tuple[str, Any], list[int]] = {}
     for i, name in enumerate(roster.names):
@@ -71,7 +76,10 @@ def measure(roster: Roster, curves: Curves, attackers: Mapping[str, Policy], sin
             label = f"{label} ({roster.names[places[0]]} ...)"
         trust, rewards = curves.trust[:, places], curves.rewards[:, places]
         present = _estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
-        groups.append(Group(label, policy is None, len(places), present, _measures(trust, rewards, since)))
+        measures = _measures(trust, rewards, since)
+        if not _rated(role, rates_raters):
+            measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
+        groups.append(Group(label, policy is None, len(places), present, measures))
     return groups
 
 
@@ -91,7 +99,9 @@ def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
     return max(min(_SETTLED, rounds // 2), start if start < rounds else 0)
 
 
-def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy]) -> dict[str, Estimate]:
+def damage(
+    roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy], rates_raters: bool = True
+) -> dict[str, Estimate]:
     """What an attack took from the honest, see `roletrust_env.metrics.damage`.
 
     Args:
@@ -99,6 +109,7 @@ def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str,
         curves: under the attack.
         twin: with the same luck and everyone honest.
         attackers: who attacks.
+        rates_raters: whether the model does; without, the damage to agents that only rate is undefined.
 
     Returns:
         The damage to each role, and to all honest agents.
@@ -107,11 +118,19 @@ def damage(roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str,
     roles = _by_role(roster, honest)
     who = {f"{len(places)} {role}": places for role, places in roles.items()} if len(roles) > 1 else {}
     who |= {f"all {len(honest)} honest": honest} if honest else {}
-    return {label: _scored(metrics.damage(curves.trust, twin.trust, places)) for label, places in who.items()}
+    unrated = _undefined(curves.trust.shape[-1], _UNRATED)
+    return {
+        label: _scored(
+            metrics.damage(curves.trust, twin.trust, places)
+            if all(_rated(_role(roster.names[i]), rates_raters) for i in places)
+            else unrated
+        )
+        for label, places in who.items()
+    }
 
 
 def under_attack(
-    roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy]
+    roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy], rates_raters: bool = True
 ) -> dict[str, Estimate]:
     """How an attack is told apart, what it costs consumers, and how long it is felt; see `roletrust_env.metrics`.
 
@@ -120,6 +139,7 @@ def under_attack(
         curves: under the attack.
         twin: with the same luck and everyone honest; None if there are no such games.
         attackers: who attacks.
+        rates_raters: whether the model does; without, agents that only rate count in nothing.
 
     Returns:
         For each role that attacks, the AUC of its agents' mean trust under the attack and of that at the end; the false
@@ -128,22 +148,25 @@ def under_attack(
     """
     rounds, games = len(curves.trust), curves.trust.shape[-1]
     start, stop = attack_rounds(attackers, rounds)
-    honest = [i for i, name in enumerate(roster.names) if name not in attackers]
+    judged = [i for i, name in enumerate(roster.names) if _rated(_role(name), rates_raters)]
+    honest = [i for i in judged if roster.names[i] not in attackers]
     found = {}
     for role, places in _by_role(roster, range(len(roster.names))).items():
         bad = [k for k, i in enumerate(places) if roster.names[i] in attackers]
         trust = curves.trust[:, places]
         if bad:
+            unrated = None if places[0] in judged else _undefined(games, _UNRATED)
             meanwhile = metrics.auc(mean_where(trust[start:stop], axis=0), bad)
-            found[f"{AUC_MEANWHILE}, {role}"] = meanwhile if start < rounds else _undefined(games, _NEVER)
-            found[f"{AUC_FINALLY}, {role}"] = metrics.auc(trust[-1], bad)
+            meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
+            found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
+            found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
     found["false alarms"] = metrics.false_alarms(curves.trust, honest)
-    found["utility"] = metrics.utility(curves.top, curves.quality)
+    found["utility"] = metrics.utility(curves.top, curves.offered)
     if twin is None:
         why = "a live camera shows nothing twice, so there are no games without the attack"
         found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
     else:
-        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.quality)
+        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered)
         why = _NEVER if start >= rounds else "the attack lasts to the end"
         over = start < stop < rounds
         back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)
@@ -186,6 +209,11 @@ def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
 def _estimate(per_game: Floats) -> Estimate:
     mean, half, _ = over_games(per_game)
     return Estimate(float(mean), float(half))
+
+
+def _rated(role: str, rates_raters: bool) -> bool:
+    """Whether the model judges agents of a role at all."""
+    return rates_raters or role != "sr"
 
 
 def _role(agent: str) -> str:

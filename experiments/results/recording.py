@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from rich.progress import Progress
 
-from roletrust_env import Cast, Game, Random, State
+from roletrust_env import Cast, Random, State
+from roletrust_env.game.rollout import stacked
 
 Floats = npt.NDArray[np.float64]
 
@@ -22,7 +23,8 @@ class Curves(NamedTuple):
         top: trust of the providers, (T, P, E).
         trust: trust of the agents, each by its role, (T, N, E).
         rewards: (T, N, E).
-        quality: delivered by the providers, 0 by one that served nobody in the round, (T, P, E).
+        offered: quality that the providers had for whoever came, (T, P, E), or for each rater, (T, S, P, E), where any
+            treats them differently, see `Game.offered`.
     """
 
     time_s: Floats
@@ -30,13 +32,15 @@ class Curves(NamedTuple):
     top: Floats
     trust: Floats
     rewards: Floats
-    quality: Floats
+    offered: Floats
 
 
-def kept_bytes(game: Game) -> int:
+def kept_bytes(cast: Cast) -> int:
     """The memory that the `Curves` of each game take."""
-    roster = game.roster
-    columns = roster.n_raters + 2 * roster.n_providers + 2 * roster.n_agents
+    game, roster = cast.game, cast.game.roster
+    differs = any("treatment" in policy.attacks for policy in cast.policies.values())
+    of_each = roster.n_raters if differs else 1
+    columns = roster.n_raters + (1 + of_each) * roster.n_providers + 2 * roster.n_agents
     return columns * game.scenario.max_cycles * np.dtype(np.float64).itemsize
 
 
@@ -64,12 +68,15 @@ def record(
     """
     game = cast.game
     rows: list[tuple[Floats, ...]] = []
+    offered: list[Floats] = []
     roster, length = game.roster, game.scenario.max_cycles
     luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
     state, memories = game.start(game.draw(luck, (games,), start=True)), cast.begin(whims, (games,))
     for _ in progress.track(range(length), description=label):
         actions, memories = cast.act(state, memories, whims)
-        state, rewards = game.step(state, actions, game.draw(luck, (games,)))
+        before = state
+        state, rewards = game.step(before, actions, game.draw(luck, (games,)))
+        offered.append(game.offered(before, actions, state))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
         tor, top = game.published(state)
@@ -79,9 +86,9 @@ def record(
                 np.where(roster.providers(present), top, np.nan),
                 np.where(present, game.agent_trust(state), np.nan),
                 np.where(present, rewards, np.nan),
-                state.quality,
             )
         )
         watch(state)
     time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
-    return Curves(time_s, *(np.stack(column) for column in zip(*rows, strict=True)))
+    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
+    return Curves(time_s, *columns)

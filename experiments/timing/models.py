@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from experiments.results.machine import in_bytes, in_time
+from experiments.timing.compiling import compile_ahead
 from experiments.timing.contestants import Contestant, Timing, compiled, measure, source
 from roletrust_env.arrays import namespace
 from roletrust_env.trust import Traits, TrustModel
@@ -32,10 +33,12 @@ class Limits(NamedTuple):
     Attributes:
         seconds: of time.
         memory: bytes, at the worst moment.
+        compiling: seconds until it is compiled.
     """
 
     seconds: float = 5.0
     memory: float = 3e9
+    compiling: float = 120.0
 
 
 LIMITS = Limits()
@@ -143,10 +146,11 @@ def measure_models(
     limits: Limits = LIMITS,
     repeats: int = 5,
     slice_s: float = 0.05,
+    threads: int = 1,
     seed: int = 0,
     advance: Callable[[str], None] = lambda what: None,
 ) -> Found:
-    """Time every model at every size, those of one size in turn.
+    """Time every model at every size, those of one size in turn; with torch, once all are compiled.
 
     Args:
         models: by name.
@@ -155,17 +159,21 @@ def measure_models(
         limits: of an update, see `too_much`.
         repeats: how many turns each model gets.
         slice_s: how long a turn lasts, about.
+        threads: of torch, as it is set; those that compile ahead are told.
         seed: of the ratings.
-        advance: called with the library and the size before each model is made ready.
+        advance: called with what is done next: before each model is made ready, and before each is compiled.
     """
     found: Found = {}
     trials: dict[str, dict[Size, Trial]] = {name: {} for name in models}
     for library in libraries:
+        undone: dict[tuple[str, Size], str] = {}
+        if library == "compiled torch":
+            undone = _compile_all(models, sides, trials, limits, threads, seed, advance)
         for size in sizes(sides, library):
             ready: list[Contestant] = []
             for name, model in models.items():
                 advance(f"{library}, {size}")
-                reason = too_much(trials[name], size, limits)
+                reason = undone.get((name, size)) or too_much(trials[name], size, limits)
                 try:
                     if not reason:
                         ready.append(trust_update(name, model, size, library, seed))
@@ -178,6 +186,28 @@ def measure_models(
             for timing in measure(ready, repeats, slice_s):
                 found[timing.contestant.name, library, size] = Cell(timing)
     return found
+
+
+def _compile_all(
+    models: Mapping[str, TrustModel[Any]],
+    sides: Sequence[int],
+    trials: Mapping[str, Mapping[Size, Trial]],
+    limits: Limits,
+    threads: int,
+    seed: int,
+    advance: Callable[[str], None],
+) -> dict[tuple[str, Size], str]:
+    """Compile all that does not take too much, into torch's cache; what was not done, and why."""
+    library = "compiled torch"
+    jobs = {
+        (name, size): (name, model, size, library, seed)
+        for size in sizes(sides, library)
+        for name, model in models.items()
+        if not too_much(trials[name], size, limits)
+    }
+    return compile_ahead(
+        trust_update, jobs, limits.compiling, threads, lambda cell: advance(f"compiling {cell[0]}, {cell[1]}")
+    )
 
 
 def growth(found: Found, name: str) -> tuple[float, float]:

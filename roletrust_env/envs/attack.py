@@ -57,7 +57,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     The objective less the stealth weight times the cost. `damage`: mean over honest providers of 1 - ToP. `exploit`:
     mean over own providers of the published ToP at which the service was sold times 1 - quality delivered. `promote`:
-    the same for the accomplices. The cost is the mean over the compromised agents of max(0, gap - tolerance), the gap
+    the same for the accomplices. `mislead`: the best quality that there was, less that of the provider with the highest
+    ToP published before. The cost is the mean over the compromised agents of max(0, gap - tolerance), the gap
     being the mean trust of the honest agents of its role less its own, the larger one if it has both roles.
 
     ## Starting State

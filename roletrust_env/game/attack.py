@@ -12,17 +12,18 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.cast import Cast
+from roletrust_env.game.consumer import buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
+from roletrust_env.game.side import Side, mean_of, places
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.stealth import Stealth, make_stealth
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
-from roletrust_env.world.presence import PRESENT
 
-Objective = Literal["damage", "exploit", "promote"]
+Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
 
 
@@ -41,7 +42,7 @@ class Outcome(NamedTuple):
         objective: of the round, in [0, 1].
         cost: how far each compromised agent's trust is below that of the honest ones, beyond the tolerance; the mean
             over the agents, in [0, 1], unweighted.
-        caught: whether all its agents are gone for good, cut off or left.
+        caught: whether all its agents are gone for good, cut off or left, and no identity of theirs waits in reserve.
         over: whether the game has reached its length.
     """
 
@@ -57,14 +58,19 @@ class AttackTask:
 
     Args:
         game: its scenario, its trust model and its array library.
-        compromised: names of the agents that the attacker controls, each once.
+        compromised: names of the agents that the attacker controls, each once. Their identities in reserve are its own,
+            too; an action has no say over them, but policies have, see `step`.
         objective: what each round brings, after the trust of the round has been updated:
             `"damage"`, the mean over the honest providers of 1 - ToP;
             `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
-            quality delivered: bad service sold on good trust;
-            `"promote"`, the same for the accomplices.
+            quality delivered: bad service sold on good trust; of one with several identities the mean over those that
+            are there;
+            `"promote"`, the same for the accomplices;
+            `"mislead"`, the best quality that was there, less what a consumer got that went to the provider with the
+            highest ToP published before, see `game.consumer`.
         stealth: the price of being told apart. The gap of a compromised agent is the mean trust of the honest agents of
-            its role that are there, less its own trust; of an agent with both roles the larger one. It costs what is
+            its role that are there, less its own trust; of an agent with both roles, or with several identities that
+            have ever been there, the largest one. It costs what is
             beyond the tolerance, and the cost is the mean over the compromised agents: none hides behind another. All
             of them count, there or not, by the trust that is published: who is gone stays as far apart as it went. A
             role without honest agents has no gap. None is free.
@@ -91,7 +97,7 @@ class AttackTask:
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))
-        _check_names("compromised", compromised, roster.names)
+        _check_names("compromised", compromised, roster.first_names)
         _check_names("accomplices", accomplices, roster.provider_names)
         if not compromised:
             raise ValueError("compromised is empty; the attacker must control an agent")
@@ -104,19 +110,20 @@ class AttackTask:
         self.stealth = stealth or Stealth()
         self.knowledge = knowledge
         self.cast = Cast(game, others or {})
-        honest = [name for name in roster.names if name not in compromised and name not in self.cast.attackers]
-        self._raters = _places(self.compromised, roster.rater_names)
-        self._providers = _places(self.compromised, roster.provider_names)
-        self._honest_raters = _places(honest, roster.rater_names)
-        self._honest_providers = _places(honest, roster.provider_names)
-        self._agents = _places(self.compromised, roster.names)
-        roles = [name for axis in (roster.rater_names, roster.provider_names) for name in compromised if name in axis]
-        self._first_role = [roles.index(name) for name in compromised]
-        self._last_role = [len(roles) - 1 - roles[::-1].index(name) for name in compromised]
-        self._sellers = _places(accomplices, roster.provider_names) if objective == "promote" else self._providers
-        if not (self._honest_providers if objective == "damage" else self._sellers):
-            whom = {"damage": "an honest provider", "exploit": "a compromised provider", "promote": "an accomplice"}
-            raise ValueError(f"the objective {objective!r} needs {whom[objective]}, and there is none")
+        honest = [name for name in roster.names if name not in self.cast.attackers]
+        self._side = Side(roster, self.compromised, honest, game.like)
+        self.identities = self._side.identities
+        self._raters = places(self.compromised, roster.rater_names)
+        self._providers = places(self.compromised, roster.provider_names)
+        self._accomplices = places(accomplices, roster.provider_names)
+        needed = {
+            "damage": ("an honest provider", self._side.honest_providers),
+            "exploit": ("a compromised provider", self._providers),
+            "promote": ("an accomplice", self._accomplices),
+        }
+        whom, there = needed.get(objective, ("nobody", [0]))
+        if not there:
+            raise ValueError(f"the objective {objective!r} needs {whom}, and there is none")
 
     @property
     def action_size(self) -> int:
@@ -127,32 +134,51 @@ class AttackTask:
         """The state before the first round, for the batch of the noise."""
         return TaskState(self.game.start(noise), self.cast.begin(random, tuple(noise.perception.shape[2:])))
 
-    def step(self, state: TaskState, action: Array, noise: Noise, random: Random) -> tuple[TaskState, Outcome]:
+    def step(
+        self, state: TaskState, action: Array | Actions, noise: Noise, random: Random
+    ) -> tuple[TaskState, Outcome]:
         """Play one round.
 
         Args:
             state: before the round; it is left as it is.
-            action: shape (A, ...), in [0, 1].
+            action: shape (A, ...), in [0, 1]; or all agents' `Actions`, of which those of the attacker's identities
+                count, on every channel.
             noise: the luck of the round.
             random: for scripted agents that play at random.
         """
-        game = self.game
+        actions, memories = self.joint(state, action, random)
+        return self.advance(state, actions, memories, noise)
+
+    def joint(self, state: TaskState, action: Array | Actions, random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What all agents do, and what the scripted ones remember. Arguments as for `step`."""
         scripted, memories = self.cast.act(state.game, state.memories, random)
-        after, _ = game.step(state.game, self._overrule(scripted, action), noise)
+        return self._overrule(scripted, action), memories
+
+    def advance(
+        self, state: TaskState, actions: Actions, memories: tuple[Any, ...], noise: Noise
+    ) -> tuple[TaskState, Outcome]:
+        """Play one round in which it is known what all agents do, see `joint`."""
+        game = self.game
+        after, _ = game.step(state.game, actions, noise)
         tor, top = game.published(after)
         present = game.present(after)
         raters = providers = None
         if present is not None:
             raters, providers = game.roster.raters(present), game.roster.providers(present)
         if self.objective == "damage":
-            objective = _mean(1 - top, self._honest_providers, providers)
+            objective = mean_of(1 - top, self._side.honest_providers, providers)
+        elif self.objective == "mislead":
+            objective = self._misled(state.game, actions, after)
         else:
-            sold = after.awaiting.any(axis=0)
-            objective = _mean(top * (1 - after.quality) * sold, self._sellers, None)
-        cost = self._cost(tor, top, raters, providers)
-        caught = after.round < 0  # never
-        if after.population is not None:
-            caught = (after.population.phase[self._agents, ...] > PRESENT).all(axis=0)
+            sold = top * (1 - after.quality) * after.awaiting.any(axis=0)
+            if self.objective == "promote":
+                objective = mean_of(sold, self._accomplices, None)
+            else:
+                objective = self._side.mean_of_sellers(sold, providers)
+        phase = None if after.population is None else after.population.phase
+        gap = self._side.gap((tor, top), (raters, providers), phase, self.stealth.tolerance)
+        cost = namespace(gap).where(gap > 0, gap, 0 * gap).mean(axis=0)
+        caught = after.round < 0 if phase is None else self._side.gone(phase)  # without a phase never
         over = after.round >= game.scenario.max_cycles
         reward = objective - self.stealth.weight * cost
         return TaskState(after, memories), Outcome(reward, objective, cost, caught, over)
@@ -198,8 +224,10 @@ class AttackTask:
                 parts.append(actions.ratings[roster.rater_names.index(name)])
         return namespace(parts[0]).concat(parts)
 
-    def _overrule(self, scripted: Actions, action: Array) -> Actions:
+    def _overrule(self, scripted: Actions, action: Array | Actions) -> Actions:
         """The joint action: that of the attacker's agents in place of what the script has for them."""
+        if isinstance(action, Actions):
+            return self._side.joint(scripted, action)
         xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers
         quality, ratings, at = [], [], 0
         for name in self.compromised:
@@ -214,20 +242,14 @@ class AttackTask:
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
 
-    def _cost(self, tor: Array, top: Array, raters: Array | None, providers: Array | None) -> Array:
-        """The mean over the compromised agents of the larger gap of its roles, as far as it is beyond the tolerance."""
-        xp, gaps = namespace(top), []
-        for trust, honest, mine, present in (
-            (tor, self._honest_raters, self._raters, raters),
-            (top, self._honest_providers, self._providers, providers),
-        ):
-            if mine:
-                own = trust[mine, ...]
-                gaps.append(_mean(trust, honest, present) - own - self.stealth.tolerance if honest else 0 * own)
-        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
-        if self._first_role != self._last_role:  # somebody has both
-            gap = xp.maximum(gap[self._first_role, ...], gap[self._last_role, ...])
-        return xp.where(gap > 0, gap, 0 * gap).mean(axis=0)
+    def _misled(self, before: State, actions: Actions, after: State) -> Array:
+        """What a consumer lost in a round that went by the trust published before it."""
+        game = self.game
+        top, present = game.published(before)[1], game.present(before)
+        if present is not None:
+            top = namespace(top).where(game.roster.providers(present), top, np.nan)
+        bought = buy(top, game.offered(before, actions, after))
+        return bought.best - bought.got
 
 
 def make_task(
@@ -249,7 +271,7 @@ def make_task(
         scenario: the name of a preset, the path of a TOML or YAML file, or a `Scenario`.
         compromised: names of the agents that the learner controls.
         trust_model: the name of a trust model, or a model.
-        objective: `"damage"`, `"exploit"` or `"promote"`, see `AttackTask`.
+        objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
         stealth: `{"weight": ..., "tolerance": ...}`, the price of being told apart; None is free.
         knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
         others: agent's name -> policy of agents that are neither compromised nor honest.
@@ -281,15 +303,6 @@ def leaves(tree: Any) -> list[Array]:
     return [leaf for part in tree for leaf in leaves(part)] if isinstance(tree, tuple) else [tree]
 
 
-def _mean(values: Array, places: list[int], present: Array | None) -> Array:
-    """The mean of some rows, of those that are present; 0 if none is."""
-    rows = values[places, ...]
-    if present is None:
-        return rows.mean(axis=0)
-    there = present[places, ...]
-    return (rows * there).sum(axis=0) / (there.sum(axis=0, dtype=rows.dtype) + 1e-30)
-
-
 def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array:
     """The rows, with new ones in some places."""
     if not new:
@@ -298,11 +311,6 @@ def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array
     for k, place in enumerate(places):
         order[place] = rows.shape[0] + k
     return xp.concat([rows, xp.stack(new)])[order, ...]
-
-
-def _places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
-    """Where those of the names that are on an axis stand on it, in the order of the names."""
-    return [axis.index(name) for name in names if name in axis]
 
 
 def _check_choice(what: str, value: object, known: Sequence[str]) -> None:

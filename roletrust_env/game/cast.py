@@ -1,6 +1,6 @@
 """The cast: policies seated at the agents of a game, in one game or a batch."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ _CHANNELS: dict[str, frozenset[Channel]] = {
 """What an action in PettingZoo holds, by role."""
 
 _NONE: frozenset[Channel] = frozenset()
+_TREATMENT: frozenset[Channel] = frozenset({"treatment"})
 _SILENCE: frozenset[Channel] = frozenset({"silence"})
 _PRESENCE: frozenset[Channel] = frozenset({"presence"})
 
@@ -73,6 +74,15 @@ class _Seats(NamedTuple):
     agent: list[int]
 
 
+class _Deeds(NamedTuple):
+    """What agents that share a policy and a role do, as fields of `Actions`, the agents' own axis first."""
+
+    quality: Array | None = None
+    treatment: Array | None = None
+    ratings: Array | None = None
+    withheld: Array | None = None
+
+
 class Cast:
     """Who plays how, in a game or a batch of games.
 
@@ -122,26 +132,32 @@ class Cast:
         """What everybody does in a state, and what they remember of it."""
         views = self.game.views(state)
         identities = self._identities(state) if self._has_reserve else None
-        qualities, ratings, withheld, wanted, after = [], [], [], [], []
+        providing, rating, wanted, after = [], [], [], []
         for seats, memory in zip(self._seats, memories, strict=True):
-            quality, given, kept, remembered = self._ask(seats, state, *views, memory, random)
-            qualities += [] if quality is None else [quality]
-            if given is not None:
-                ratings.append(given.swapaxes(0, 1))
-                withheld.append(None if kept is None else kept.swapaxes(0, 1))
+            deeds, remembered = self._ask(seats, state, *views, memory, random)
+            providing += [deeds] if seats.provider else []
+            rating += [deeds] if seats.rater else []
             if identities is not None:
                 mine = IdentityView(*(field[seats.agent, ...] for field in identities))
                 there, remembered = seats.policy.presence(mine, remembered, random)
                 wanted.append(there)
             after.append(remembered)
-        order = [[i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]]
-        presence = _arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None
-        silence = None
-        if any(part is not None for part in withheld):
-            pairs = zip(withheld, ratings, strict=True)
-            silence = _arrange([given < 0 if part is None else part for part, given in pairs], order[1])
-        actions = Actions(_arrange(qualities, order[0]), _arrange(ratings, order[1]), presence, silence)
+        providers, raters = [i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]
+        qualities, ratings = [deeds.quality for deeds in providing], [deeds.ratings for deeds in rating]
+        treatment = _unusual([deeds.treatment for deeds in providing], qualities, self._alike, providers)
+        actions = Actions(
+            quality=_arrange(qualities, providers),
+            ratings=_arrange(ratings, raters),
+            presence=_arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None,
+            withheld=_unusual([deeds.withheld for deeds in rating], ratings, _sent, raters),
+            treatment=None if treatment is None else treatment.swapaxes(0, 1),
+        )
         return actions, tuple(after)
+
+    def _alike(self, quality: Array) -> Array:
+        """The treatment, (n, S, ...), by providers that serve all raters alike, with this quality, (n, ...)."""
+        shape = (quality.shape[0], self.game.roster.n_raters, *quality.shape[1:])
+        return namespace(quality).broadcast_to((0 * quality + 1)[:, None, ...], shape)
 
     def _identities(self, state: State) -> IdentityView:
         """What is known of all identities, with one further axis, (N, ...)."""
@@ -155,11 +171,11 @@ class Cast:
 
     def _ask(
         self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
-    ) -> tuple[Array | None, Array | None, Array | None, Any]:
-        """What agents that share a policy do: quality, ratings and which are withheld, if any; and their memory."""
+    ) -> tuple[_Deeds, Any]:
+        """What agents that share a policy do, and their memory."""
         provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
         rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
-        quality = given = withheld = None
+        quality = treatment = given = withheld = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[seats.agent, ...]
             quality, given, memory = seats.policy.both(AgentView(trust, provider, rater), memory, random)
@@ -167,9 +183,11 @@ class Cast:
             quality, memory = seats.policy.quality(provider, memory, random)
         elif rater is not None:
             given, memory = seats.policy.ratings(rater, memory, random)
+        if provider is not None:
+            treatment, memory = seats.policy.treats(provider, memory, random)
         if rater is not None:
             withheld, memory = seats.policy.withholds(rater, memory, random)
-        return quality, given, withheld, memory
+        return _Deeds(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
 
 
 def _role(agent: str) -> str:
@@ -185,7 +203,8 @@ def _check_seat(game: Game, name: str, policy: Policy) -> None:
         shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
     reserve = list(owners.values()).count(name) - 1
-    further = (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
+    further = _TREATMENT if name in game.roster.provider_names else _NONE
+    further |= (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
     _check_channels(name, policy, further, reserve)
 
 
@@ -204,7 +223,8 @@ def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NO
     if policy.reserve > reserve:
         raise ValueError(
             f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
-            f"agent has {reserve} here; a group's reserve gives it identities, and PettingZoo leaves them out"
+            f"agent has {reserve} here; its group in the scenario gives it identities, by reserve = {policy.reserve}, "
+            "and PettingZoo leaves them out"
         )
 
 
@@ -218,7 +238,27 @@ def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
     return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
 
 
-def _arrange(parts: list[Array], places: list[int]) -> Array:
+def _own_axis_first(of_others: Array | None) -> Array | None:
+    """What agents do to each other agent, (others, n, ...), with their own axis first, (n, others, ...)."""
+    return None if of_others is None else of_others.swapaxes(0, 1)
+
+
+def _sent(ratings: Array) -> Array:
+    """That none of the ratings is withheld."""
+    return ratings < 0
+
+
+def _unusual(
+    parts: Sequence[Array | None], deeds: Sequence[Array], usual: Callable[[Array], Array], places: list[int]
+) -> Array | None:
+    """What few do, arranged; who gave None does the usual, which follows from its deeds. None if all do."""
+    if all(part is None for part in parts):
+        return None
+    whole = [usual(done) if part is None else part for part, done in zip(parts, deeds, strict=True)]
+    return _arrange(whole, places)
+
+
+def _arrange(parts: Sequence[Array], places: list[int]) -> Array:
     """Concatenate the parts and put their rows in their places."""
     rows = namespace(parts[0]).concat(parts) if len(parts) > 1 else parts[0]
     return rows if places == sorted(places) else rows[np.argsort(places).tolist()]

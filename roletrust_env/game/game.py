@@ -7,14 +7,15 @@ Everything here is a function of its arguments and of constants. Random numbers 
 a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
 from roletrust_env.game.luck import Luck
 from roletrust_env.game.payoff import Payoff
-from roletrust_env.game.state import Actions, Counts, Noise, State
+from roletrust_env.game.state import Actions, Counts, Noise, State, check_shapes, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, check_trust_model
@@ -73,6 +74,7 @@ class Game:
         self._luck = Luck(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
+        self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
         rating, providing = roster.on_duty(scenario.max_cycles)
@@ -159,21 +161,8 @@ class Game:
             ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
-        if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
-            raise ValueError(
-                f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
-                f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
-            )
-        wanted, withheld, population = actions.presence, actions.withheld, state.population
-        if wanted is not None and (population is None or wanted.shape != population.phase.shape):
-            raise ValueError(
-                f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
-            )
-        if withheld is not None and withheld.shape != state.ratings.shape:
-            raise ValueError(
-                f"withheld has the shape {tuple(withheld.shape)}; it must be (S, P, ...) = "
-                f"{tuple(state.ratings.shape)}, or None where nobody withholds a rating"
-            )
+        check_shapes(actions, state)
+        withheld, population = actions.withheld, state.population
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
         ratings, rated, transit = channel.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
@@ -205,12 +194,13 @@ class Game:
             places = mobility.move(rules.access, places, noise.goal)
 
         served = self._served(state, population, places, top, noise)
-        ability, taste = state.nature
-        quality = actions.quality if ability is None else ability * actions.quality
-        quality = copied(quality) if self._everyone else xp.where(served.any(axis=0), quality, self._zero)
-        service = self.service.perceive(
-            quality, self._perturbations.strength(state.round), state.round, noise.perception, taste
-        )
+        chosen = intended(actions, state.nature)
+        if actions.treatment is not None:
+            quality = mean_where(chosen, served)
+        else:
+            chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
+        strength, taste = self._perturbations.strength(state.round), state.nature.taste
+        service = self.service.perceive(chosen, strength, state.round, noise.perception, taste)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -242,6 +232,22 @@ class Game:
     def present(self, state: State) -> Array | None:
         """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
         return None if state.population is None else state.population.phase == PRESENT
+
+    def offered(self, before: State, actions: Actions, after: State) -> Array:
+        """The quality that each provider had for whoever came in a round, (P, ...); NaN where it did not serve.
+
+        What it delivered is 0 where nobody came; what a consumer could have had is not. Where any provider treats
+        raters differently it is what each of them could have had, (S, P, ...).
+
+        Args:
+            before: the state before the round.
+            actions: of all agents in the round.
+            after: the state after it.
+        """
+        xp, quality = namespace(self.like), intended(actions, before.nature)
+        for _, providing in self._acting(before, after.population):
+            quality = xp.where(providing, quality, self._nowhere)
+        return quality
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
@@ -292,6 +298,17 @@ class Game:
             parts.append(state.places.position / self.scenario.access.arena)
         return xp.concat([part.reshape(-1, *batch) for part in parts])
 
+    def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
+        """Which raters and which providers act in this round, by each of the reasons for which some may not."""
+        xp, roster = namespace(self.like), self.roster
+        if self._duty is not None:
+            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+            yield rating, providing
+        if population is not None and state.population is not None:
+            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
+            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
+            yield roster.raters(acting), roster.providers(acting)
+
     def _served(
         self,
         state: State,
@@ -301,15 +318,10 @@ class Game:
         noise: Noise,
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
-        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        rules, roster = self.scenario, self.roster
         served = self._over(self._stranger, state.awaiting.shape)
-        if self._duty is not None:
-            rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
+        for rating, providing in self._acting(state, population):
             served = served & rating[:, None, ...] & providing[None, ...]
-        if population is not None and state.population is not None:
-            # A newcomer acts from its first full round on, and who leaves in this round serves nobody any more.
-            acting = (population.phase == PRESENT) & (state.population.phase == PRESENT)
-            served = served & roster.raters(acting)[:, None, ...] & roster.providers(acting)[None, ...]
         if places is not None and isinstance(rules.access, InRange):
             position = places.position
             near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)

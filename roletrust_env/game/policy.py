@@ -7,8 +7,8 @@ from roletrust_env.arrays import Array
 from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView
 from roletrust_env.randomness import Random
 
-Channel = Literal["quality", "ratings", "silence", "presence"]
-"""On what an agent decides; `"silence"` is which of its ratings it does not send."""
+Channel = Literal["quality", "treatment", "ratings", "silence", "presence"]
+"""On what an agent decides; `"treatment"` is whom it serves how well, `"silence"` which ratings it does not send."""
 
 
 class Policy:
@@ -33,6 +33,13 @@ class Policy:
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """The quality of its next service, shape (...), in [0, 1], and its new memory."""
         return 0 * view.trust + 1, memory
+
+    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """The share of that quality that each rater gets, (S, ...), in [0, 1], or None for all alike; and its memory.
+
+        Asked after `quality` in a `Cast`; the faces of PettingZoo and a task's action have no such channel.
+        """
+        return None, memory
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Its ratings, shape (P, ...), in [0, 1], and its new memory. Ratings that nothing awaits are ignored."""

@@ -1,6 +1,6 @@
 """Playing a game to its end with a cast of policies, in one game or a batch."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
@@ -10,10 +10,17 @@ from roletrust_env.randomness import Random
 
 
 class Round(NamedTuple):
-    """What one round left behind: the state after it, and the rewards, shape (N, ...)."""
+    """What one round left behind.
+
+    Attributes:
+        state: after the round.
+        rewards: (N, ...).
+        offered: quality that providers had for whoever came, (P, ...) or (S, P, ...), see `Game.offered`.
+    """
 
     state: State
     rewards: Array
+    offered: Array
 
 
 class History(NamedTuple):
@@ -23,13 +30,15 @@ class History(NamedTuple):
         tor: trust of the raters, (T, S, ...).
         top: trust of the providers, (T, P, ...).
         trust: trust of the agents, each by its role, (T, N, ...).
-        quality: delivered quality, (T, P, ...).
+        quality: delivered quality, 0 where nobody came, the mean over those who were served, (T, P, ...).
         ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
         rated: where they did, boolean, (T, S, P, ...).
         served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
         rewards: (T, N, ...).
         present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
             initial one before it joins, and stays where it was after it has gone; leave it out of means.
+        offered: quality that was there for whoever came, NaN where none was, (T, P, ...); or for each rater,
+            (T, S, P, ...), where any provider ever treated them differently, see `Game.offered`.
     """
 
     tor: Array
@@ -41,6 +50,7 @@ class History(NamedTuple):
     served: Array
     rewards: Array
     present: Array
+    offered: Array
 
 
 def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
@@ -64,11 +74,13 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
     memories = cast.begin(random, batch)
     for _ in range(game.scenario.max_cycles):
         actions, memories = cast.act(state, memories, random)
-        for channel, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
-            if not bool(((chosen >= 0) & (chosen <= 1)).all()):
+        for channel in ("quality", "ratings", "treatment"):
+            chosen = getattr(actions, channel)
+            if chosen is not None and not bool(((chosen >= 0) & (chosen <= 1)).all()):
                 raise ValueError(f"a policy chose {channel} that are NaN or outside [0, 1]; see Cast.policies")
-        state, rewards = game.step(state, actions, game.draw(random, batch))
-        yield Round(state, rewards)
+        before = state
+        state, rewards = game.step(before, actions, game.draw(random, batch))
+        yield Round(state, rewards, game.offered(before, actions, state))
 
 
 def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
@@ -81,8 +93,9 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
-    rows = []
-    for state, rewards in play(cast, random, batch):
+    rows, offered = [], []
+    for state, rewards, there in play(cast, random, batch):
+        offered.append(there)
         tor, top = cast.game.published(state)
         trust = cast.game.agent_trust(state)
         present = cast.game.present(state)
@@ -90,4 +103,11 @@ def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
             present = trust == trust  # everybody
         rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
     stack = namespace(rows[0][0]).stack
-    return History(*(stack(column) for column in zip(*rows, strict=True)))
+    columns = [*(stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
+    return History(*columns)
+
+
+def stacked(offered: Sequence[Array]) -> Array:
+    """What was offered round by round, (P, ...) or (S, P, ...) each, as one array."""
+    xp, shape = namespace(offered[0]), max((one.shape for one in offered), key=len)
+    return xp.stack([xp.broadcast_to(one, shape) for one in offered])

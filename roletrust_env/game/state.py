@@ -18,12 +18,15 @@ class Actions(NamedTuple):
         presence: which identities those with a reserve want to be there, boolean, (N, ...), see `Presence.step`; None
             leaves everybody where they are.
         withheld: which ratings are not sent after all, boolean, (S, P, ...); None where nobody withholds any.
+        treatment: the share of its quality that each provider gives each rater, (S, P, ...), in [0, 1]; None where
+            everybody serves all raters alike.
     """
 
     quality: Array
     ratings: Array
     presence: Array | None = None
     withheld: Array | None = None
+    treatment: Array | None = None
 
 
 class Counts(NamedTuple):
@@ -41,7 +44,8 @@ class State(NamedTuple):
         trust: the trust model's own state.
         ratings: the ratings that arrived in the last round, 0 where none did, (S, P, ...).
         rated: where they did, (S, P, ...), boolean.
-        quality: as delivered in the last round, (P, ...).
+        quality: as delivered in the last round, (P, ...); of a provider that treats raters differently the mean over
+            those it served.
         service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
         awaiting: which do, (S, P, ...), boolean.
         value: of the service that each provider provides next, (P, ...).
@@ -87,3 +91,36 @@ class Noise(NamedTuple):
     ability: Array | None = None
     bias: Array | None = None
     scale: Array | None = None
+
+
+def intended(actions: Actions, nature: Nature) -> Array:
+    """The quality that providers have chosen, as far as they are able, (P, ...); or for each rater, (S, P, ...)."""
+    quality = actions.quality if nature.ability is None else nature.ability * actions.quality
+    return quality if actions.treatment is None else actions.treatment * quality
+
+
+def check_shapes(actions: Actions, state: State) -> None:
+    """Look whether actions are of the shapes that a state asks for.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
+        raise ValueError(
+            f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
+            f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
+        )
+    wanted, population = actions.presence, state.population
+    if wanted is not None and (population is None or wanted.shape != population.phase.shape):
+        raise ValueError(
+            f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
+        )
+    for name, cells, nobody in (
+        ("withheld", actions.withheld, "withholds a rating"),
+        ("treatment", actions.treatment, "treats raters differently"),
+    ):
+        if cells is not None and cells.shape != state.ratings.shape:
+            raise ValueError(
+                f"{name} has the shape {tuple(cells.shape)}; it must be (S, P, ...) = "
+                f"{tuple(state.ratings.shape)}, or None where nobody {nobody}"
+            )

@@ -1,6 +1,6 @@
 """What games come to in numbers: harm, detection, rank accuracy and what consumers get, each one function."""
 
-from roletrust_env.metrics.consumers import robustness, utility
+from roletrust_env.metrics.consumers import blind_utility, robustness, utility
 from roletrust_env.metrics.detection import Classified, auc, classified, false_alarms, rounds_to_detection
 from roletrust_env.metrics.harm import Worst, damage, exploitability, recovery, return_on_attack
 from roletrust_env.metrics.ranking import absolute_error, coverage, kendall_tau, spearman
@@ -12,6 +12,7 @@ __all__ = [
     "Worst",
     "absolute_error",
     "auc",
+    "blind_utility",
     "classified",
     "coverage",
     "damage",

@@ -4,26 +4,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.metrics.score import Flags, Floats, Score, ratio
 
 
-def utility(trust: Floats, quality: Floats) -> Score:
+def utility(trust: Floats, offered: Floats) -> Score:
     """The quality that a consumer gets who always goes to the most trusted provider, over the best that there was.
 
-        utility = sum over rounds t of quality[t, argmax trust[t - 1]] / sum over rounds t of max quality[t]
+        utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max offered[t]
 
-    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely.
+    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely. Where
+    providers treat raters differently, every rater is such a consumer, and both sums are over all of them, too.
 
     Args:
         trust: of the providers, (T, P, ...), NaN where one is absent.
-        quality: as delivered, (T, P, ...).
+        offered: the quality of each for whoever came, (T, P, ...), NaN where one did not serve, see `Game.offered`; or
+            for each rater, (T, S, P, ...).
     """
-    known = np.where(np.isnan(trust[:-1]), -np.inf, trust[:-1])
-    chosen = (known == known.max(axis=1, keepdims=True)) & np.isfinite(known)
-    served = np.asarray(quality[1:], np.float64)
-    got = ratio((chosen * served).sum(axis=1), chosen.sum(axis=1))
-    best = served.max(axis=1).sum(axis=0)
-    return Score.where(best > 0, ratio(np.nansum(got, axis=0), best), "no provider ever served well")
+    bought = _bought(trust, offered)
+    return _share_of_best(bought.got, bought.best)
+
+
+def blind_utility(trust: Floats, offered: Floats) -> Score:
+    """The same of a consumer that goes to any provider, each as likely: what trust has to beat. See `utility`."""
+    bought = _bought(trust, offered)
+    return _share_of_best(bought.blind, bought.best)
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
@@ -40,3 +45,13 @@ def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> 
     honest, everything = theirs[list(sellers)].sum(axis=0), theirs.sum(axis=0)
     share = ratio(2.0 * honest - everything, everything)
     return Score.where(everything > 0, share, "no honest rater was ever served")
+
+
+def _bought(trust: Floats, offered: Floats) -> Bought:
+    return buy(np.asarray(trust, np.float64)[:-1], np.asarray(offered, np.float64)[1:], axis=1)
+
+
+def _share_of_best(got: Floats, best: Floats) -> Score:
+    """Sums over the rounds, as a share."""
+    most = best.sum(axis=0)
+    return Score.where(most > 0, ratio(got.sum(axis=0), most), "no provider ever served well")

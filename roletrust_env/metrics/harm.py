@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import Floats, Score, mean_where, ratio
+from roletrust_env.metrics.score import Floats, Score, mean_where, numbers, ratio
 
 
 class Worst(NamedTuple):
@@ -59,29 +59,30 @@ def recovery(trust: Floats, twin: Floats, agents: Sequence[int], stop: int, with
     return Score.where(back.any(axis=0), back.argmax(axis=0), "trust was not back before the game was over")
 
 
-def return_on_attack(gained: npt.ArrayLike, lost: npt.ArrayLike) -> Score:
+def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike) -> Score:
     """What attackers gained for each unit of trust that they lost: damage done, or profit made, over trust lost.
 
     Args:
-        gained: the damage to the honest, or the attackers' profit beyond that of honest play, shape (...).
-        lost: the mean trust that the attackers lost, shape (...), see `damage`.
+        gained: the damage to the honest, or the attackers' profit beyond that of honest play: a score, or shape (...).
+        lost: the mean trust that the attackers lost, likewise, see `damage`.
     """
-    price = np.asarray(lost, np.float64)
-    return Score.where(price > 0, ratio(gained, price), "the attackers lost no trust")
+    gain, price = numbers(gained), numbers(lost)
+    known = (price > 0) & ~np.isnan(gain)
+    return Score.where(known, ratio(gain, price), "the attackers lost no trust, or what they gained is undefined")
 
 
-def exploitability(damages: Mapping[str, npt.ArrayLike]) -> Worst:
+def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> Worst:
     """The worst case over attacks, after RobustBench (Croce et al. 2021): the highest mean damage.
 
     Args:
-        damages: the damage by each attack, by name; one number or one for each game.
+        damages: the damage by each attack, by name: a score, one number, or one for each game.
 
     Raises:
         ValueError: there is no attack, or one whose damage is undefined in every game.
     """
     if not damages:
         raise ValueError("damages is empty; there must be one attack at least")
-    means = {attack: float(mean_where(np.atleast_1d(np.asarray(found, float)), 0)) for attack, found in damages.items()}
+    means = {attack: float(mean_where(numbers(found).reshape(-1), 0)) for attack, found in damages.items()}
     for attack, mean in means.items():
         if np.isnan(mean):
             raise ValueError(f"the damage by {attack!r} is undefined in every game")

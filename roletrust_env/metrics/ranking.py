@@ -15,7 +15,7 @@ def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -
 
     Args:
         trust: of the providers, (P, ...), NaN where one has none.
-        quality: their true quality, (P, ...).
+        quality: their true quality, (P, ...), such as the best each offered, `np.nanmax(history.offered, axis=0)`.
         ties: `"a"` counts tied pairs as neither right nor wrong; `"b"` leaves them out (Kendall 1945).
 
     Raises:
@@ -38,7 +38,7 @@ def spearman(trust: Floats, quality: Floats) -> Score:
 
     Args:
         trust: of the providers, (P, ...), NaN where one has none.
-        quality: their true quality, (P, ...).
+        quality: their true quality, (P, ...), as for `kendall_tau`.
     """
     known = ~np.isnan(trust) & ~np.isnan(quality)
     x, y = (_centred(_ranks(np.where(known, values, np.nan))) for values in (trust, quality))

@@ -38,6 +38,11 @@ def seen(history: History) -> Floats:
     return np.where(np.asarray(history.present), np.asarray(history.trust, np.float64), np.nan)
 
 
+def numbers(found: Score | npt.ArrayLike) -> Floats:
+    """What a metric takes of another one's outcome: the numbers of a score, or numbers as they are."""
+    return np.asarray(found.value if isinstance(found, Score) else found, np.float64)
+
+
 def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
     """The mean of what is not NaN along some axes; NaN where nothing is."""
     there = ~np.isnan(values)

@@ -160,5 +160,12 @@ for _preset in (
         ),
         max_cycles=200,
     ),
+    Scenario(
+        name="newcomers",
+        description="Ten raters and ten providers, and in round 60 fifteen raters whom nobody knows join at once",
+        tags=("crowd", "open"),
+        agents=(*_crowd(10), AgentGroup(role="SR", count=15, joins=60, noise=0.005)),
+        max_cycles=200,
+    ),
 ):
     register_scenario(_preset)

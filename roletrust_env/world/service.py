@@ -17,7 +17,7 @@ class Service(Protocol):
         """The quality that each rater perceives in each service.
 
         Args:
-            quality: as delivered, shape (P, ...), in [0, 1].
+            quality: as delivered, shape (P, ...), or to each rater, (S, P, ...), in [0, 1].
             strength: of the perturbation that strikes all services, shape (...), in [0, 1].
             round: number of the round, shape (...).
             noise: standard normal, shape (S, P, ...).

@@ -25,7 +25,8 @@ SMALL = Scenario(
     max_cycles=25,
 )
 RATERS = ("sr_0", "srsp_1")
-SEATS = {"ratings": RATERS, "silence": RATERS, "quality": ("sp_0", "srsp_1")}
+PROVIDERS = ("sp_0", "srsp_1")
+SEATS = {"ratings": RATERS, "silence": RATERS, "quality": PROVIDERS, "treatment": PROVIDERS}
 NAMES = [name for name in attackers() if name != "learned" and "presence" not in registry.factory(name).attacks]
 DRAWN = ("random-rating", "transitive-lying")
 
@@ -99,9 +100,7 @@ def test_searches_take_what_it_declares(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_plays_from_the_command_line(tmp_path, name):
-    seats = sorted(
-        {agent for channel in space(name).channels for agent in ("sp_2" if channel == "quality" else "sr_2",)}
-    )
+    seats = sorted({"sp_2" if SEATS[channel] is PROVIDERS else "sr_2" for channel in space(name).channels})
     options = [part for agent in seats for part in ("--attack", f"{agent}={name}")]
     arguments = ["play", "paper-3x3", "--set", "max_cycles=12", *options, "--out", str(tmp_path)]
     result = CliRunner().invoke(app, arguments)

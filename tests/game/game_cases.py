@@ -135,9 +135,12 @@ def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, lis
     def kept() -> np.ndarray | None:
         return rng.random((s, p, *batch)) < 0.2 if rng.random() < 0.5 else None
 
+    def shares() -> np.ndarray | None:
+        return notes(s, p) if rng.random() < 0.5 else None
+
     start = game.draw(source, batch, start=True)
     rounds = range(game.scenario.max_cycles)
-    actions = [Actions(notes(p), notes(s, p), wanted(), kept()) for _ in rounds]
+    actions = [Actions(notes(p), notes(s, p), wanted(), kept(), shares()) for _ in rounds]
     return start, actions, [game.draw(source, batch) for _ in rounds]
 
 

@@ -102,7 +102,7 @@ class Slow:
         if self.place is not None:
             self.move(noise)
         acting = {k for k in self.names if before[k] == self.phase[k] == PRESENT}
-        self.serve(actions.quality, acting, noise)
+        self.serve(actions.quality, actions.treatment, acting, noise)
         rewards = self.rewards()
         self.value = self.value if noise.value is None else self.draw_values(noise)
         self.round += 1
@@ -149,7 +149,7 @@ class Slow:
                 share = self.rules.access.speed / distance
                 self.place[k] = (x + share * (goal_x - x), y + share * (goal_y - y))
 
-    def serve(self, quality: np.ndarray, acting: set[str], noise: Noise) -> None:
+    def serve(self, quality: np.ndarray, treatment: np.ndarray | None, acting: set[str], noise: Noise) -> None:
         access = self.rules.access
         self.awaiting = set()
         for s, i in enumerate(self.raters):
@@ -171,15 +171,17 @@ class Slow:
                 within = within[: access.providers]
             self.awaiting |= {(i, j) for _, j in within}
         strength = max((b.strength for b in self.rules.perturbations if b.start <= self.round < b.stop), default=0.0)
-        serving = {j for _, j in self.awaiting}
-        self.quality = {j: self.ability[j] * quality[p] if j in serving else 0.0 for p, j in enumerate(self.providers)}
-        self.service = {}
+        self.service, got = {}, {j: [] for j in self.providers}
         for s, i in enumerate(self.raters):
             for p, j in enumerate(self.providers):
                 if (i, j) in self.awaiting:
-                    seen = self.scale[i] * self.quality[j] * (1 - strength) + self.bias[i]
+                    share = 1.0 if treatment is None else treatment[s, p]
+                    got[j].append(self.ability[j] * quality[p] * share)
+                    seen = self.scale[i] * got[j][-1] * (1 - strength) + self.bias[i]
                     seen += self.group[i].noise * noise.perception[s, p]
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
+
+        self.quality = {j: sum(services) / len(services) if services else 0.0 for j, services in got.items()}
 
     def rewards(self) -> dict[str, float]:
         weights, rewards = self.rules.rewards, {}

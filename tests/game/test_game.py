@@ -174,7 +174,12 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
         game,
         shuffle(start),
         [
-            Actions(a.quality[j], a.ratings[cells], withheld=None if a.withheld is None else a.withheld[cells])
+            Actions(
+                a.quality[j],
+                a.ratings[cells],
+                withheld=None if a.withheld is None else a.withheld[cells],
+                treatment=None if a.treatment is None else a.treatment[cells],
+            )
             for a in actions
         ],
         list(map(shuffle, noises)),

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.ladder.players import Scripted
 from baselines import BadMouthing, OnOff, Sybil, Whitewashing
-from baselines.search.together import Both, SideBySide
 from roletrust_env import Actions, Cast, Game, Player, Policy, Random, Scenario, make_task, parallel_env, record
 from roletrust_env.game.rollout import play
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
@@ -134,13 +132,6 @@ def test_an_attackers_identities_are_no_honest_providers() -> None:
         state, outcome = task.step(state, action, task.game.draw(random), random)
     assert task.game.present(state.game).all()
     assert float(outcome.reward) < 0.05  # the one honest provider is trusted; the Sybils do not count
-
-
-@pytest.mark.parametrize("attack", [Sybil(), SideBySide((OnOff(), Sybil())), Both(Sybil(), BadMouthing())], ids=str)
-def test_the_attacker_of_a_task_cannot_call_any(attack: Policy) -> None:
-    task = make_task(SCENARIO, ["srsp_0"])
-    with pytest.raises(ValueError, match=r"srsp_0 cannot play .* in a task"):
-        Scripted({"srsp_0": attack}).begin(task, task.game.random(0), (2, 1))
 
 
 def test_in_pettingzoo_they_stay_away() -> None:

@@ -85,7 +85,7 @@ def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
     seated = Cast(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
-    *_, (state, rewards) = play(seated, luck(like), (2,))
+    *_, (state, rewards, _) = play(seated, luck(like), (2,))
     floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
     assert {array.dtype for array in floats} == {like.dtype}
 

@@ -17,6 +17,14 @@ def test_utility_goes_by_the_trust_of_the_round_before() -> None:
     assert "served well" in utility(trust, 0 * quality).why
 
 
+def test_utility_is_that_of_every_consumer_where_they_are_treated_differently() -> None:
+    trust = np.array([[0.9, 0.1], [0.2, 0.8], [0.5, 0.5]])[:, :, None]
+    quality = np.array([[[0.0, 0.0]] * 2, [[0.4, 0.8], [1.0, 0.8]], [[0.6, 1.0], [0.2, 0.0]]])[..., None]
+    assert utility(trust, quality).value == pytest.approx((0.4 + 1.0 + 1.0 + 0.0) / (0.8 + 1.0 + 1.0 + 0.2))
+    alike = quality[:, :1]
+    assert utility(trust, np.repeat(alike, 2, axis=1)).value == utility(trust, alike[:, 0]).value
+
+
 def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() -> None:
     served = np.zeros((2, 2, 3, 1), bool)
     served[:, 0, 0] = served[0, 1, 1] = served[1, 1, 2] = True
@@ -33,5 +41,5 @@ def test_metrics_take_recorded_games() -> None:
     trust = seen(attacked)
     assert damage(trust, seen(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
-    assert (utility(attacked.top, attacked.quality).value > 0.9).all()
+    assert (utility(attacked.top, attacked.offered).value > 0.9).all()
     assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)

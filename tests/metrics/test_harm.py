@@ -55,6 +55,16 @@ def test_the_return_on_an_attack_that_costs_no_trust_is_undefined() -> None:
     assert "lost no trust" in score.why
 
 
+def test_scores_of_other_metrics_are_taken_as_they_are() -> None:
+    trust = attacked([0.8, 0.8, 0.8], [0.6, 0.8, 0.0], [0.4, 0.8, 0.0], [0.6, 0.8, 0.0])
+    done, lost = damage(trust, CALM, [0]), damage(trust, CALM, [2])
+    assert return_on_attack(done, lost).value == pytest.approx(0.2 / 0.6)
+    assert exploitability({"a": done, "b": 0.1}) == ("a", pytest.approx(0.2))
+    undefined = return_on_attack(damage(np.full_like(CALM, NAN), CALM * NAN, [0]), lost)
+    assert np.isnan(undefined.value).all()
+    assert "gained is undefined" in undefined.why
+
+
 def test_the_worst_case_is_the_attack_with_the_highest_mean() -> None:
     found = exploitability({"a": 0.2, "b": [0.1, 0.5], "c": [NAN, 0.25]})
     assert (found.attack, found.damage) == ("b", pytest.approx(0.3))

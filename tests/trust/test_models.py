@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from experiments.commands.attacks import parse_trust_model
+from experiments.naming import parse_trust_model
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.trust import (
     Mean,

@@ -83,7 +83,7 @@ class HogService:
         """The probability, for each rater and provider, that the target is in the frame.
 
         Args:
-            quality: of each provider's frames, (P, ...), in [0, 1].
+            quality: of each provider's frames, (P, ...), or of those for each rater, (S, P, ...), in [0, 1].
             strength: of the perturbation, (...), in [0, 1].
             round: number of the round, (...), an integer that is not negative; its time is round * period_s.
             noise: standard normals (S, P, ...). Each makes one rater's copy of one frame; nothing else is random.
@@ -109,14 +109,15 @@ class HogService:
                 key = (provider, at, speed)
                 if key not in true_frames:
                     true_frames[key] = self._sources[provider].frame(provider, at * self._period_s, speed)
-                cell = (provider, *game)
-                delivered = degrade(true_frames[key], float(quality[cell]), (self._seed, provider, at))
-                if len(first) < self._shape[1]:
-                    first.append(delivered)
-                grey = view(delivered)
+                seen: dict[float, Any] = {}
                 for rater in range(self._shape[0]):
-                    copy = received(grey, float(noise[rater, *cell]))
-                    perceived[rater, *cell] = probability(best_margin(copy))
+                    cell = (rater, provider, *game)
+                    if (chosen := float(quality[cell])) not in seen:
+                        delivered = degrade(true_frames[key], chosen, (self._seed, provider, at))
+                        seen[chosen] = view(delivered)
+                        if len(first) <= provider:  # of the first game, what the first rater was served
+                            first.append(delivered)
+                    perceived[cell] = probability(best_margin(received(seen[chosen], float(noise[cell]))))
         if first:
             self.latest = _stacked(first)
         return perceived.astype(noise.dtype)
@@ -124,7 +125,7 @@ class HogService:
     def _checked(
         self, quality: ArrayLike, strength: ArrayLike, round: ArrayLike, noise: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Quality (P, ...), strength (...) and round (...) over the batch of the noise, all found valid."""
+        """Quality (S, P, ...), strength (...) and round (...) over the batch of the noise, all found valid."""
         if noise.shape[:2] != self._shape or not np.issubdtype(noise.dtype, np.floating):
             raise ValueError(
                 f"noise is {noise.dtype} of shape {noise.shape}; it must be floating, of shape {self._shape} "
@@ -133,7 +134,9 @@ class HogService:
         if not np.isfinite(noise).all():
             raise ValueError("noise has values that are not finite; it must be standard normals")
         batch = noise.shape[2:]
-        quality = _fractions("quality", quality, (self._shape[1], *batch))
+        of_each = np.ndim(quality) == noise.ndim
+        quality = _fractions("quality", quality, noise.shape if of_each else (self._shape[1], *batch))
+        quality = np.broadcast_to(quality, noise.shape)
         strength = _fractions("strength", strength, batch)
         round = _spread("round", round, batch)
         if not np.issubdtype(round.dtype, np.integer) or (round < 0).any():

@@ -6,7 +6,7 @@ import pytest
 from agents.ladder.rungs import find
 from baselines import Collusion, Orchestrated, SelfPromotion, make_attacker
 from baselines.search import PaperAttacks, Scripts
-from experiments.commands.attacks import parse_attacks
+from experiments.naming import parse_attacks
 from roletrust_env import Cast, Game, make_scenario, record
 from roletrust_env.game.attack import make_task
 from roletrust_env.game.views import ProviderView, RaterView
@@ -56,8 +56,8 @@ def test_two_of_three_raters_turn_the_world_around():
 
 
 def test_a_ring_that_lifts_nobody_is_refused():
-    with pytest.raises(ValueError, match=r"attacker 'collusion': missing a required .*'accomplices'"):
-        parse_attacks(["sr_0=collusion"], PAPER)
+    with pytest.raises(ValueError, match=r"'collusion:bad=0' has no accomplices: .* --attack sp_0=collusion:bad=0, or"):
+        parse_attacks(["sr_0=collusion:bad=0"], PAPER)
     with pytest.raises(ValueError, match=r"accomplices is \(\).*at least 1"):
         make_attacker("collusion", accomplices=())
     given = parse_attacks(["sr_0=collusion:accomplices=[sp_0,sp_1]", "sp_2=collusion:accomplices=sp_1"], PAPER)

@@ -58,6 +58,6 @@ def test_by_name() -> None:
 
 
 def test_it_declares_its_ranges() -> None:
-    space = Space(Sybil, (0,), (1,), 30)
-    assert [space.decode([x, x]) for x in (0.0, 1.0)] == [Sybil(), Sybil(start=100, every=10)]
-    assert len(space.grid) == 4
+    space = Space(Sybil, (0,), (1,), 30, reserve=6)
+    assert [space.decode([x] * 3) for x in (0.0, 1.0)] == [Sybil(), Sybil(reserve=6, start=100, every=10)]
+    assert len(space.grid) == 2 * 4

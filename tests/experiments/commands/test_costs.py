@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from experiments.cli import app
 from experiments.commands import costs as costs_module
+from experiments.timing import models as timing_models
 from experiments.timing.models import Limits, measure_models
 from roletrust_env.trust import trust_models
 
@@ -20,8 +21,8 @@ def quickly(monkeypatch):
     """Short turns, and no size left out but with these limits."""
 
     def limited(**limits):
-        measured = partial(measure_models, repeats=1, slice_s=1e-9, limits=Limits(**limits))
-        monkeypatch.setattr(costs_module, "measure_models", measured)
+        monkeypatch.setattr(costs_module, "LIMITS", Limits(**limits))
+        monkeypatch.setattr(costs_module, "measure_models", partial(measure_models, repeats=1, slice_s=1e-9))
 
     limited(seconds=inf, memory=inf)
     return limited
@@ -58,6 +59,28 @@ def test_what_is_left_out_is_named_with_its_reason(tmp_path, quickly):
     assert "left out: mean on NumPy, 3 x 3: an update would take about" in result.output
     assert "- Left out: mean on NumPy, 3 x 3" in (tmp_path / "model-costs.md").read_text()
     assert "an update would take" in (tmp_path / "model-costs.csv").read_text().splitlines()[-1]
+
+
+def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
+    seen = {}
+
+    def compile_ahead(work, jobs, limit_s, threads, advance):
+        seen.update(limit_s=limit_s, threads=threads)
+        for cell in jobs:
+            advance(cell)
+        return dict.fromkeys(jobs, "it is late")
+
+    monkeypatch.setattr(timing_models, "compile_ahead", compile_ahead)
+    options = "--compiled", "--compile-limit", "90", "--threads", "2", "--out", str(tmp_path)
+    assert run("--trust-model", "mean", *options).exit_code == 0
+    assert seen == {"limit_s": 90, "threads": 2}
+    page = (tmp_path / "model-costs.md").read_text()
+    assert "| mean | S P | - | - |" in page
+    assert "- Left out: mean on compiled torch, 2 x 2: it is late." in page
+    with (tmp_path / "model-costs.csv").open() as file:
+        late = [row for row in csv.DictReader(file) if row["library"] == "compiled torch"]
+    assert [row["ns_per_rating"] for row in late] == ["", ""]
+    assert all(row["left_out"] == "it is late" for row in late)
 
 
 def test_one_size_does_not_show_growth():

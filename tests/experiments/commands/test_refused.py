@@ -35,7 +35,12 @@ def told(*arguments: str, out: Path) -> str:
         ),
         ("sr_0", "on-off", {}, "'sr_0' cannot play on-off: that attacks by quality, .* only decides on ratings"),
         ("sp_1", "whitewashing", {"reserve": 3}, "'sp_1' .* whitewashing: that needs a reserve of 3, .* has 1 here"),
-        ("sr_0", "sybil", {}, "'sr_0' cannot play sybil: that needs a reserve of 1, and the agent has 0 here"),
+        (
+            "sr_0",
+            "sybil",
+            {},
+            "'sr_0' cannot play sybil: that needs a reserve of 1, and the agent has 0 here; .* by reserve = 1",
+        ),
         ("sp_2", "on-off", {}, "'sp_2' is an identity in reserve of 'sp_0'; name the policy of that"),
         ("sp_7", "on-off", {}, "there is no agent 'sp_7'; the scenario has sr_0, sp_0, sp_1, sp_2, sp_3"),
     ],

@@ -29,8 +29,8 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),
         "false alarms": metrics.false_alarms(curves.trust, [0, 1, 3, 4, 5]),
-        "utility": metrics.utility(curves.top, curves.quality),
-        "utility, no attack": metrics.utility(twin.top, twin.quality),
+        "utility": metrics.utility(curves.top, curves.offered),
+        "utility, no attack": metrics.utility(twin.top, twin.offered),
         "recovery, rounds": metrics.recovery(curves.trust, twin.trust, [0, 1, 3, 4, 5], 7),
     }
     for name, score in scores.items():
@@ -76,6 +76,27 @@ def test_undefined_in_some_games_only():
     everybody = dict.fromkeys(roster.names[:3], BadMouthing())
     assert "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
     assert "live camera" in under_attack(roster, full, None, everybody)["utility, no attack"].why
+
+
+def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
+    """Its trust in them reads 1 whatever they do: in a mean over all it would hide harm."""
+    results, printed = play(tmp_path, "--trust-model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
+    found = results["measured"]["mean"]
+    why = "the model has no trust in raters"
+    unjudged = [found["damage"]["2 sr"], found["damage"]["all 5 honest"], found["groups"]["2 sr, honest"]["mean trust"]]
+    unjudged += [found["metrics"][name] for name in ("AUC under the attack, sr", "AUC at the end, sr")]
+    assert unjudged == [{"mean": None, "half_95": None, "why": why}] * 5
+    assert found["groups"]["2 sr, honest"]["present at the end"]["mean"] == 2
+    assert found["damage"]["3 sp"]["mean"] > 0.1
+    with_raters = Curves(*[np.ones((6, n, 1)) for n in (1, 3, 3, 6, 6, 3)])
+    with_raters.trust[:, 3:] = 0.2
+    roster = Roster.of(make_scenario("paper-3x3"))
+    for rates_raters, alarms in ((True, 3 / 5), (False, 1.0)):
+        score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)["false alarms"]
+        assert score.mean == pytest.approx(alarms)
+    assert "no trust in raters: mean: false alarms and recovery are those of providers alone" in " ".join(
+        printed.split()
+    )
 
 
 def test_json_is_all_that_is_printed(tmp_path, monkeypatch):

@@ -35,6 +35,6 @@ def test_choosing_by_it_is_choosing_at_random() -> None:
     """Its utility is that of the mean seller, and less than what a model gives that listens."""
     honest, _ = histories("constant")
     listening, _ = histories("mean")
-    at_random = honest.quality[1:].mean(axis=1).sum(axis=0) / honest.quality[1:].max(axis=1).sum(axis=0)
-    assert utility(honest.top, honest.quality).value == pytest.approx(at_random)
-    assert utility(listening.top, listening.quality).value.mean() > at_random.mean() + 0.15
+    at_random = honest.offered[1:].mean(axis=1).sum(axis=0) / honest.offered[1:].max(axis=1).sum(axis=0)
+    assert utility(honest.top, honest.offered).value == pytest.approx(at_random)
+    assert utility(listening.top, listening.offered).value.mean() > at_random.mean() + 0.15

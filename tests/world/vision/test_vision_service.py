@@ -66,6 +66,13 @@ def test_a_batch_is_its_games_one_by_one(service):
         np.testing.assert_array_equal(together[at], alone)
 
 
+def test_raters_that_are_served_differently_see_what_each_would_see_of_all(service):
+    quality, copies = np.array([[1.0, 0.4, 1.0], [0.0, 0.4, 1.0], [0.4, 0.4, 0.0]]), noise(8, 3, 3)
+    seen = service.perceive(quality, 0.0, 5, copies)
+    for rater, row in enumerate(quality):
+        np.testing.assert_array_equal(seen[rater], service.perceive(row, 0.0, 5, copies)[rater])
+
+
 def test_precision_follows_the_noise_and_inputs_are_left_alone(service):
     quality, copies = np.array([1.0, 0.5, 1.0], np.float32), noise(6, 3, 3).astype(np.float32)
     kept = quality.copy(), copies.copy()

@@ -22,8 +22,8 @@ from roletrust_env.world.roster import Roster
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
 _COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
 
-# The parameters of an attack that are places on the provider axis, and may be named.
-_PLACES = ("targets", "accomplices")
+# The parameters of an attack that are places on the provider or the rater axis, and may be named.
+_PROVIDERS, _RATERS = ("targets", "accomplices"), ("raters",)
 
 # The parameters of a trust model that a field of the scenario gives it.
 _SHARED = {"lam": "lam", "initial": "initial_trust"}
@@ -85,8 +85,8 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
     Args:
         texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
-            `targets` and `accomplices` may be names of agents. Accomplices that are not given are all the providers
-            that attack, and the length of the game is the scenario's, where an attack asks for them.
+            `targets`, `accomplices` and `raters` may be names of agents. Accomplices that are not given are all the
+            providers that attack, and the length of the game is the scenario's, where an attack asks for them.
         scenario: whose agents they are.
 
     Raises:
@@ -104,6 +104,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
         facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
         policy = _made(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:
             if agent in policies:
@@ -164,6 +165,25 @@ def read_trust_model(
     return registry, name, {**given, **parameters}
 
 
+def check_installed(*named: Sequence[str] | str) -> None:
+    """See that names from a file are those of what is installed: nothing else is imported for a file's sake.
+
+    Args:
+        named: names of trust models and of attacks, with their parameters.
+
+    Raises:
+        ValueError: a name is none of these.
+    """
+    registries: tuple[Registry[Any], ...] = (trust_models, baselines.registry)
+    for registry, texts in zip(registries, named, strict=True):
+        for text in () if isinstance(texts, str) else texts:
+            if text.strip().partition(":")[0] not in registry.names():
+                raise ValueError(
+                    f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
+                    "it, --allow-code lets it import what it names"
+                )
+
+
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
@@ -179,9 +199,11 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
     """The same of an attack, with its places by number."""
     registry, name, parameters = _parsed(baselines.registry, text)
-    for key in _PLACES:
-        if key in parameters:
-            parameters[key] = _places(key, parameters[key], roster.provider_names)
+    axes = ((_PROVIDERS, "providers", roster.provider_names), (_RATERS, "raters", roster.rater_names))
+    for keys, who, names in axes:
+        for key in keys:
+            if key in parameters:
+                parameters[key] = _places(key, parameters[key], who, names)
     return registry, name, parameters
 
 
@@ -202,6 +224,16 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     return registry.own(module, name)
 
 
+def _check_ring(kind: Kind, parameters: Mapping[str, Any], text: str) -> None:
+    """Refuse a ring of raters that has no provider to praise."""
+    wanted = inspect.signature(kind).parameters.get("accomplices")
+    if wanted and wanted.default is wanted.empty and "accomplices" not in parameters:
+        raise ValueError(
+            f"attacker {text!r} has no accomplices: seat an attack at a provider, too, such as --attack sp_0={text}, "
+            "or name them, such as accomplices=[sp_0]"
+        )
+
+
 def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
     try:
         return registry.make(name, **parameters)
@@ -211,15 +243,17 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _places(key: str, given: Any, names: Sequence[str]) -> Any:
-    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the provider axis."""
+def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
+    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the axis of the names."""
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
+    if isinstance(given, int) and not isinstance(given, bool):
+        given = (given,)
     if not isinstance(given, tuple):
         return given
     for place in given:
         if isinstance(place, str) and place not in names:
-            raise ValueError(f"{key} has {place!r}; the providers are {names[0]} ... {names[-1]}")
+            raise ValueError(f"{key} has {place!r}; the {who} are {names[0]} ... {names[-1]}")
     return tuple(names.index(place) if isinstance(place, str) else place for place in given)
 
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from baselines.search import Scripts
 from experiments.cli import app
-from experiments.commands.attacks import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
+from experiments.naming import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
 from roletrust_env import make_scenario
 from roletrust_env.game.attack import make_task
 
@@ -33,6 +33,7 @@ def test_targets_by_name(targets):
     assert policy.targets == (1, 2)
     one = parse_attacks(["srsp_0=bad-mouthing:targets=srsp_3"], make_scenario("peers"))["srsp_0"]
     assert one.targets == (3,)
+    assert parse_attacks(["sr_0=bad-mouthing:targets=2"], PAPER)["sr_0"].targets == (2,)
 
 
 def test_trust_model_takes_the_scenarios_lam_unless_told():

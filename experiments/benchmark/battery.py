@@ -1,0 +1,116 @@
+"""The attackers of a cell: every script as it is, and what searches, a learner and the planner find for one budget."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from agents.ladder.players import Attacker, Scripted
+from agents.ladder.rungs import Rung
+from baselines.search import USUAL, CmaEs, RandomSearch, Scripts
+from baselines.search.space import Kind
+from baselines.search.together import side_by_side
+from roletrust_env.game.attack import AttackTask
+
+_CELLS = 200_000
+"""Ratings of a round that are computed in one go."""
+
+
+class Found(NamedTuple):
+    """Some attacks that are measured side by side.
+
+    Attributes:
+        names: of the attacks, K.
+        attacker: that plays them, the k-th in the k-th row of games.
+        rounds: game rounds that were played to find them.
+    """
+
+    names: tuple[str, ...]
+    attacker: Attacker
+    rounds: int
+
+
+def suited(task: AttackTask, kinds: Mapping[str, Kind], *, identities: bool) -> dict[str, Kind]:
+    """Of some kinds of attack, by name, those that the compromised agents of a task can play.
+
+    Args:
+        task: whose agents they are.
+        kinds: that there are.
+        identities: whether they are to use identities in reserve, or none.
+    """
+    found = {}
+    for name, kind in kinds.items():
+        try:
+            policies = Scripts.of(task, [kind]).default.values()
+        except ValueError:  # for another role, or for a ring that there is not
+            continue
+        if any(policy.reserve for policy in policies) == identities:
+            found[name] = kind
+    return found
+
+
+def scripted(task: AttackTask, kinds: Mapping[str, Kind], games: int) -> Iterator[Found]:
+    """Every scripted attack at its defaults, some at a time.
+
+    Where raters and providers are compromised and an attack is for one of these roles, the other one attacks as in the
+    paper: by bad-mouthing, or on and off.
+
+    Args:
+        task: whose compromised agents attack.
+        kinds: of the attacks, by name, all of which are suited.
+        games: in which each is measured.
+    """
+    usual = suited(task, {kind.__name__: kind for kind in USUAL}, identities=False).values()
+    attacks = {name: Scripts.of(task, [kind, *usual]).default for name, kind in kinds.items()}
+    rows = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
+    for names in _some(attacks, rows):
+        yield Found(names, Scripted(side_by_side([attacks[name] for name in names])), 0)
+
+
+def searching(rung: str, kinds: Sequence[Kind]) -> Rung:
+    """A rung that searches, learns or plans.
+
+    Args:
+        rung: its name in a suite.
+        kinds: of the scripted attacks that fit, as a mixture of which every compromised agent picks one.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if rung == "random search":
+        return RandomSearch(attacks=tuple(kinds))
+    if rung == "CMA-ES":
+        return CmaEs(attacks=tuple(kinds))
+    if rung == "PPO":
+        from experiments.training.rung import Learner
+
+        return Learner("ppo")
+    if rung == "white-box planner":
+        from agents.planning.planner import Planner
+
+        return Planner()
+    raise ValueError(f"there is no rung {rung!r}")
+
+
+def aim(rung: str, roles: Sequence[str]) -> str:
+    """The objective of a rung on a track: to mislead consumers, but for the planner, which needs a gradient.
+
+    Which provider is the most trusted jumps. So the planner exploits good trust where providers alone are compromised,
+    and else lowers the trust of the honest.
+    """
+    if rung != "white-box planner":
+        return "mislead"
+    return "exploit" if tuple(roles) == ("SP",) else "damage"
+
+
+def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
+    """The scores of one attack as plain data; None where they are undefined."""
+    return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}
+
+
+def _some(names: Iterable[str], many: int) -> Iterator[tuple[str, ...]]:
+    """The names, so many at a time."""
+    left = iter(names)
+    while found := tuple(islice(left, many)):
+        yield found

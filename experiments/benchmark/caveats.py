@@ -1,0 +1,71 @@
+"""What a reader of the leaderboard should know: where the suite is unfit for a model, or was not strong enough."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from experiments.benchmark.board import Attacked, Condition
+from experiments.benchmark.store import Kept
+from experiments.benchmark.suite import OPEN, Suite
+from experiments.naming import parse_trust_model
+from roletrust_env import Game
+from roletrust_env.game.state import Actions
+from roletrust_env.trust import Traits
+
+_SAME = 1e-9
+
+
+def caveats(suite: Suite, kept: Sequence[Kept], attacks: Sequence[Attacked], models: Sequence[str]) -> list[str]:
+    """A line for everything that limits what the numbers say."""
+    return [*_of_models(suite, attacks, models), *_of_searches(attacks), *_of_cells(kept)]
+
+
+def _of_models(suite: Suite, attacks: Sequence[Attacked], models: Sequence[str]) -> Iterator[str]:
+    scenario = next(iter(suite.scenarios.values())).scenario()
+    for name in models:
+        model = parse_trust_model(name, scenario)
+        if not Traits.of(model).smooth:
+            yield f"{name}: trust jumps, so the white-box planner could not attack it"
+        if is_random(Game(scenario, model)):
+            yield f"{name}: it plays at random, so that other runs find other numbers"
+        calm = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
+        if calm and all(ignores_ratings(one) for one in calm):
+            yield f"{name}: whoever goes by it does no better than by going blindly; it ignores ratings, or all but"
+
+
+def ignores_ratings(calm: Attacked) -> bool:
+    """Whether going by trust brings just what going blindly does."""
+    difference = calm.measured["utility"] - calm.measured["blind"]
+    return bool(np.nanmax(abs(difference)) < _SAME)
+
+
+def is_random(game: Game) -> bool:
+    """Whether a model gives different trust to the same ratings."""
+    return _trust(game) != _trust(game)
+
+
+def _trust(game: Game) -> bytes:
+    random = game.random(0)
+    state = game.start(game.draw(random, (2,), start=True))
+    for _ in range(3):
+        state, _ = game.step(state, Actions(state.quality + 1, state.ratings + 0.5), game.draw(random, (2,)))
+    return b"".join(np.asarray(part).tobytes() for part in game.published(state))
+
+
+def _of_searches(attacks: Sequence[Attacked]) -> Iterator[str]:
+    """Searches and learners that never found more than the scripts with their defaults."""
+    scripted: dict[tuple[str, Condition], float] = {}
+    for one in attacks:
+        if one.rung == "scripted":
+            key = one.model, one.condition
+            scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
+    for rung in dict.fromkeys(one.rung for one in attacks if one.rung != "scripted" and one.rung not in OPEN):
+        mine = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
+        if mine and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in mine):
+            yield f"{rung} never beat the scripts; with a larger budget it might"
+
+
+def _of_cells(kept: Sequence[Kept]) -> Iterator[str]:
+    for cell, done in kept:
+        if done.failed:
+            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}"

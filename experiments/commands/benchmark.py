@@ -1,0 +1,177 @@
+"""`roletrust benchmark`: how robust trust models are, by the worst of all attacks."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from experiments.benchmark.board import Standing, attacked, standings
+from experiments.benchmark.caveats import caveats
+from experiments.benchmark.cells import attacks, cells, models
+from experiments.benchmark.foreseen import foresee
+from experiments.benchmark.pool import Here, cores
+from experiments.benchmark.store import Store
+from experiments.benchmark.suite import Suite, load_suite
+from experiments.commands.console import console, number_table, progress_bar
+from experiments.commands.extras import require
+from experiments.naming import check_installed, parse_kinds, parse_trust_model
+from experiments.results.files import prepare_folder, write_csv
+from experiments.results.machine import in_time
+from experiments.results.measures import Estimate
+
+_HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
+
+
+def benchmark(
+    suite: Annotated[str, typer.Option(help="quick, standard, full, or the path of a .toml file.")] = "quick",
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:key=value,...]",
+            help="Trust model instead of the suite's; repeat for more, `all` are those that are installed. NAME may be "
+            "your own package.module:Class.",
+            show_default=False,
+        ),
+    ] = None,
+    attack: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:key=value,...]",
+            help="Scripted attack instead of the suite's; repeat for more, `all` are those that are installed.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    allow_code: Annotated[
+        bool,
+        typer.Option(
+            "--allow-code", help="Let a suite's file name your own package.module:Class, which runs what stands there."
+        ),
+    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what it would take.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Begin anew, whatever --out holds.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path(
+        "results/benchmark"
+    ),
+) -> None:
+    r"""Attack [bold]every trust model with everything[/], and rank them by the worst case.
+
+    A suite is models x scenarios x tracks x shares of compromised agents x ways to attack x seeds: all scripted
+    attacks, searches over their parameters, PPO, and a planner that knows all and is told apart from them.
+    [bold]Utility[/] is the quality that a consumer gets who always goes to the most trusted provider, over the best
+    that there is. The [bold]worst case[/] of a condition is chosen in some games and measured in others; it is never
+    less than choosing blindly brings. Models are ranked by its mean over all conditions.
+
+    Results are kept as they come, in [green]results.sqlite[/]; killed at any moment, the same command goes on.
+    Written at the end: [green]leaderboard.csv[/]; `roletrust report` makes pages to look at.
+
+    [bold]Examples[/]
+
+    [dim]# some minutes: all models, all scripts and a small search, in a small market[/]
+    [cyan]roletrust benchmark[/]
+
+    [dim]# what would the standard suite take?[/]
+    [cyan]roletrust benchmark --suite standard --dry-run[/]
+
+    [dim]# your own model beside two others[/]
+    [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
+    """
+    require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
+    asked = _asked(load_suite(suite), model, attack, allow_code)
+    every = cells(asked)
+    if dry_run:
+        _tell_cost(asked, workers)
+        return
+    prepare_folder(out)
+    path = out / "results.sqlite"
+    if force:
+        for old in out.glob("results.sqlite*"):
+            old.unlink()
+    with Store(path, asked) as store:
+        finished = store.finished()
+        left = [cell for cell in every if cell.key not in finished]
+        if finished:
+            console.print(f"[dim]{len(finished):,} of {len(every):,} cells are there already.[/]")
+        with progress_bar() as progress:
+            job = progress.add_task(f"Playing {asked.name}", total=len(every), completed=len(finished))
+            for cell, done in Here(workers).play(asked, left):
+                store.add(cell, done)
+                progress.advance(job)
+                if done.failed:
+                    progress.console.print(f"[red]{escape(cell.key)}: {escape(done.failed)}[/]", soft_wrap=True)
+        kept = store.all()
+    names = models(asked)
+    rows = standings(asked, kept, names, len(every) // len(names))
+    write_csv(out / "leaderboard.csv", _HEADER, [_line(row) for row in rows])
+    console.print(_table(asked, rows))
+    for line in caveats(asked, kept, attacked(kept), names):
+        console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
+    console.print(f"Written to {out}: results.sqlite, leaderboard.csv", soft_wrap=True)
+
+
+def _asked(suite: Suite, model: Sequence[str] | None, attack: Sequence[str] | None, allow_code: bool) -> Suite:
+    """The suite with its models and attacks by name, all of which can be made.
+
+    Raises:
+        ValueError: a name is unknown, a model cannot be made, or a file names what is not installed.
+    """
+    if not allow_code:
+        check_installed(suite.models, suite.attacks)
+    named = {
+        "models": tuple(dict.fromkeys(_expanded(model, models(suite.model_copy(update={"models": "all"}))))),
+        "attacks": tuple(dict.fromkeys(_expanded(attack, attacks(suite.model_copy(update={"attacks": "all"}))))),
+    }
+    given = {"models": tuple(models(suite)), "attacks": tuple(attacks(suite))}
+    asked = suite.model_copy(update={**given, **{key: value for key, value in named.items() if value}})
+    for stage in asked.scenarios.values():
+        for name in models(asked):
+            parse_trust_model(name, stage.scenario())
+        parse_kinds(attacks(asked), stage.scenario())
+    return asked
+
+
+def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:
+    return [part for name in names or [] for part in (everything if name == "all" else [name])]
+
+
+def _tell_cost(suite: Suite, workers: int | None) -> None:
+    found = foresee(suite, cells(suite))
+    table = number_table(
+        f"{suite.name}, at the most", "time of one core, from a short trial", "cells", "rounds", "time"
+    )
+    for name, cost in found.items():
+        table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
+    total = sum(cost.seconds for cost in found.values())
+    number = workers or cores()
+    console.print(table)
+    console.print(f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}.")
+
+
+def _table(suite: Suite, rows: Sequence[Standing]) -> Table:
+    caption = (
+        "utility of who goes by trust, ± half the 95% interval over the games; worst: over all attacks, chosen on "
+        "other games. damage, AUC: in the worst case. alarms: false ones, all honest. holds: how sure the rank is"
+    )
+    table = number_table(f"Leaderboard, suite {suite.name}", caption, "clean", "worst", "damage", "alarms", "AUC")
+    table.add_column("holds", justify="right", no_wrap=True)
+    table.columns[0].no_wrap = True
+    for row in rows:
+        sure = [_words(row.clean, half=True), _words(row.worst, half=True)]
+        rest = [_words(estimate) for estimate in (row.damage, row.false_alarms, row.detection)]
+        holds = f"{row.missing} cells missing" if row.missing else f"{row.holds:.0%}"
+        table.add_row(f"{row.rank:2} {row.model}", *sure, *rest, holds)
+    return table
+
+
+def _words(estimate: Estimate, *, half: bool = False) -> str:
+    if estimate.mean != estimate.mean:
+        return "-"
+    return f"{estimate.mean:.3f}±{estimate.half:.3f}" if half else f"{estimate.mean:.3f}"
+
+
+def _line(row: Standing) -> list[object]:
+    numbers = [value for estimate in row[2:8] for value in estimate[:2]]
+    return [row.rank, row.model, *numbers, row.holds]

@@ -1,0 +1,43 @@
+"""Conflicting behaviour, on cases worked by hand and in what it does to honest raters."""
+
+import numpy as np
+import pytest
+
+from baselines import Conflicting
+from experiments.naming import parse_attacks
+from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env.game.views import ProviderView
+
+PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
+
+
+def treated(attack: Conflicting, raters: int, round: int = 0) -> list[float]:
+    zero = np.zeros(raters)
+    view = ProviderView(np.array(round), *[np.array(0.0)] * 3, zero, zero > 0)
+    treatment = attack.treats(view, None, None)[0]  # type: ignore[arg-type]
+    return treatment.tolist()
+
+
+def test_half_of_the_raters_or_those_that_are_named() -> None:
+    assert treated(Conflicting(), 4) == [0, 0, 1, 1]
+    assert treated(Conflicting(bad=0.2), 3) == [0.2, 0.2, 1]
+    assert treated(Conflicting(raters=(1, 3)), 4) == [1, 0, 1, 0]
+    assert treated(Conflicting(start=3, stop=5), 2, round=2) == treated(Conflicting(start=3, stop=5), 2, 5) == [1, 1]
+
+
+def test_a_named_rater_that_tells_the_truth_looks_like_a_liar() -> None:
+    """By hand, in a plain mean: ToP is the mean of 0, 1 and 1, and nobody else is touched."""
+    attack = parse_attacks(["sp_0=conflicting:raters=sr_1"], PAPER)
+    assert attack == {"sp_0": Conflicting(raters=(1,))}
+    game = Game(PAPER, "mean")
+    mean = record(Cast(game, attack), game.random(0))
+    assert mean.top[-1] == pytest.approx([2 / 3, 1, 1])
+    game = Game(PAPER)
+    tor = record(Cast(game, attack), game.random(0)).tor[-1]
+    assert tor[1] < tor[0] - 0.05
+    assert tor[0] == tor[2]
+
+
+def test_a_rater_that_is_not_there_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"raters has 'sp_1'; the raters are sr_0 ... sr_2"):
+        parse_attacks(["sp_0=conflicting:raters=[sp_1]"], PAPER)

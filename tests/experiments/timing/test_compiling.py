@@ -1,0 +1,56 @@
+"""What is compiled in other processes: done, stopped when it takes too long, and harmless when it fails."""
+
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.timing.compiling import compile_ahead
+from experiments.timing.models import Size, trust_update
+from roletrust_env.trust import Mean
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="the jobs are commands of a POSIX shell")
+
+
+def shell(command: str) -> tuple[list[str]]:
+    return (["sh", "-c", command],)
+
+
+def test_what_takes_too_long_is_stopped_with_all_that_it_has_started(tmp_path: Path) -> None:
+    """What cannot be sent and what raises is lost; what ends its process is named."""
+    began: list[str] = []
+    jobs: dict[str, tuple[Any, ...]] = {
+        "first": shell(f"touch {tmp_path}/first"),
+        "late": shell(f"echo $$ > {tmp_path}/late; exec sleep 600"),
+        "unsent": (lambda: None,),
+        "raises": (["no-such-command"],),
+        "ends": shell("kill -9 $PPID"),
+        "last": shell(f"touch {tmp_path}/last"),
+    }
+    undone = compile_ahead(subprocess.run, jobs, limit_s=5, threads=1, advance=began.append)
+    assert list(undone) == ["ends", "late"]
+    assert "broke down" in undone["ends"]
+    assert "more than 5 seconds" in undone["late"]
+    assert began == ["first", "late", "raises", "ends", "last"]
+    assert (tmp_path / "first").exists()
+    assert (tmp_path / "last").exists()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "late").read_text()), 0)
+
+
+def test_what_is_compiled_ahead_is_found_in_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    torch = pytest.importorskip("torch")
+    from torch._dynamo.utils import counters
+
+    monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path))
+    job = ("mean", Mean(), Size(2, 3), "compiled torch", 0)
+    assert not compile_ahead(trust_update, {"mean": job}, limit_s=600, threads=torch.get_num_threads())
+    before = counters["inductor"]["fxgraph_cache_hit"]
+    trust_update(*job).step()
+    assert counters["inductor"]["fxgraph_cache_hit"] > before
+
+
+def test_no_job_needs_no_process() -> None:
+    assert compile_ahead(subprocess.run, {}, limit_s=1, threads=1) == {}
