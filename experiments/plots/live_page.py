@@ -95,7 +95,9 @@ class _Curves:
     """The trust of some, against rounds."""
 
     def __init__(self, title: str) -> None:
-        self.figure = figure(width=_WIDTH, height=230, y_range=Range1d(start=-0.03, end=1.05), toolbar_location=None, title=title)
+        self.figure = figure(
+            width=_WIDTH, height=230, y_range=Range1d(start=-0.03, end=1.05), toolbar_location=None, title=title
+        )
         _tidy(self.figure)
         self._sources: dict[str, ColumnDataSource] = {}
 

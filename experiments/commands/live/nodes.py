@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.commands.attacks import parse_attacks, parse_trust_model
 from experiments.commands.console import console, errors
 from experiments.commands.live.options import Keys, Network, Scenario, Speed, Start, period_ns, require_live
+from experiments.naming import parse_attacks, parse_trust_model
 from roletrust_env import Cast, Game, Policy, make_scenario
 from roletrust_env import Scenario as Rules
 from roletrust_env.world.roster import Roster

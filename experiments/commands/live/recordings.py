@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.attacks import parse_trust_model
 from experiments.commands.console import console
 from experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
+from experiments.naming import parse_trust_model
 from roletrust_env import make_scenario
 from roletrust_env.world.roster import Roster
 
