@@ -2,6 +2,7 @@
 
 import contextlib
 import multiprocessing
+import os
 import threading
 import time
 
@@ -25,7 +26,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture(autouse=True)
 def _own_domain(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "97")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
 
 
@@ -136,6 +137,7 @@ def test_a_second_manager_is_told_so_in_one_line(tmp_path, keys):
         raters.wait_for(2)
         with pytest.raises(ValueError, match=r"another manager publishes /trust; stop it first"):
             run_manager(make_trust_model("role-trust"), tmp_path / "other", period=PERIOD, keys=keys)
+        assert not (tmp_path / "other").exists()
         raters.wait_for(2)
         process.terminate()
         process.join()

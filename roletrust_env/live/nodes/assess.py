@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import RaterView
-from roletrust_env.live.nodes.cam import IMAGES
 from roletrust_env.live.nodes.running import SECOND, Bulletin, Timeline, running
+from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
 from roletrust_env.live.rounds import Patience, Round, Rounds
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
@@ -20,9 +20,6 @@ from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision import best_margin, probability, view
 from roletrust_env.world.vision.degrade import received
-
-RATINGS = "/ratings"
-"""Behind a rater's name: its topic."""
 
 _DEADLINE = 0.4  # of the period, for cameras that bring no picture: raters must be heard before the manager closes
 
@@ -76,8 +73,8 @@ def run_assess(
         while on:
             node.wait(timeline.period / SECOND / 20)
             for found in node.discover():
-                camera = found.topic.removesuffix(IMAGES)[1:]
-                if found.topic.endswith(IMAGES) and camera not in (name, *cameras):
+                camera = owner(found.topic, IMAGES)
+                if camera is not None and camera not in (name, *cameras):
                     cameras[camera] = node.reader(found.topic, messages.IMAGE)
             closed = []
             for camera, reader in cameras.items():

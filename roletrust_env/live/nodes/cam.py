@@ -9,6 +9,7 @@ import numpy as np
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView
 from roletrust_env.live.nodes.running import Bulletin, Timeline, running
+from roletrust_env.live.nodes.topics import IMAGES
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.randomness import Random
@@ -16,9 +17,6 @@ from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision import FramesError, degrade, open_frames
-
-IMAGES = "/image_raw/compressed"
-"""Behind a provider's name: its topic."""
 
 _JPEG_QUALITY = 95  # of 100; so the people detector sees what it would see without
 

@@ -9,9 +9,8 @@ from typing import Any
 from roletrust_env.live.gate import Reason
 from roletrust_env.live.journal import Entry
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.nodes.assess import RATINGS
-from roletrust_env.live.nodes.cam import IMAGES
 from roletrust_env.live.nodes.running import SECOND, running
+from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
 from roletrust_env.live.rounds import Patience
 from roletrust_env.live.standing import Team
 from roletrust_env.live.wire import messages
@@ -50,25 +49,24 @@ def run_manager(
         ValueError: there is another manager, or the journal is not one of such a manager; see `Manager`.
     """
     keyring = None if keys is None else PublicKeys(keys)
+    node = Node("manager", network=network)
+    time.sleep(_MEETING_S)
+    found = node.discover()
+    if any(other.topic == TRUST for other in found):
+        raise ValueError(f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID")
     manager = Manager(model, journal, patience=Patience(period), team=team, keyring=keyring)
     if keyring is None:
         tell("manager: WITHOUT KEYS: whoever is on this network may rate in anybody's name")
     if manager.next_round:
         tell(f"manager: goes on with round {manager.next_round} of {journal}")
-    node = Node("manager", network=network)
-    time.sleep(_MEETING_S)
-    found = node.discover()
-    if any(other.topic == "/trust" for other in found):
-        raise ValueError("another manager publishes /trust; stop it first, or set another ROS_DOMAIN_ID")
     office, raters = _Office(node), dict[str, Reader]()
     with running() as on:
         while on:
             for topic, kind in (*found, *node.discover()):
-                name = topic[1:].partition("/")[0]
-                if topic == f"/{name}{RATINGS}" and kind == messages.RATINGS and name not in raters:
+                if (name := owner(topic, RATINGS)) and kind == messages.RATINGS and name not in raters:
                     raters[name] = node.reader(topic, messages.RATINGS, depth=_DEPTH)
-                elif topic == f"/{name}{IMAGES}":
-                    manager.meet(name)
+                elif camera := owner(topic, IMAGES):
+                    manager.meet(camera)
             found = []
             for name, reader in raters.items():
                 for raw in reader.take():
@@ -105,11 +103,10 @@ def replay(recording: Iterable[Recorded], manager: Manager, period: int) -> Iter
         for moment in range(time_ns if now is None else now, time_ns, period // 20):
             yield from manager.tick(moment)
         now = time_ns
-        name = topic[1:].partition("/")[0]
-        if topic == f"/{name}{RATINGS}" and kind == messages.RATINGS:
+        if (name := owner(topic, RATINGS)) and kind == messages.RATINGS:
             yield from hear_raw(manager, name, raw, time_ns)
-        elif topic == f"/{name}{IMAGES}":
-            manager.meet(name)
+        elif camera := owner(topic, IMAGES):
+            manager.meet(camera)
     if now is not None:
         yield from manager.tick(now + 2 * period)
 
@@ -119,8 +116,8 @@ class _Office:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._trust = node.writer("/trust", messages.TRUST)
-        self._diagnostics = node.writer("/diagnostics", messages.DIAGNOSTICS)
+        self._trust = node.writer(TRUST, messages.TRUST)
+        self._diagnostics = node.writer(DIAGNOSTICS, messages.DIAGNOSTICS)
         self._numbers: dict[str, Writer] = {}
         self._diagnosed = 0.0
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
+from roletrust_env.live.nodes.topics import TRUST
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 
@@ -77,7 +78,7 @@ class Bulletin:
     """
 
     def __init__(self, node: Node, initial: float) -> None:
-        self._reader, self._initial = node.reader("/trust", messages.TRUST), initial
+        self._reader, self._initial = node.reader(TRUST, messages.TRUST), initial
         self._tor: dict[str, float] = {}
         self._top: dict[str, float] = {}
 

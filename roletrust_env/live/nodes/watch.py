@@ -5,7 +5,7 @@ import time
 from collections import deque
 from typing import NamedTuple
 
-from roletrust_env.live.nodes.cam import IMAGES
+from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST, owner
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
 
@@ -57,8 +57,8 @@ class Watcher:
         self.pictures: dict[str, Picture] = {}
         self.reports: dict[str, str] = {}
         self._node, self._on = Node("view", network=network), True
-        self._trust = self._node.reader("/trust", messages.TRUST)
-        self._diagnostics = self._node.reader("/diagnostics", messages.DIAGNOSTICS)
+        self._trust = self._node.reader(TRUST, messages.TRUST)
+        self._diagnostics = self._node.reader(DIAGNOSTICS, messages.DIAGNOSTICS)
         self._cameras: dict[str, Reader] = {}
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
@@ -72,8 +72,8 @@ class Watcher:
         while self._on:
             self._node.wait(_WAIT_S)
             for topic, kind in self._node.discover():
-                camera = topic.removesuffix(IMAGES)[1:]
-                if topic.endswith(IMAGES) and kind == messages.IMAGE and camera not in self._cameras:
+                camera = owner(topic, IMAGES)
+                if camera is not None and kind == messages.IMAGE and camera not in self._cameras:
                     self._cameras[camera] = self._node.reader(topic, kind, depth=1)
             for raw in self._trust.take():
                 self._take(raw)
