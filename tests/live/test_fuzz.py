@@ -1,6 +1,7 @@
 """Messages that must move nothing, in great numbers, as bytes on a rater's topic."""
 
 import tracemalloc
+from functools import cache
 from math import inf, nan
 
 import numpy as np
@@ -47,10 +48,15 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
     assert grown < 2_000_000
 
 
+signer_of = cache(Signer)
+
+
 def signed(folder, rater, stamp, row, signer=None, providers=TEAM.providers):
     """A message as `rater` sends it, or somebody else in its name."""
     ratings = dict(zip(providers, map(float, row), strict=True))
-    signature = Signer(folder, signer or rater).sign(messages.encode(messages.ratings_message(rater, stamp, ratings)))
+    signature = signer_of(folder, signer or rater).sign(
+        messages.encode(messages.ratings_message(rater, stamp, ratings))
+    )
     return messages.encode(messages.ratings_message(rater, stamp, ratings, signature))
 
 
