@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-clients setup format pictures costs better-model ladder zoo clean
+.PHONY: run test test-extras test-live test-clients setup format pictures costs better-model ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -17,10 +17,15 @@ test: setup
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
 	$(BIN)/pytest -n 2 -m extras
+	$(BIN)/pytest -m live
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
 	$(BIN)/pytest -n 2 -m extras
+
+# Teams of processes on DDS, one after the other; `make test` has it, too.
+test-live: setup
+	$(BIN)/pytest -m live
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup

@@ -14,6 +14,7 @@ from experiments.commands.costs import costs
 from experiments.commands.figures import figures
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
+from experiments.commands.live.app import live
 from experiments.commands.models import models
 from experiments.commands.play import play
 from experiments.commands.report import report
@@ -83,6 +84,7 @@ app.command("report")(report)
 app.command("speed")(speed)
 app.command("costs")(costs)
 app.command("models")(models)
+app.add_typer(live, name="live")
 app.command("train")(train)
 app.command("zoo")(zoo)
 

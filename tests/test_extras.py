@@ -15,7 +15,7 @@ pytestmark = pytest.mark.extras
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
-COMMANDS = ("figures", "ladder", "list", "play", "speed", "train", "zoo")
+COMMANDS = ("figures", "ladder", "list", "live", "play", "speed", "train", "zoo")
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
 
@@ -135,6 +135,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
+        ("live", ["live", "keys", "keys"]),
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
@@ -184,3 +185,19 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "exact" in train.roletrust("ladder", "ProviderAttack", *certain, "--budget", 5000, "--learned", "mine")
     assert "provider-3x3" in train.roletrust("zoo", "--games", 2)
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
+
+
+def test_live(fresh: Callable[..., Environment]) -> None:
+    live = fresh("live")
+    assert "Made in keys: sr_0, sr_1, sr_2" in live.roletrust("live", "keys", "keys")
+    heard = """
+import time
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.dds import Node
+one, other = Node("one"), Node("other")
+writer, reader = one.writer("/trust", messages.TRUST), other.reader("/trust", messages.TRUST)
+while not (writer.readers and reader.writers):
+    time.sleep(0.01)
+print("met")
+"""
+    assert live.python(heard) == "met\n"

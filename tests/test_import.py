@@ -23,6 +23,7 @@ def imported(statement: str) -> set[str]:
 )
 def test_no_heavy_package_is_imported(statement: str) -> None:
     heavy = {"torch", "cv2", "stable_baselines3", "matplotlib", "ray", "imageio", "yaml", "pygame", "rich", "typer"}
+    heavy |= {"cyclonedds", "rosbags", "cryptography"}
     modules = imported(statement)
     assert "numpy" in modules
     assert not heavy & modules
@@ -30,6 +31,7 @@ def test_no_heavy_package_is_imported(statement: str) -> None:
 
 def test_the_command_line_starts_with_its_own_extra() -> None:
     others = {"torch", "cv2", "scipy", "cma", "safetensors", "stable_baselines3", "sb3_contrib", "mpe2", "vmas"}
+    others |= {"cyclonedds", "rosbags", "cryptography"}
     assert not others & imported("import experiments.cli")
 
 

@@ -1,13 +1,15 @@
 """Where the commands print, and how they show that they are at work."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+
+from experiments.results.claims import Claim
 
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
@@ -31,4 +33,18 @@ def number_table(title: str, caption: str, *headings: str) -> Table:
     table.add_column("")
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def claims_table(title: str, found: Sequence[Claim]) -> Table:
+    """What the paper says, what is needed and what was measured, claim by claim."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("fig", "what", "the paper", "needed", "measured", ""):
+        table.add_column(heading, justify="right" if heading == "measured" else "left", no_wrap=True)
+    for claim, following in zip(found, [*found[1:], None], strict=True):
+        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
+        ends = following is not None and following.figure != claim.figure
+        table.add_row(
+            str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends
+        )
     return table

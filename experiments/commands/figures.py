@@ -1,39 +1,21 @@
 """`roletrust figures`: Figures 3 and 4 of Su and Saint-Jore (EWSN 2023), from real ratings."""
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.table import Table
 
-from baselines import BadMouthing, OnOff
-from experiments.commands.console import console, progress_bar
+from experiments.commands.console import claims_table, console, progress_bar
 from experiments.results import claims
-from experiments.results.files import cast_list, prepare_folder, provenance, write_csv, write_figure, write_json
+from experiments.results.files import cast_list, prepare_folder, provenance, write_figure, write_json
 from experiments.results.footage import loop_note, looped_s
+from experiments.results.papers import BAD_MOUTHING, ON_OFF, Paper, papers
 from experiments.results.recording import Curves, record
-from roletrust_env import Cast, Game, Policy, State, make_scenario
+from roletrust_env import Cast, Game, State, make_scenario
 
-_HEADER = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")
-_ON_OFF, _BAD_MOUTHING = claims.Window(50.0, 90.0), claims.Window(20.0, 45.0)
 _MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Figure 3, for the montage
-
-
-class _Paper(NamedTuple):
-    """One of the paper's figures: who attacks, and what is claimed of it."""
-
-    number: int
-    title: str
-    attacker: str
-    label: str
-    attack: claims.Window
-    policies: Mapping[str, Policy]
-    levels: tuple[float, ...]
-    check: Callable[..., list[claims.Claim]]
 
 
 def figures(
@@ -92,61 +74,32 @@ def figures(
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
-    papers, sight, rounds = _papers(game.scenario.period_s), _Sight(game), []
+    played, sight, rounds = papers(game.scenario.period_s), _Sight(game), []
     with progress_bar() as progress:
-        for paper in papers:
+        for paper in played:
             watch = sight.watch if service == "hog" and paper.number == 3 else lambda state: None
             cast = Cast(game, paper.policies)
             rounds.append(record(cast, seed, progress, f"Figure {paper.number}", watch=watch))
     found = [
         claim
-        for paper, curves in zip(papers, rounds, strict=True)
+        for paper, curves in zip(played, rounds, strict=True)
         for claim in paper.check(curves, game.scenario, paper.attack)
     ]
     seen = None
     if frames is not None:
-        calm = claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF)
+        calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
         seen = _Footage(looped_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
         found = claims.for_given_frames(found)
-    written = _write(out, game, seed, papers, rounds, sight, found, seen)
+    written = _write(out, game, seed, played, rounds, sight, found, seen)
     if seen is None or seen.in_clear_view:
-        console.print(_table(found, service))
+        seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
+        console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
         _explain(found, game, rounds)
     else:
         console.print(seen.in_words(), soft_wrap=True)
     if note := loop_note(game):
         console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
-
-
-def _papers(period_s: float) -> tuple[_Paper, _Paper]:
-    def rounds(window: claims.Window) -> tuple[int, int]:
-        return round(window.start_s / period_s), round(window.stop_s / period_s)
-
-    (off, on), (mouth, hush) = rounds(_ON_OFF), rounds(_BAD_MOUTHING)
-
-    return (
-        _Paper(
-            3,
-            "Figure 3: on-off attack by provider 3",
-            "ToP_3",
-            "on-off attack by SP_3",
-            _ON_OFF,
-            {"sp_2": OnOff(start=off, stop=on)},
-            (),
-            claims.check_on_off,
-        ),
-        _Paper(
-            4,
-            "Figure 4: bad-mouthing attack by rater 3",
-            "ToR_3",
-            "bad-mouthing by SR_3",
-            _BAD_MOUTHING,
-            {"sr_2": BadMouthing(start=mouth, stop=hush)},
-            (0.6, 0.4),
-            claims.check_bad_mouthing,
-        ),
-    )
 
 
 class _Footage(NamedTuple):
@@ -195,25 +148,18 @@ def _write(
     out: Path,
     game: Game,
     seed: int,
-    papers: tuple[_Paper, _Paper],
+    played: tuple[Paper, Paper],
     rounds: list[Curves],
     sight: _Sight,
     found: list[claims.Claim],
     seen: _Footage | None,
 ) -> list[str]:
     """Write all files and return their names."""
-    from experiments.plots.paper import montage_figure, paper_figure
+    from experiments.plots.paper import montage_figure, write_paper
 
     written: list[str] = []
-    for paper, curves in zip(papers, rounds, strict=True):
-        rows = zip(curves.time_s.tolist(), *curves.tor[..., 0].T.tolist(), *curves.top[..., 0].T.tolist(), strict=True)
-        name = f"figure{paper.number}"
-        write_csv(out / f"{name}.csv", _HEADER, rows)
-        drawn = paper_figure(
-            paper.title, paper.attacker, paper.label, curves, game.scenario, paper.attack, paper.levels, loop_note(game)
-        )
-        write_figure(out / f"{name}.png", drawn)
-        written += [f"{name}.csv", f"{name}.png"]
+    for paper, curves in zip(played, rounds, strict=True):
+        written += write_paper(out, f"figure{paper.number}", paper, curves, game.scenario, loop_note(game))
     if sight.taken:
         write_figure(out / "montage.png", montage_figure(sight.taken))
         written.append("montage.png")
@@ -222,7 +168,7 @@ def _write(
         "command": "roletrust figures",
         "service": game.scenario.service,
         **provenance(game, seed),
-        "attackers": {f"figure {paper.number}": cast_list(paper.policies) for paper in papers},
+        "attackers": {f"figure {paper.number}": cast_list(paper.policies) for paper in played},
         "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
         **({"footage": seen._asdict()} if seen else {}),
         "claims": [claim._asdict() for claim in found],
@@ -234,8 +180,8 @@ def _write(
 
 def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> None:
     """Say what the rows of the table are."""
-    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, _ON_OFF))
-    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, _BAD_MOUTHING))
+    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
+    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
     console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
     console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
     console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
@@ -244,18 +190,3 @@ def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> Non
             "[dim]n/a: the bound is that of the rendered scene; in these frames the person is still recognised when "
             "the picture is blurred[/]"
         )
-
-
-def _table(found: list[claims.Claim], service: str) -> Table:
-    seen = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
-    title = f"Su and Saint-Jore (2023), seen through {seen}"
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("fig", "what", "the paper", "needed", "measured", ""):
-        table.add_column(heading, justify="right" if heading == "measured" else "left", no_wrap=True)
-    for claim, following in zip(found, [*found[1:], None], strict=True):
-        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
-        ends = following is not None and following.figure != claim.figure
-        table.add_row(
-            str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends
-        )
-    return table

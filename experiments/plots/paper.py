@@ -1,6 +1,7 @@
 """The paper's Figures 3 and 4, and what the cameras saw, as pictures."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
-from experiments.results.claims import Window
+from experiments.results.files import write_csv, write_figure
+from experiments.results.papers import COLUMNS, Paper
 from experiments.results.recording import Curves
 from roletrust_env.world.scenario import Scenario
 
@@ -30,26 +32,23 @@ class Still(NamedTuple):
     perceived: npt.NDArray[np.float64]
 
 
-def paper_figure(
-    title: str,
-    attacker: str,
-    attack_label: str,
-    curves: Curves,
-    scenario: Scenario,
-    attack: Window,
-    levels: Sequence[float] = (),
-    note: str | None = None,
-) -> Figure:
+def write_paper(
+    out: Path, stem: str, paper: Paper, curves: Curves, scenario: Scenario, note: str | None = None
+) -> list[str]:
+    """Write one of the paper's figures, as a table and as a picture, and return their names."""
+    rows = zip(curves.time_s.tolist(), *curves.tor[..., 0].T.tolist(), *curves.top[..., 0].T.tolist(), strict=True)
+    write_csv(out / f"{stem}.csv", COLUMNS, rows)
+    write_figure(out / f"{stem}.png", paper_figure(paper, curves, scenario, note))
+    return [f"{stem}.csv", f"{stem}.png"]
+
+
+def paper_figure(paper: Paper, curves: Curves, scenario: Scenario, note: str | None = None) -> Figure:
     """The trust of raters above that of providers, against seconds.
 
     Args:
-        title: of the picture.
-        attacker: the curve to stand out, such as `ToP_3`.
-        attack_label: what to write above the attack.
+        paper: which of the figures.
         curves: of one game.
         scenario: for its perturbations.
-        attack: when it is on.
-        levels: of ToR that the paper reads off its figure under the attack.
         note: to be read below, on the frames that were seen.
     """
     figure = Figure(figsize=(9.6, 5.6), layout="constrained")
@@ -59,14 +58,14 @@ def paper_figure(
     for axes, name, trust in ((upper, "ToR", curves.tor), (lower, "ToP", curves.top)):
         top = axes is upper
         tidy(axes, "trust of raters, ToR" if top else "trust of providers, ToP")
-        shade(axes, [(attack.start_s, attack.stop_s)], ATTACKED, attack_label if top else None)
+        shade(axes, [(paper.attack.start_s, paper.attack.stop_s)], ATTACKED, paper.label if top else None)
         shade(axes, fast, PERTURBED, "fast target" if top else None)
-        for level in levels if top else ():
-            axes.hlines(level, *attack, color=INK, linewidth=1, linestyle=":", zorder=5)
-            axes.text(attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
+        for level in paper.levels if top else ():
+            axes.hlines(level, *paper.attack, color=INK, linewidth=1, linestyle=":", zorder=5)
+            axes.text(paper.attack.stop_s + 0.8, level, f"paper: {level:g}", fontsize=9, va="center", color=INK)
         for i in range(trust.shape[1]):
             label = f"{name}_{i + 1}"
-            bad = label == attacker  # its curve lies broad under the others, so that none hides another
+            bad = label == paper.attacker  # its curve lies broad under the others, so that none hides another
             axes.plot(
                 curves.time_s,
                 trust[:, i, 0],
@@ -79,7 +78,7 @@ def paper_figure(
         axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
     lower.set_xlabel("time (s)", color=INK)
     lower.set_xticks(np.arange(0, curves.time_s[-1] + 1, 10))
-    figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    figure.suptitle(paper.title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     if note:
         figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure

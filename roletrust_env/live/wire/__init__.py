@@ -1,0 +1,1 @@
+"""What goes over the network: messages, their signatures, and DDS as ROS 2 uses it. Needs the extra `live`."""

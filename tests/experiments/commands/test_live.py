@@ -1,0 +1,74 @@
+"""`roletrust live`, as far as it goes without processes of its own."""
+
+import stat
+
+import pytest
+from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from experiments.results.journals import curves_of, latencies_ms
+from roletrust_env.live.journal import read_journal
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.recording import Recorded, Recorder
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["live", *map(str, arguments)])
+
+
+def test_keys_are_made_once(tmp_path):
+    assert "sr_0, sr_1, sr_2" in run("keys", tmp_path / "keys").output
+    assert stat.S_IMODE((tmp_path / "keys" / "sr_1.key").stat().st_mode) == 0o600
+    again = run("keys", tmp_path / "keys", "sr_1", "sr_7").output
+    assert "There already: sr_1" in again
+    assert (tmp_path / "keys" / "sr_7.pub").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["cam", "sp_9"], "there is no provider 'sp_9'; the scenario has sp_0, sp_1, sp_2"),
+        (["cam", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
+        (["cam", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
+        (["assess", "sr_9"], "there is no rater 'sr_9'"),
+        (["assess", "sr_0", "--keys", "nowhere"], "there is no private key nowhere/sr_0.key"),
+        (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
+        (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
+        (["manager", "j", "--trust-model", "nonsense"], "unknown trust model 'nonsense'"),
+        (["recover", "nowhere", "saved"], "nowhere is no recording"),
+        (["keys", "keys", "../sr_0"], "is no name of an agent"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(arguments, reason, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert done.exit_code == 2, done.output
+    assert reason in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
+    notes, mask = luck(10)
+    with Recorder(tmp_path / "bag") as recorder:
+        for r in range(10):
+            for i, name in enumerate(TEAM.raters):
+                row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
+                raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
+                recorder.write(Recorded(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
+    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--trust-model", "mean")
+    assert done.exit_code == 0, done.output
+    direct = feed(manager(tmp_path / "direct", model="mean"), notes, mask)
+    assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [entry.trust for entry in direct]
+    assert run("replay", tmp_path / "bag", tmp_path / "journal").exit_code == 2
+
+
+def test_the_curves_of_a_journal(tmp_path):
+    keeper = manager(tmp_path / "journal")
+    for r in (1, 2, 4):
+        for name in TEAM.raters:
+            keeper.hear(said(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+    curves = curves_of(entries := list(read_journal(tmp_path / "journal")), PERIOD, PERIOD, 0.5)
+    assert curves.time_s.tolist() == [0.5, 1.0, 2.0]
+    assert curves.tor[:, 0, 0].tolist() == [entry.trust.tor[0] for entry in entries]
+    assert latencies_ms(entries) == [30.0] * 3

@@ -1,0 +1,44 @@
+"""Messages as raters send them, and managers that hear them."""
+
+import numpy as np
+
+from roletrust_env.live.gate import Ratings
+from roletrust_env.live.manager import Manager
+from roletrust_env.live.rounds import Patience
+from roletrust_env.live.standing import Team
+from roletrust_env.trust import make_trust_model
+
+PERIOD = 500_000_000
+TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
+
+
+def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
+    patience = Patience(PERIOD, silence=silence)
+    return Manager(make_trust_model(model), path, patience=patience, team=team, keyring=keyring)
+
+
+def said(rater, round, ratings):
+    """A message about a round: ratings by provider."""
+    return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
+
+
+def luck(rounds, seed=0, lost=0.2, team=TEAM):
+    """Ratings (R, S, P) and where they arrive; in each round something does."""
+    random = np.random.default_rng(seed)
+    shape = (rounds, *team.peers.shape)
+    mask = random.random(shape) >= lost
+    mask[:, 0, 0] |= ~mask.any(axis=(1, 2))
+    return random.random(shape), mask
+
+
+def feed(keeper, ratings, mask, team=TEAM, first=1):
+    """What a manager publishes of rounds that are numbered from `first`, with the clock going on in between."""
+    published = []
+    for r, (row_of, heard) in enumerate(zip(ratings, mask, strict=True), first):
+        for i, rater in enumerate(team.raters):
+            notes = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
+            if notes:
+                published += keeper.hear(said(rater, r, notes), PERIOD * r + 20_000_000 + i)
+        for share in (0.5, 0.75, 0.9):
+            published += keeper.tick(int(PERIOD * (r + share)))
+    return published

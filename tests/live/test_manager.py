@@ -1,0 +1,152 @@
+import json
+
+import numpy as np
+import pytest
+from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+
+from roletrust_env import Cast, Game, make_scenario
+from roletrust_env.live.journal import read_journal
+from roletrust_env.live.manager import replayed
+from roletrust_env.live.standing import Standing, Team
+from roletrust_env.trust import make_trust_model, trust_models
+
+
+@pytest.mark.parametrize("model", ["role-trust", "mean", "beta", "travos", "fire"])
+def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp_path):
+    scenario = make_scenario("paper-3x3").change(max_cycles=60, ratings={"lost": 0.3}, noise=0.1)
+    game = Game(scenario, model)
+    cast, random = Cast(game, {}), game.random(seed=1)
+    state, memories = game.start(game.draw(random, start=True)), cast.begin(random)
+    states = []
+    for _ in range(scenario.max_cycles):
+        actions, memories = cast.act(state, memories, random)
+        state, _ = game.step(state, actions, game.draw(random))
+        states.append(state)
+    heard = [state for state in states if state.rated.any()]  # not in the first round
+    keeper = manager(tmp_path / "journal", model=model, silence=1000)
+    published = feed(keeper, [state.ratings for state in heard], [state.rated for state in heard])
+    assert len(published) == len(heard) > 50
+    for entry, state in zip(published, heard, strict=True):
+        mask = [[note is not None for note in entry.rows.get(name, [None] * 3)] for name in TEAM.raters]
+        np.testing.assert_array_equal(mask, state.rated)
+        np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
+        np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
+        waited = [name for name, some in zip(TEAM.raters, state.rated, strict=True) if not some.any()]
+        assert list(entry.missing) == waited
+
+
+def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
+    ratings, mask = luck(40)
+    whole = feed(manager(tmp_path / "whole"), ratings, mask)
+    first = manager(tmp_path / "journal")
+    published = feed(first, ratings[:23], mask[:23])
+    first.close()
+    second = manager(tmp_path / "journal")
+    assert second.next_round == 23
+    assert second.trust == published[-1].trust
+    assert published + feed(second, ratings[23:], mask[23:], first=24) == whole
+    assert list(read_journal(tmp_path / "journal")) == whole
+
+
+def test_what_was_heard_before_does_not_count_again(tmp_path):
+    ratings, mask = luck(5)
+    first = manager(tmp_path / "journal")
+    feed(first, ratings, mask)
+    first.close()
+    second = manager(tmp_path / "journal")
+    assert feed(second, ratings, mask) == []
+    assert second.next_round == 5
+
+
+@pytest.mark.parametrize("kept", [1, 30, 300])
+def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
+    path = tmp_path / "journal"
+    first = manager(path)
+    published = feed(first, *luck(6))
+    first.close()
+    path.write_bytes(path.read_bytes()[:-kept])
+    second = manager(path)
+    assert second.next_round == (5 if kept < 300 else len(list(read_journal(path))))
+    assert list(read_journal(path)) == published[: second.next_round]
+    assert path.read_bytes().endswith(b"\n")
+
+
+def test_replay_gives_the_same_trust_to_the_last_bit(tmp_path):
+    first = manager(tmp_path / "journal")
+    published = feed(first, *luck(30))
+    assert replayed(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
+
+
+def test_a_journal_that_was_tampered_with_is_refused(tmp_path):
+    path = tmp_path / "journal"
+    first = manager(path)
+    feed(first, *luck(6))
+    first.close()
+    lines = path.read_text().splitlines()
+    round = json.loads(lines[4])
+    round["ratings"]["sr_0"] = [1.0, 1.0, 1.0]
+    path.write_text("\n".join([*lines[:4], json.dumps(round), *lines[5:]]) + "\n")
+    with pytest.raises(ValueError, match="after round 2 trust was"):
+        manager(path)
+
+
+def test_the_journal_of_another_model_is_refused(tmp_path):
+    manager(tmp_path / "journal").close()
+    with pytest.raises(ValueError, match=r"trust_model is 'RoleTrust\(.*' there and 'Mean\(.*' here"):
+        manager(tmp_path / "journal", model="mean")
+
+
+def test_two_managers_with_one_journal(tmp_path):
+    first = manager(tmp_path / "journal")
+    with pytest.raises(ValueError, match="manager that is running"):
+        manager(tmp_path / "journal")
+    first.close()
+    manager(tmp_path / "journal")
+
+
+def test_another_file_is_no_journal(tmp_path):
+    path = tmp_path / "journal"
+    path.write_text("dear diary\n")
+    with pytest.raises(ValueError, match="is no journal: 'dear diary'"):
+        manager(path)
+    assert path.read_text() == "dear diary\n"
+
+
+@pytest.mark.parametrize("model", trust_models())
+def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
+    few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
+    ratings, mask = luck(20, team=few)
+    later, heard = luck(10, seed=1, team=many)
+    heard &= ~many.peers
+    heard[0] = ~many.peers
+    keeper = manager(tmp_path / "journal", model=model, team=few)
+    before = feed(keeper, ratings, mask, team=few)
+    for name in many.providers:
+        keeper.meet(name)
+    after = feed(keeper, later, heard, team=many, first=21)
+    standing = Standing(make_trust_model(model), after[-1].team, [entry.rows for entry in [*before, *after]])
+    assert set(after[-1].team.raters) == set(many.raters)
+    assert after[-1].trust == standing.trust
+    keeper.close()
+    again = manager(tmp_path / "journal", model=model, team=few)
+    assert again.trust == after[-1].trust
+
+
+def test_an_agent_with_both_roles_has_a_trust_of_its_own(tmp_path):
+    team = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
+    keeper = manager(tmp_path / "journal", team=team)
+    published = keeper.hear(said("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
+    published += keeper.hear(said("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
+    (entry,) = published
+    assert entry.trust.toa == ((entry.trust.tor[1] + entry.trust.top[1]) / 2,)
+
+
+def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeypatch):
+    keeper = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.write", full)
+    with pytest.raises(OSError, match="No space left"):
+        keeper.hear(said("sr_0", 1, {"sp_0": 1.0}), PERIOD)

@@ -1,0 +1,128 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from live_streams import arrivals
+
+from roletrust_env.live.rounds import Patience, Rounds
+
+PERIOD = 1000
+PATIENCE = Patience(PERIOD)
+
+
+def play(messages, *, names=(), patience=PATIENCE, until=None, tick=50):
+    """The rounds of some (arrival, name, stamp), with the time asked often."""
+    rounds, closed = Rounds(patience, names), []
+    end = until or max(arrival for arrival, _, _ in messages) + 5 * patience.period
+    queue = sorted(messages)
+    for now in range(0, end, tick):
+        while queue and queue[0][0] <= now:
+            arrival, name, stamp = queue.pop(0)
+            closed += [(arrival, round) for round in rounds.add(name, stamp, stamp, arrival)]
+        closed += [(now, round) for round in rounds.due(now)]
+    return closed, rounds
+
+
+def rounds_of(names, sent, delay=10):
+    """Messages of some rounds, each as a text of the names that are heard."""
+    every = list(names)
+    return [
+        (PERIOD * r + delay + every.index(name), name, PERIOD * r) for r, heard in enumerate(sent, 1) for name in heard
+    ]
+
+
+def told(closed):
+    return [("".join(sorted(round.items)), "".join(sorted(round.missing))) for _, round in closed]
+
+
+def test_a_complete_round_closes_as_soon_as_it_is():
+    closed, _ = play(rounds_of("abc", ["abc"] * 4), names="abc", tick=1)
+    assert told(closed) == [("abc", "")] * 4
+    assert [now - round.stamp for now, round in closed] == [12] * 4
+
+
+def test_a_partial_round_closes_at_the_deadline_and_says_who_is_missing():
+    closed, _ = play(rounds_of("abc", ["abc", "ab", "bc", "abc", "a"]), names="abc", tick=1)
+    assert told(closed)[:5] == [("abc", ""), ("ab", "c"), ("bc", "a"), ("abc", ""), ("a", "bc")]
+    assert [now - round.stamp for now, round in closed] == [12, 710, 711, 12, 710]
+
+
+def test_the_silent_are_no_longer_waited_for_until_they_speak():
+    sent = ["abc"] * 3 + ["ab"] * 6 + ["abc"] * 3
+    closed, rounds = play(rounds_of("abc", sent), names="abc", tick=1, until=13_500)
+    kept = ["abc"] * 3 + ["ab"] * 7 + ["abc"] * 2  # the first word of who was not waited for comes too late
+    assert told(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(kept)]
+    quick = [now - round.stamp for now, round in closed]
+    assert quick[3:10] == [710, 710, 12, 11, 11, 11, 11]
+    assert rounds.waited_for == ("a", "b", "c")
+    assert rounds.unused == Counter("c")
+
+
+def test_newcomers_are_taken_up():
+    closed, _ = play(rounds_of("abcd", ["ab", "ab", "abc", "abcd", "abcd", "abcd"]), names="ab", tick=1)
+    assert told(closed) == [(heard, "") for heard in ("ab", "ab", "ab", "abc", "abcd", "abcd")]
+
+
+def test_who_is_late_is_counted_and_moves_nothing():
+    messages = rounds_of("ab", ["ab", "a", "ab"])
+    closed, rounds = play([*messages, (2900, "b", 2000)], names="ab")
+    assert told(closed) == [("ab", ""), ("a", "b"), ("ab", "")]
+    assert rounds.unused == Counter("b")
+
+
+def test_a_stamp_from_the_future_takes_no_round_from_the_others():
+    honest = rounds_of("ab", ["ab"] * 8)
+    hasty = [(PERIOD * r + 5, "c", PERIOD * r + 1900) for r in range(1, 9)]
+    closed, rounds = play(honest + hasty, names="abc", tick=10)
+    of_the_honest = [round.items["a"] for _, round in closed if "a" in round.items and "b" in round.items]
+    assert of_the_honest == [PERIOD * r for r in range(1, 9)]
+    assert not rounds.unused["a"] + rounds.unused["b"]
+
+
+def test_everybody_silent_closes_nothing():
+    closed, rounds = play(rounds_of("ab", ["ab"] * 2), names="ab", until=60_000)
+    assert len(closed) == 2
+    assert rounds.waited_for == ()
+
+
+def test_of_two_messages_in_a_round_the_one_that_matches_counts():
+    messages = [(1000, "a", 1000), (1200, "a", 1200), (1210, "b", 1190), (2000, "a", 2000), (2000, "b", 2000)]
+    closed, rounds = play(messages, names="ab")
+    assert [round.items for _, round in closed] == [{"a": 1200, "b": 1190}, {"a": 2000, "b": 2000}]
+    assert rounds.unused == Counter("a")
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_whatever_comes_rounds_rise_and_no_message_is_in_two(seed):
+    random = np.random.default_rng(seed)
+    names = "abcd"[: random.integers(1, 5)]
+    messages = []
+    for stream, stamp in arrivals(random, len(names), rounds=20, period=PERIOD):
+        arrival = stamp + random.exponential(300) if random.random() < 0.8 else random.uniform(0, 20 * PERIOD)
+        messages.append((int(arrival), names[stream], stamp))
+    closed, rounds = play(messages, names=names if seed % 2 else ())
+    stamps = [round.stamp for _, round in closed]
+    assert stamps == sorted(set(stamps))
+    for _, round in closed:
+        assert max(round.items.values()) - min(round.items.values()) <= PATIENCE.apart
+        assert not set(round.missing) & set(round.items)
+    used = Counter((name, stamp) for _, round in closed for name, stamp in round.items.items())
+    sent = Counter((name, stamp) for _, name, stamp in messages)
+    assert not used - sent
+    assert used.total() + rounds.unused.total() == sent.total()  # none is lost without a word
+
+
+@pytest.mark.parametrize("streams", [1, 3, 9, 40])
+def test_rounds_are_what_was_heard_of_each(streams):
+    random = np.random.default_rng(streams)
+    names = [f"sr_{k}" for k in range(streams)]
+    heard = random.random((60, streams)) < 0.9
+    heard[:, 0] |= ~heard.any(axis=1)  # a round of which nothing is heard is none
+    messages = [
+        (int(PERIOD * r + random.uniform(0, 300)), names[k], int(PERIOD * r + random.uniform(0, 30)))
+        for r in range(60)
+        for k in range(streams)
+        if heard[r, k]
+    ]
+    closed, _ = play(messages, names=names, patience=Patience(PERIOD, silence=1000))
+    assert [[name in round.items for name in names] for _, round in closed] == heard.tolist()

@@ -1,0 +1,72 @@
+"""Teams in trouble, by a clock of the test's own: what is lost or late costs its own ratings, and no more."""
+
+import numpy as np
+import pytest
+from manager_cases import PERIOD, TEAM, luck, manager, said
+
+from roletrust_env.live.gate import Reason
+
+
+def run(keeper, arrivals, until):
+    """What a manager publishes of (arrival, message) pairs, with the time asked ten times a period."""
+    published, queue = [], sorted(arrivals, key=lambda entry: entry[0])
+    for now in range(0, until, PERIOD // 10):
+        while queue and queue[0][0] <= now:
+            arrival, message = queue.pop(0)
+            published += keeper.hear(message, arrival)
+        published += keeper.tick(now)
+    return published
+
+
+def message(rater, round, row, off=0):
+    sent = said(rater, round, dict(zip(TEAM.providers, row.tolist(), strict=True)))
+    return sent._replace(stamp=sent.stamp + off)
+
+
+def test_of_lost_and_late_ratings_the_round_says_who_is_missing(tmp_path):
+    random, rounds = np.random.default_rng(0), 100
+    notes, _ = luck(rounds, lost=0.0)
+    lost, late = random.random((rounds, 3)) < 0.1, random.random((rounds, 3)) < 0.2
+    arrivals = [
+        (PERIOD * (r + 1) + int((1.2 if late[r, i] else 0.1) * PERIOD), message(name, r + 1, notes[r, i]))
+        for r in range(rounds)
+        for i, name in enumerate(TEAM.raters)
+        if not lost[r, i]
+    ]
+    published = run(manager(tmp_path / "journal"), arrivals, PERIOD * (rounds + 5))
+    there = ~lost & ~late
+    heard = {round(entry.stamp / PERIOD) - 1: entry for entry in published}
+    assert sorted(heard) == [r for r in range(rounds) if there[r].any()]
+    for r, entry in heard.items():
+        assert [name in entry.rows for name in TEAM.raters] == there[r].tolist()
+
+
+@pytest.mark.parametrize("off_s", [-1.0, 1.0])
+def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, tmp_path):
+    notes, _ = luck(40, lost=0.0)
+    off = int(off_s * 1e9)
+    arrivals = [
+        (PERIOD * r + i, message(name, r, notes[r - 1, i], off if name == "sr_2" else 0))
+        for r in range(1, 41)
+        for i, name in enumerate(TEAM.raters)
+    ]
+    published = run(manager(tmp_path / "journal"), arrivals, PERIOD * 50)
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
+
+
+def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
+    notes, _ = luck(20, lost=0.0)
+    honest = [
+        (PERIOD * r + i, message(name, r, notes[r - 1, i]))
+        for r in range(1, 21)
+        for i, name in enumerate(TEAM.raters[:2])
+    ]
+    step = PERIOD // 500  # a thousand messages a second
+    flood = [(at, message("sr_2", 0, notes[0, 2], at)) for at in range(PERIOD, 20 * PERIOD, step)]
+    keeper = manager(tmp_path / "journal")
+    published = run(keeper, honest + flood, PERIOD * 25)
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    assert len(whole) == 20
+    assert sum("sr_2" in entry.rows for entry in published) <= 41  # two stamps a period, at half a period
+    assert keeper.gate.refused["sr_2", Reason.TOO_SOON] > 9000

@@ -1,0 +1,86 @@
+"""Nodes of one process: what they say arrives as it was said."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+from cyclonedds.sub import DataReader
+
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Reader
+
+PATIENCE_S = 20.0  # far more than a busy machine takes
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_domain():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))  # others may test on this machine, too
+        patch.delenv("CYCLONEDDS_URI", raising=False)
+        yield
+
+
+def until(holds):
+    """What a function gives once it is true of it."""
+    end = time.monotonic() + PATIENCE_S
+    while not (found := holds()) and time.monotonic() < end:
+        time.sleep(0.01)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "made"),
+    [
+        (messages.NUMBER, lambda: messages.make(messages.NUMBER, data=0.25)),
+        (messages.IMAGE, lambda: messages.image_message(5, "sp_0", np.arange(40000, dtype=np.uint8))),
+        (messages.RATINGS, lambda: messages.ratings_message("sr_0", 5, {"sp_0": 0.5}, b"signed")),
+    ],
+)
+def test_bytes_arrive_as_they_were_sent(kind, made):
+    topic = f"/of_{kind.rpartition('/')[2].lower()}"
+    speaks, hears = Node("speaks", "/a"), Node("hears", "/b")
+    writer, reader = speaks.writer(topic, kind), hears.reader(topic, kind)
+    assert until(lambda: writer.readers == 1 and reader.writers == 1)
+    raw = messages.encode(made())
+    for _ in range(5):
+        writer.write_raw(raw)
+    got = []
+    assert until(lambda: got.extend(reader.take()) or len(got) == 5)
+    padded = [one[: len(raw)] for one in got]  # the middleware fills up to four bytes
+    assert padded == [raw] * 5
+
+
+def test_publications_are_discovered_by_their_names_in_ros():
+    looks, speaks = Node("looks"), Node("assess", "/sr_7")
+    speaks.writer("/sr_7/ratings", messages.RATINGS)
+    found = []
+    assert until(lambda: found.extend(looks.discover()) or Publication("/sr_7/ratings", messages.RATINGS) in found)
+
+
+def test_waiting_ends_when_something_comes():
+    speaks, hears = Node("speaks", "/c"), Node("hears", "/d")
+    writer, reader = speaks.writer("/wakes", messages.NUMBER), hears.reader("/wakes", messages.NUMBER)
+    assert until(lambda: writer.readers == 1 and reader.writers == 1)
+    hears.discover()
+    writer.write(messages.make(messages.NUMBER, data=1.0))
+    began = time.monotonic()
+    hears.wait(PATIENCE_S)
+    assert time.monotonic() - began < PATIENCE_S
+    assert until(reader.take)
+
+
+def test_nodes_say_which_topics_are_theirs():
+    looks, cam = Node("looks"), Node("cam", "/sp_7")
+    kind = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+    topic, _ = looks._topic("ros_discovery_info", kind)
+    reader = Reader(DataReader(looks._participant, topic, _ONCE))
+    cam.writer("/sp_7/image_raw/compressed", messages.IMAGE)
+    nodes = []
+
+    def told():
+        for raw in reader.take():
+            nodes.extend(messages.decode(raw, kind).node_entities_info_seq)
+        return any(node.node_namespace == "/sp_7" and len(node.writer_gid_seq) == 1 for node in nodes)
+
+    assert until(told)

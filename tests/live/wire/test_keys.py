@@ -1,0 +1,54 @@
+import stat
+
+import pytest
+
+from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
+
+
+def test_a_signature_is_that_of_its_rater_and_of_its_bytes(tmp_path):
+    assert make_keys(tmp_path, ["sr_0", "sr_1"]) == ["sr_0", "sr_1"]
+    known, signature = PublicKeys(tmp_path), Signer(tmp_path, "sr_0").sign(b"text")
+    assert known.names == ("sr_0", "sr_1")
+    assert "sr_0" in known
+    assert "sr_2" not in known
+    assert known.verifies("sr_0", b"text", signature)
+    assert not known.verifies("sr_1", b"text", signature)
+    assert not known.verifies("sr_0", b"other", signature)
+    assert not known.verifies("sr_0", b"text", b"short")
+
+
+def test_private_keys_are_for_their_owner_only(tmp_path):
+    make_keys(tmp_path, ["sr_0"])
+    path = tmp_path / "sr_0.key"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    path.chmod(0o640)
+    with pytest.raises(ValueError, match=r"can be read by others.*chmod 600"):
+        Signer(tmp_path, "sr_0")
+
+
+def test_keys_that_are_there_are_left_as_they_are(tmp_path):
+    make_keys(tmp_path, ["sr_0"])
+    before = (tmp_path / "sr_0.key").read_bytes()
+    assert make_keys(tmp_path, ["sr_0", "sr_1"]) == ["sr_1"]
+    assert (tmp_path / "sr_0.key").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["../sr_0", "sr 0", "", "sr/0"])
+def test_a_name_that_is_none_makes_nothing(tmp_path, name):
+    with pytest.raises(ValueError, match="is no name of an agent"):
+        make_keys(tmp_path / "keys", ["sr_0", name])
+    assert not (tmp_path / "keys").exists()
+
+
+def test_keys_that_are_not_there_or_none(tmp_path):
+    with pytest.raises(ValueError, match=r"no private key .*sr_0.key; `roletrust live keys` makes one"):
+        Signer(tmp_path, "sr_0")
+    with pytest.raises(ValueError, match="no public key in"):
+        PublicKeys(tmp_path)
+    for name in ("sr_0.key", "sr_0.pub"):
+        (tmp_path / name).write_text("nonsense")
+        (tmp_path / name).chmod(0o600)
+    with pytest.raises(ValueError, match="no private key of the kind ed25519"):
+        Signer(tmp_path, "sr_0")
+    with pytest.raises(ValueError, match="no public key of the kind ed25519"):
+        PublicKeys(tmp_path)

@@ -1,0 +1,71 @@
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from roletrust_env.live.journal import Entry
+from roletrust_env.live.standing import Team, Trust
+from roletrust_env.live.wire import messages
+
+NAMES = st.from_regex(r"[a-z_0-9]{1,12}", fullmatch=True)
+
+
+@given(NAMES, st.integers(0, 2**31 * 10**9 - 1), st.dictionaries(NAMES, st.floats(width=64)), st.binary(max_size=64))
+def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
+    raw = messages.encode(messages.ratings_message(rater, stamp, ratings, signature))
+    read = messages.read_ratings(raw)
+    assert (read.rater, read.stamp, list(read.providers)) == (rater, stamp, list(ratings))
+    np.testing.assert_array_equal(read.values, list(ratings.values()))
+    assert read.signature == signature
+    assert read.signed == messages.encode(messages.ratings_message(rater, stamp, ratings))
+
+
+@given(st.binary(max_size=200))
+def test_bytes_that_are_no_message_are_a_value_error(raw):
+    try:
+        messages.read_ratings(raw)
+    except ValueError:
+        return
+    assert raw[:2] in (b"\x00\x00", b"\x00\x01")  # a message by chance
+
+
+@given(st.integers(0, 100), st.integers(0, 255))
+def test_a_message_with_a_wrong_byte_is_another_or_none(place, byte):
+    raw = bytearray(messages.encode(messages.ratings_message("sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, b"x" * 16)))
+    raw[place % len(raw)] = byte
+    with suppress(ValueError):
+        messages.read_ratings(bytes(raw))
+
+
+def test_trust_as_it_is_published():
+    team = Team(("sr_0", "both"), ("sp_0", "both"))
+    entry = Entry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
+    read = messages.decode(messages.encode(messages.trust_message(entry)), messages.TRUST)
+    assert (read.round, messages.stamp_of(read)) == (7, 1_500_000_001)
+    assert (read.raters, read.providers, read.both, read.missing) == (
+        ["sr_0", "both"],
+        ["sp_0", "both"],
+        ["both"],
+        ["sr_0"],
+    )
+    assert (read.tor.tolist(), read.top.tolist(), read.toa.tolist()) == ([0.25, 0.5], [0.75, 1.0], [0.6])
+
+
+@pytest.mark.parametrize(
+    ("kind", "known"),
+    [  # as a ROS 2 Kilted has them
+        (messages.NUMBER, "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a"),
+        (messages.IMAGE, "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"),
+    ],
+)
+def test_the_hashes_of_types_are_those_of_ros(kind, known):
+    assert messages.type_hash(kind) == known
+
+
+def test_the_package_for_colcon_has_every_message():
+    build = (messages.PACKAGE / "CMakeLists.txt").read_text()
+    for path in messages.PACKAGE.glob("msg/*.msg"):
+        assert f'"msg/{path.name}"' in build
+        assert f"roletrust_msgs/msg/{path.stem}" in messages.typestore().types

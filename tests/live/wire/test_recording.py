@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+from manager_cases import PERIOD, TEAM, luck, manager
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from roletrust_env.live.nodes.manage import hear_raw, replay
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.recording import Recorded, Recorder, read_recording, recover
+
+RATINGS = [
+    messages.encode(messages.ratings_message(f"sr_{k % 3}", k, dict.fromkeys(TEAM.providers, 0.5))) for k in range(50)
+]
+SOME = [
+    *(Recorded(10**18 + k, f"/sr_{k % 3}/ratings", messages.RATINGS, raw) for k, raw in enumerate(RATINGS)),
+    Recorded(10**18 + 100, "/sp_0/top", messages.NUMBER, messages.encode(messages.make(messages.NUMBER, data=0.25))),
+]
+
+
+def write(folder, recorded, *, flushed=7, closed=True):
+    recorder = Recorder(folder)
+    for k, message in enumerate(recorded):
+        recorder.write(message)
+        if k % flushed == 0:
+            recorder.flush()
+    if closed:
+        recorder.close()
+
+
+def test_a_recording_is_read_as_it_was_written(tmp_path):
+    write(tmp_path / "bag", SOME)
+    assert list(read_recording(tmp_path / "bag")) == SOME
+    (path,) = (tmp_path / "bag").glob("*.mcap")
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        others = [found.decoded_message for found in reader.iter_decoded_messages()]
+    assert others[0].rater == "sr_0"
+    assert others[-1].data == 0.25
+
+
+@pytest.mark.parametrize("cut", [0, 1, 100, 1000, 3000])
+def test_of_one_that_was_killed_all_is_recovered_that_was_on_the_disk(cut, tmp_path):
+    write(tmp_path / "bag", SOME, closed=False)
+    (path,) = (tmp_path / "bag").glob("*.mcap")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size - cut])
+    with pytest.raises(ValueError, match=r"cannot be read.*live recover"):
+        list(read_recording(tmp_path / "bag"))
+    count = recover(tmp_path / "bag", tmp_path / "saved")
+    assert list(read_recording(tmp_path / "saved")) == SOME[:count]
+    assert count >= 50 - cut / 50 - 7
+
+
+def test_what_is_no_recording(tmp_path):
+    (tmp_path / "no.mcap").write_text("no")
+    with pytest.raises(ValueError, match="is no recording"):
+        recover(tmp_path / "no.mcap", tmp_path / "saved")
+    (tmp_path / "saved").mkdir()
+    with pytest.raises(ValueError, match="is there already"):
+        Recorder(tmp_path / "saved")
+
+
+@pytest.mark.parametrize("model", ["role-trust", "fire"])
+def test_a_recording_through_the_manager_gives_the_trust_that_was_published(model, tmp_path):
+    random = np.random.default_rng(0)
+    notes, mask = luck(40, lost=0.2)
+    said = []
+    for r in range(40):
+        for i, name in enumerate(TEAM.raters):
+            row = {provider: notes[r, i, j] for j, provider in enumerate(TEAM.providers) if mask[r, i, j]}
+            if row and random.random() > 0.1:
+                raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
+                late = random.choice([0.05, 0.3, 0.9, 1.4], p=[0.7, 0.1, 0.1, 0.1])
+                said.append(Recorded(int(PERIOD * (r + 1 + late)) + i, f"/{name}/ratings", messages.RATINGS, raw))
+    said.sort()
+    live, published, now = manager(tmp_path / "live", model=model), [], said[0].time
+    for message in said:
+        while now < message.time:
+            published += live.tick(now)
+            now += PERIOD // 20
+        now = message.time
+        published += hear_raw(live, message.topic[1:5], message.raw, message.time)
+    published += live.tick(now + 2 * PERIOD)
+    write(tmp_path / "bag", said)
+    again = manager(tmp_path / "again", model=model)
+    replayed = list(replay(read_recording(tmp_path / "bag"), again, PERIOD))
+    assert replayed == published
+    assert len(published) > 35
+    assert any(entry.missing for entry in published)
