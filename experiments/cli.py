@@ -12,6 +12,7 @@ from experiments.commands.benchmark import benchmark
 from experiments.commands.console import console, errors
 from experiments.commands.costs import costs
 from experiments.commands.figures import figures
+from experiments.commands.findings import findings
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
 from experiments.commands.live.app import live
@@ -78,6 +79,7 @@ def roletrust(
 app.command("figures")(figures)
 app.command("play")(play)
 app.command("benchmark")(benchmark)
+app.command("findings")(findings)
 app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("report")(report)

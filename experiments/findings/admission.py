@@ -1,6 +1,6 @@
 """What admission control buys."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -22,7 +22,7 @@ _ROUNDS = 10
 _BAD_RATERS, _BAD_PROVIDERS = 6, 4
 
 CALM = "nobody attacks"
-GAIN, CUT, CAUGHT = "quality", "honest cut off", "attackers cut off"
+GAIN, BLIND, CUT, CAUGHT = "by trust", "blindly", "honest cut off", "attackers cut off"
 
 
 def answer(asked: Asked) -> Finding:
@@ -37,8 +37,11 @@ def answer(asked: Asked) -> Finding:
             guarded = open_to_all.change(admission={"threshold": threshold, "rounds": _ROUNDS})
             seen = play(asked, guarded, attackers)
             found[GAIN, name, threshold] = (seen.bought.got - free.bought.got).mean(axis=0)
+            found[BLIND, name, threshold] = (seen.bought.blind - free.bought.blind).mean(axis=0)
             found[CUT, name, threshold], found[CAUGHT, name, threshold] = _cut_off(open_to_all, attackers, seen)
-    differences = {f"{what}, {name}": estimate(found[what, name, _USUAL]) for what in (GAIN, CUT) for name in attacks}
+    differences = {
+        f"{what}, {name}": estimate(found[what, name, _USUAL]) for what in (GAIN, BLIND, CUT) for name in attacks
+    }
     panels = tuple(
         Panel(
             title,
@@ -51,7 +54,8 @@ def answer(asked: Asked) -> Finding:
             ],
         )
         for what, title, along in (
-            (GAIN, "what consumers gain", "quality got, more than without"),
+            (GAIN, "what consumers gain who go by trust", "quality, more than without"),
+            (BLIND, "what consumers gain who go blindly", "quality, more than without"),
             (CUT, "honest agents cut off", "share of the honest, at the end"),
             (CAUGHT, "attackers cut off", "share of the attackers, at the end"),
         )
@@ -62,13 +66,16 @@ def answer(asked: Asked) -> Finding:
 
 def sentence(differences: dict[str, Estimate]) -> str:
     """The answer, of the quality that consumers get more than without, and of the honest that are cut off."""
-    gains = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(GAIN)}
-    losses = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(CUT)}
-    bought = ", ".join(f"{told(one)} where {name}" for name, one in gains.items())
-    cut = ", ".join(f"{amount(one)}" for one in losses.values())
+
+    def parts(what: str, words: Callable[[Estimate], str]) -> str:
+        found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
+        return ", ".join(f"{words(one)} where {name}" for name, one in found.items())
+
+    gains = [one for name, one in differences.items() if not name.startswith(CUT)]
     return (
-        f"Better service? {verdict(gains.values())}: a threshold of {_USUAL:g} for {_ROUNDS} rounds brings consumers "
-        f"who go by trust quality of {bought}; and it cuts off these shares of the honest for good: {cut}."
+        f"Better service? {verdict(gains)}: a threshold of {_USUAL:g} for {_ROUNDS} rounds changes the quality that "
+        f"consumers get who go by trust by {parts(GAIN, told)}, and of those who go blindly by {parts(BLIND, told)}; "
+        f"for that it cuts off of the honest, for good, a share of {parts(CUT, amount)}."
     )
 
 

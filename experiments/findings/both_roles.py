@@ -17,7 +17,7 @@ from roletrust_env.metrics.score import mean_where
 
 QUESTION = "What does ToA do for agents that are raters and providers?"
 _PEERS, _ATTACKERS = 9, 3
-_ROLES = {"liars": "ToR", "cheats": "ToP"}
+_ROLES = {"liars": "ToR", "cheats": "ToP", "seldom": "ToR"}
 _SELDOM = ("SP", "SP", "SP", "SR")
 """Roles in turn of an attacker that rates in one round of four."""
 
@@ -58,15 +58,12 @@ _CASES = {
 
 def answer(asked: Asked) -> Finding:
     """Play peers of whom a third attack in one role, in the other one, or in both."""
-    seen = {
-        name: _play(asked, case) for name, case in asked.progress.track(_CASES.items(), description="both roles")
-    }
+    seen = {name: _play(asked, case) for name, case in asked.progress.track(_CASES.items(), description="both roles")}
     differences = {
         f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
         for name, trust in _ROLES.items()
         for what in Seen._fields
     }
-    differences["seldom, gap"] = estimate(seen["seldom"].gap["ToA"] - seen["liars"].gap["ToA"])
     panels = tuple(
         Panel(
             title,
@@ -92,14 +89,17 @@ def answer(asked: Asked) -> Finding:
 
 def sentence(differences: dict[str, Estimate]) -> str:
     """The answer, of what ToA shows less what the trust in the role shows in which somebody attacks."""
-    gaps = [differences[f"{name}, gap"] for name in _ROLES]
-    hides = verdict([one._replace(mean=-one.mean) for one in gaps])
-    auc = {name: told(differences[f"{name}, auc"], "higher", "lower", "not shown to differ") for name in _ROLES}
+    gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
+    hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
+
+    def part(name: str) -> str:
+        auc = told(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
+        return f"{told(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
+
     return (
         f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie and serve well stand "
-        f"apart by {told(gaps[0])} in ToA than in ToR, those that rate truly and serve badly by {told(gaps[1])} than "
-        f"in ToP (AUC {auc['liars']} and {auc['cheats']}), and a liar that seldom rates by "
-        f"{told(differences['seldom, gap'])} than one that rates in every round."
+        f"apart by {part('liars')}, those that rate truly and serve badly by {part('cheats')}, and those that lie in "
+        f"one round of four and serve well in three by {part('seldom')}."
     )
 
 
@@ -121,7 +121,7 @@ def _attackers(case: Case) -> dict[str, Policy]:
 
 
 def _peers(asked: Asked, turns: tuple[str, ...]) -> Scenario:
-    """Peers with both roles in every round, of whom the last ones may take turns."""
-    peer = {"role": "SR+SP", "noise": 0.005}
+    """Peers of differing ability with both roles in every round, of whom the last ones may take turns."""
+    peer = {"role": "SR+SP", "noise": 0.05, "ability": (0.3, 1.0)}
     agents = [{**peer, "count": _PEERS - _ATTACKERS}, {**peer, "count": _ATTACKERS, "turns": turns}]
     return make_scenario("peers").change(agents=agents, max_cycles=asked.rounds(100))

@@ -1,13 +1,13 @@
 """Which share of liars breaks each trust model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from experiments.benchmark.board import Attacked, attacked, worst
 from experiments.benchmark.cells import models
-from experiments.benchmark.store import Kept
 from experiments.benchmark.suite import Stage, Suite, Track, load_suite
 from experiments.findings.finding import Finding, sign
 from experiments.findings.games import Asked, play_suite
@@ -56,7 +56,11 @@ def answer(asked: Asked) -> Finding:
     )
     differences = {f"{model}, {share:.0%}": one for model, found in left.items() for share, one in found.items()}
     return Finding(
-        QUESTION, sentence(breaks, set(left) - set(breaks), failed), (panel,), differences, suite.model_dump(mode="json")
+        QUESTION,
+        sentence(breaks, set(left) - set(breaks), failed),
+        (panel,),
+        differences,
+        suite.model_dump(mode="json"),
     )
 
 
@@ -70,7 +74,7 @@ def breaking(over: Mapping[float, Estimate]) -> Break:
     signs = [sign(over[share]) for share in shares]
     whole = shares[next((k for k, way in enumerate(signs) if way <= 0), len(shares)) - 1]
     broken = next((share for share, way in zip(shares, signs, strict=True) if way < 0), 1.0)
-    for low, high in zip(shares, shares[1:], strict=False):
+    for low, high in pairwise(shares):
         above, below = over[low].mean, over[high].mean
         if below < 0 <= above:
             crossing = low + (high - low) * above / (above - below)
@@ -83,9 +87,11 @@ def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[s
     groups: dict[tuple[float, float], list[str]] = {}
     for model in sorted(breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)):
         groups.setdefault(breaks[model][1:], []).append(model)
-    parts = [f"{_between(*ends)} {', '.join(names)}" for ends, names in groups.items()]
-    text = f"It depends on the model; what going by trust is worth falls to half under the worst script with a share of "
-    text += f"liars of {'; '.join(parts)}" if parts else "no model"
+    parts = "; ".join(f"{_between(*ends)} {', '.join(names)}" for ends, names in groups.items())
+    text = (
+        "It depends on the model: what going by trust is worth falls to half, under the worst script, with a share of "
+        f"liars of {parts or 'no model'}"
+    )
     if worthless:
         text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"
     if failed:
@@ -117,5 +123,3 @@ def _suite(asked: Asked) -> Suite:
         seeds=(asked.seed,),
     )
     return suite.model_copy(update={"models": asked.some(models(suite))})
-
-

@@ -1,11 +1,12 @@
 """Whether larger systems dilute liars."""
 
+from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
 
 from baselines import BadMouthing
-from experiments.findings.finding import Finding, exact, interval, told
+from experiments.findings.finding import Finding, amount, exact, interval, told
 from experiments.findings.games import Asked, as_settings, honest, last, lost, play
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Floats
@@ -15,7 +16,9 @@ from roletrust_env import Scenario, make_scenario
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81
 _LIES = {"rate 0.5, as in the paper": 0.5, "rate 0": 0.0}
-_MANY = {"one liar": lambda size: 1, "a third lies": lambda size: size // 3}
+_MANY: dict[str, Callable[[int], int]] = {"one liar": lambda size: 1, "a third lies": lambda size: size // 3}
+
+FALLS, FROM = "fall", "from"
 
 
 def answer(asked: Asked) -> Finding:
@@ -31,9 +34,10 @@ def answer(asked: Asked) -> Finding:
                 seen = play(asked, scenario, liars)
                 taken[lie, who, size] = lost(seen, twin, honest(scenario, liars))
     differences = {
-        f"{who}, {lie}": estimate(taken[lie, who, sizes[0]] - taken[lie, who, sizes[-1]])
+        f"{what}, {who}, {lie}": estimate(taken[lie, who, sizes[0]] - rest)
         for who in _MANY
         for lie in _LIES
+        for what, rest in ((FALLS, taken[lie, who, sizes[-1]]), (FROM, 0.0))
     }
     panels = tuple(
         Panel(
@@ -51,16 +55,16 @@ def answer(asked: Asked) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
-    """The answer, of the damage in the smallest system less that in the largest."""
+    """The answer, of the damage in the smallest system, and of that less the damage in the largest."""
 
-    def parts(who: str) -> str:
-        found = [one for name, one in differences.items() if name.startswith(who)]
-        words = (told(one, "less", "more", "no less is shown") for one in found)
-        return " and ".join(f"{word} if they {lie}" for word, lie in zip(words, _LIES, strict=True))
+    def part(who: str, lie: str) -> str:
+        fall, all_of_it = (differences[f"{what}, {who}, {lie}"] for what in (FALLS, FROM))
+        return f"{told(fall, 'less', 'more')} (of {amount(all_of_it)}) if liars {lie}"
 
+    fixed_number, fixed_share = (" and ".join(part(who, lie) for lie in _LIES) for who in _MANY)
     return (
-        f"From {small} raters and providers to {large}, a fixed number of liars, one, takes from the honest "
-        f"{parts('one liar')}; a fixed share, a third, {parts('a third lies')}."
+        f"From {small} raters and as many providers to {large}, a fixed number of liars, one, takes from the trust of "
+        f"the honest {fixed_number}; a fixed share, a third, {fixed_share}."
     )
 
 

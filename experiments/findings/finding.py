@@ -41,8 +41,8 @@ def sign(difference: Estimate) -> int:
     """1 or -1 where a difference is shown to be above or below 0, else 0: also where there are not two games.
 
     Example:
-        >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2)), sign(Estimate(0.1, float("nan")))
-        (1, -1, 0, 0)
+        >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2))
+        (1, -1, 0)
     """
     shown = abs(difference.mean) > difference.half + _SAME
     return (1 if difference.mean > 0 else -1) if shown else 0
@@ -69,11 +69,13 @@ def amount(value: Estimate) -> str:
         >>> amount(Estimate(0.21342, 0.0041)), amount(Estimate(0.00044, 0.00043))
         ('0.213 ± 0.005', '0.0004400 ± 0.0004300')
     """
+    if value.half != value.half:
+        return f"{value.mean:.{_DIGITS[0]}f}, with no interval"
     for digits in _DIGITS:
-        mean, half = round(value.mean, digits), ceil(value.half * 10**digits - _SAME) / 10**digits if _known(value) else 0.0
-        if sign(Estimate(mean, half)) == sign(value):
+        shown = Estimate(round(value.mean, digits) + 0.0, ceil(value.half * 10**digits - _SAME) / 10**digits)
+        if sign(shown) == sign(value):
             break
-    return f"{mean:.{digits}f} ± {half:.{digits}f}" if _known(value) else f"{mean:.{digits}f}, with no interval"
+    return f"{shown.mean:.{digits}f} ± {shown.half:.{digits}f}"
 
 
 def told(difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less") -> str:
@@ -99,7 +101,3 @@ def interval(estimate: Estimate) -> Interval:
 def exact(value: float) -> Interval:
     """A number that is known, as what is drawn."""
     return Interval(value, value, value)
-
-
-def _known(value: Estimate) -> bool:
-    return value.half == value.half

@@ -58,7 +58,9 @@ def play(asked: Asked, scenario: Scenario, attackers: Mapping[str, Policy] | Non
     arguments = {
         "scenario": scenario,
         "trust_model": "role-trust",
-        "compromised": tuple(attackers or Roster.of(scenario).first_names[:1]),  # who is named and has no policy is honest
+        "compromised": tuple(
+            attackers or Roster.of(scenario).first_names[:1]
+        ),  # who is named and has no policy is honest
         "objective": "mislead",
     }
     seen = watch(exact_task(arguments), Scripted(attackers or {}), asked.seed, (1, asked.games))

@@ -13,17 +13,18 @@ _ARENA = 10.0
 _RADII = 2.0, 3.0, 4.0, 6.0, 8.0
 _EVERYONE = 15.0
 """A radius that reaches across the arena, from corner to corner."""
-_USUAL = 4.0
-"""The radius of the preset `robots-that-move`."""
+_NEAR, _USUAL = 2.0, 4.0
+"""Radii that the answer is about; the larger one is that of the preset `robots-that-move`."""
 _SPEEDS = {"robots move": 0.3, "robots stand still": 0.0}
 _LIARS = 3
 
 HARM, UTILITY = "harm", "utility"
+EVERYONE, STILL = "than everyone", "than still"
 
 
 def answer(asked: Asked) -> Finding:
     """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
-    radii = sorted({*asked.some(_RADII), _USUAL, _EVERYONE})
+    radii = sorted({*asked.some(_RADII), _NEAR, _USUAL, _EVERYONE})
     liars = dict.fromkeys(last(_robots(asked, _USUAL, 0.0), "sr", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
@@ -34,9 +35,10 @@ def answer(asked: Asked) -> Finding:
             found[UTILITY, label, radius] = metrics.share_of_best(calm.bought.got, calm.bought.best).value
     moving, still = _SPEEDS
     differences = {
-        f"{what}, {name}": estimate(found[what, moving, _USUAL] - other)
+        f"{what}, {radius:g} m, {name}": estimate(found[what, moving, radius] - found[what, *other])
         for what in (HARM, UTILITY)
-        for name, other in (("everyone", found[what, moving, _EVERYONE]), ("still", found[what, still, _USUAL]))
+        for radius in (_USUAL, _NEAR)
+        for name, other in ((EVERYONE, (moving, _EVERYONE)), (STILL, (still, radius)))
     }
     panels = tuple(
         Panel(
@@ -55,15 +57,17 @@ def answer(asked: Asked) -> Finding:
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of moving robots with a radius of 4 m less those that see everybody, and less those that stand."""
+    """The answer, of moving robots with some radii less those that see everybody, and less those that stand still."""
 
-    def parts(name: str) -> str:
-        harm, utility = (differences[f"{what}, {name}"] for what in (HARM, UTILITY))
-        return f"liars take {told(harm)} trust from the honest and consumers get {told(utility)} utility with no liars"
+    def parts(what: str, other: str) -> str:
+        found = {radius: differences[f"{what}, {radius:g} m, {other}"] for radius in (_USUAL, _NEAR)}
+        return " and ".join(f"{told(one)} within {radius:g} m" for radius, one in found.items())
 
     return (
-        f"Where robots move and see as far as {_USUAL:g} m, {parts('everyone')} than where all see everybody; against "
-        f"robots that stand still and see as far, {parts('still')}."
+        f"Where robots move and see only those near them, liars take from the trust of the honest "
+        f"{parts(HARM, EVERYONE)} than where all see everybody, and with nobody lying the utility of going by trust is "
+        f"{parts(UTILITY, EVERYONE)}; moving rather than standing still, they take {parts(HARM, STILL)}, and that "
+        f"utility is {parts(UTILITY, STILL)}."
     )
 
 

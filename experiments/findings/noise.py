@@ -1,5 +1,7 @@
 """How noise alone costs trust."""
 
+from math import sqrt
+
 import numpy as np
 
 from baselines import BadMouthing
@@ -65,9 +67,9 @@ def sentence(differences: dict[str, Estimate]) -> str:
     """The answer, of what a noise costs and what else it is compared with."""
     return (
         f"A noise of {_LARGE:g} where all services are good costs honest raters {amount(differences[RATERS])} of their "
-        f"ToR and providers {amount(differences[PROVIDERS])} of their ToP, which is {told(differences[LIAR])} than one "
-        f"liar among ten raters costs the honest; and a tenth of that noise costs "
-        f"{told(differences[SHARE])} than a tenth of that."
+        f"ToR and providers {amount(differences[PROVIDERS])} of their ToP; that is, of both, "
+        f"{told(differences[LIAR])} than one liar among ten raters costs the honest, and a tenth of the noise costs "
+        f"{told(differences[SHARE])} than a tenth of it."
     )
 
 
@@ -77,7 +79,7 @@ def closed_form(noise: float, raters: int) -> float:
     A note differs from the mean of all, itself among them, by N(0, s) with s = noise * sqrt(1 - 1 / raters), and
     the root of that is 0.822 sqrt(s) in the mean.
     """
-    return _ROOT_MOMENT * (noise * (1 - 1 / raters) ** 0.5) ** 0.5
+    return _ROOT_MOMENT * sqrt(noise * sqrt(1 - 1 / raters))
 
 
 def _crowd(quality: float, noise: float, asked: Asked) -> Scenario:

@@ -13,8 +13,10 @@ from experiments.results.confidence import Interval
 
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2])
 _MARKS = ("o", "s", "^", "D", "v")
-_WIDE, _HIGH, _ROW = 4.7, 3.5, 0.27  # inches of a panel, and of a row of names
+_COLUMNS = 2
+_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.27  # inches of a panel, and of a row of names
 _APART = 0.17  # of a row, between series
+_FAR = 0.6  # of the highest value, from which on the lowest one has nothing to do with 0
 _LONGEST = 96  # letters of a line of the title
 
 
@@ -41,7 +43,7 @@ class Panel(NamedTuple):
         title: of the panel.
         along: what the values stand at; unused for names.
         what: the values are.
-        series: that are shown, all at numbers or all at names.
+        series: that are shown, all at numbers or all at names, which are the same ones side by side.
         scale: of an axis of numbers; `symlog` is linear up to the first number above 0.
     """
 
@@ -60,15 +62,18 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
         panels: at least one.
         note: for the foot of the page.
     """
-    rows = max(len(_names(panel)) * (1 + 0.35 * (len(panel.series) > 2)) for panel in panels)
-    looks = _looks(panels)
-    size = _WIDE * max(len(panels), 1.7), max(_HIGH, _ROW * rows + 1.0) + 1.1
-    figure = Figure(figsize=size, layout="constrained")
-    for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
-        draw = _rows if _names(panel) else _lines
-        draw(axes, panel, looks)
+    looks, columns = _looks(panels), min(len(panels), _COLUMNS)
+    down = -(-len(panels) // columns)
+    high = max(_HIGH, *(_ROW * len(_names(panel)) + 1.0 for panel in panels))
+    figure = Figure(figsize=(_WIDE * max(columns, 1.7), down * high + 1.1), layout="constrained")
+    for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=True)):
+        if names := _names(panel):
+            _rows(axes, panel, looks)
+            axes.set_yticks(range(len(names)), names if k % columns == 0 else [], fontsize=9)
+        else:
+            _lines(axes, panel, looks)
         axes.set_title(panel.title, loc="left", fontsize=10.5, color=INK)
-        _quiet(axes, "x" if _names(panel) else "y")
+        _quiet(axes, "x" if names else "y")
     figure.suptitle(fill(question, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     keys: dict[str, Any] = {}
     for axes in figure.axes:
@@ -101,7 +106,9 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
             axes.plot(at, value, label=one.label, zorder=1.5, **looks[one.label])
             continue
         axes.plot(at, value, label=one.label, linewidth=1.6, markersize=5, zorder=3, **looks[one.label])
-        axes.errorbar(at, value, yerr=_bars(value, low, high), fmt="none", ecolor=looks[one.label]["color"], capsize=2.5)
+        axes.errorbar(
+            at, value, yerr=_bars(value, low, high), fmt="none", ecolor=looks[one.label]["color"], capsize=2.5
+        )
     numbers = sorted({float(x) for one in panel.series if not one.known for x in one.at})
     if panel.scale == "symlog":
         axes.set_xscale("symlog", linthresh=min(x for x in numbers if x > 0), linscale=0.6)
@@ -109,7 +116,8 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         axes.set_xscale("log")
     axes.set_xticks(numbers, [f"{x:g}" for x in numbers])
     axes.set_xticks([], minor=True)
-    axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1)
+    if axes.get_ylim()[0] < _FAR * axes.get_ylim()[1]:
+        axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1)
     axes.set_xlabel(panel.along, color=INK)
     axes.set_ylabel(panel.what, color=INK)
 
@@ -123,12 +131,8 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         look = {**looks[one.label], "linestyle": ""}
         axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)
         axes.errorbar(value, places, xerr=_bars(value, low, high), fmt="none", ecolor=look["color"], capsize=2.5)
-    axes.set_yticks(range(len(names)), names, fontsize=9)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    if axes.get_xlim()[0] < 0:
-        axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
-    else:
-        axes.set_xlim(left=0)
+    axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
     axes.set_xlabel(panel.what, color=INK)
 
 
