@@ -24,7 +24,9 @@ def findings(
         list[str] | None,
         typer.Option(metavar="NAME", help=f"One of {_NAMES}; repeat for more; all if left out.", show_default=False),
     ] = None,
-    games: Annotated[int, typer.Option(min=2, help="Games of which means are taken.")] = 48,
+    games: Annotated[
+        int, typer.Option(min=2, help="Games of which means are taken; a third of them for breaking.")
+    ] = 48,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
     quick: Annotated[
         bool, typer.Option("--quick", help="A trial: short games, and of what is varied only the first values.")
@@ -47,7 +49,8 @@ def findings(
     Answers are kept as they come; stopped at any moment, the same command goes on. With other options, another version
     or --force a question is answered anew.
 
-    Written: [green]findings.md findings.json[/], and for each question a [green].csv[/] and a [green].png[/].
+    Written: [green]findings.md findings.json[/], and for each question a [green].csv[/] and a [green].png[/] in the
+    folder [green]findings[/] beside them.
 
     [bold]Examples[/]
 
@@ -63,15 +66,16 @@ def findings(
     from experiments.findings.questions import QUESTIONS
 
     names = _asked(question, list(QUESTIONS))
+    prepare_folder(out / "findings")
     prepare_folder(out)
     kept = _kept(out / "findings.json")
     made_with = {"games": games, "seed": seed, "quick": quick, **software()}
     with progress_bar() as progress:
         for name in names:
-            if not force and kept.get(name, {}).get("made_with") == made_with and _written(out, name):
+            if not force and kept.get(name, {}).get("made_with") == made_with and _written(out / "findings", name):
                 continue
             finding = QUESTIONS[name](Asked(games, seed, quick, progress))
-            _write(out, name, finding, f"{games} games for each value, means with 95% intervals")
+            _write(out / "findings", name, finding)
             kept[name] = _record(
                 finding, f"roletrust findings --question {name}{_options(games, seed, quick)}", made_with
             )
@@ -81,7 +85,9 @@ def findings(
         temporary.write_text(page(kept), encoding="utf-8")
     for name in names:
         console.print(f"[bold]{escape(kept[name]['question'])}[/] {escape(kept[name]['sentence'])}\n", soft_wrap=True)
-    console.print(f"Written to {out}: findings.md, findings.json; {', '.join(names)}, each as .csv and .png")
+    console.print(
+        f"Written to {out}: findings.md, findings.json; in findings: {', '.join(names)}, each as .csv and .png"
+    )
 
 
 def _asked(question: Sequence[str] | None, known: Sequence[str]) -> list[str]:
@@ -106,7 +112,7 @@ def _kept(path: Path) -> dict[str, Any]:
         return {}
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))["questions"]
-        return {name: {**one, "made_with": one["made_with"]} for name, one in kept.items()}
+        return {name: one for name, one in kept.items() if {"question", "sentence", "command", "made_with"} <= set(one)}
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ValueError(f"{path} holds no findings; remove it, or choose another folder") from None
 
@@ -115,10 +121,11 @@ def _written(out: Path, name: str) -> bool:
     return all((out / f"{name}.{kind}").exists() for kind in ("csv", "png"))
 
 
-def _write(out: Path, name: str, finding: "Finding", note: str) -> None:
+def _write(out: Path, name: str, finding: "Finding") -> None:
     """The figure, and its numbers."""
     from experiments.plots.findings import finding_figure
 
+    note = f"{finding.games} games for each value; 95% intervals"
     rows = [
         (panel.title, series.label, at, *map(float, value))
         for panel in finding.panels
@@ -137,6 +144,7 @@ def _record(finding: "Finding", command: str, made_with: dict[str, Any]) -> dict
         "command": command,
         "differences": {what: {"mean": one.mean, "half_95": one.half} for what, one in finding.differences.items()},
         "made_with": made_with,
+        "games": finding.games,
         "settings": finding.settings,
     }
 

@@ -1,12 +1,12 @@
 """What admission control buys."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from baselines import BadMouthing, OnOff
 from experiments.benchmark.play import Watched
-from experiments.findings.finding import Finding, amount, interval, told, verdict
+from experiments.findings.finding import Finding, amount, interval, listed, verdict
 from experiments.findings.games import Asked, as_settings, last, play
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Floats
@@ -61,21 +61,21 @@ def answer(asked: Asked) -> Finding:
         )
     )
     settings = as_settings(open_to_all, **attacks) | {"thresholds": thresholds, "rounds": _ROUNDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
     """The answer, of the quality that consumers get more than without, and of the honest that are cut off."""
 
-    def parts(what: str, words: Callable[[Estimate], str]) -> str:
-        found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
-        return ", ".join(f"{words(one)} where {name}" for name, one in found.items())
+    def found(what: str) -> dict[str, Estimate]:
+        return {f"where {name.partition(', ')[2]}": one for name, one in differences.items() if name.startswith(what)}
 
-    gains = [one for name, one in differences.items() if not name.startswith(CUT)]
+    gains = found(GAIN), found(BLIND)
+    cut = ", ".join(f"{amount(one)} {where}" for where, one in found(CUT).items())
     return (
-        f"Better service? {verdict(gains)}: a threshold of {_USUAL:g} for {_ROUNDS} rounds changes the quality that "
-        f"consumers get who go by trust by {parts(GAIN, told)}, and of those who go blindly by {parts(BLIND, told)}; "
-        f"for that it cuts off of the honest, for good, a share of {parts(CUT, amount)}."
+        f"Better service? {verdict([*gains[0].values(), *gains[1].values()])}: with a threshold of {_USUAL:g} for "
+        f"{_ROUNDS} rounds, consumers who go by trust get quality of {listed(gains[0])}, those who go blindly of "
+        f"{listed(gains[1])}; and it cuts off for good, of the honest, a share of {cut}."
     )
 
 

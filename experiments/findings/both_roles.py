@@ -84,7 +84,7 @@ def answer(asked: Asked) -> Finding:
         )
     )
     settings = as_settings(_peers(asked, ()), **{case.words: _attackers(case) for case in _CASES.values()})
-    return Finding(QUESTION, sentence(differences), panels, differences, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

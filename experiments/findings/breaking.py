@@ -16,7 +16,10 @@ from experiments.results.confidence import Interval
 from experiments.results.measures import Estimate, estimate
 
 QUESTION = "Which share of liars breaks each trust model?"
-_SHARES = tuple(round(k / 10, 1) for k in range(1, 10))
+_SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7
+_FEWER = 3
+"""Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
+
 _LEFT = 0.5
 """A model is broken where less than this part is left of what going by trust brings while nobody lies."""
 
@@ -55,13 +58,8 @@ def answer(asked: Asked) -> Finding:
         [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
     )
     differences = {f"{model}, {share:.0%}": one for model, found in left.items() for share, one in found.items()}
-    return Finding(
-        QUESTION,
-        sentence(breaks, set(left) - set(breaks), failed),
-        (panel,),
-        differences,
-        suite.model_dump(mode="json"),
-    )
+    words = sentence(breaks, set(left) - set(breaks), failed)
+    return Finding(QUESTION, words, (panel,), differences, suite.games, suite.model_dump(mode="json"))
 
 
 def breaking(over: Mapping[float, Estimate]) -> Break:
@@ -119,7 +117,7 @@ def _suite(asked: Asked) -> Suite:
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
         tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=asked.some(_SHARES))},
         rungs=("scripted",),
-        games=asked.games,
+        games=max(2, asked.games // _FEWER),
         seeds=(asked.seed,),
     )
     return suite.model_copy(update={"models": asked.some(models(suite))})

@@ -51,7 +51,7 @@ def answer(asked: Asked) -> Finding:
         for lie, level in _LIES.items()
     )
     settings = as_settings(_crowd(sizes[-1], asked)) | {"sizes": list(sizes), "lies": _LIES}
-    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, differences, settings)
+    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, differences, asked.games, settings)
 
 
 def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:

@@ -4,7 +4,7 @@ A difference of two means is shown where its 95% interval does not hold 0. It is
 luck, played in both ways. Every interval stands for itself; nothing is corrected for there being many of them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ class Finding(NamedTuple):
         sentence: that answers it.
         panels: of its figure.
         differences: that the sentence is made of, by what they are.
+        games: of which each mean is taken.
         settings: what was played, as plain data.
     """
 
@@ -34,6 +35,7 @@ class Finding(NamedTuple):
     sentence: str
     panels: tuple[Panel, ...]
     differences: dict[str, Estimate]
+    games: int
     settings: dict[str, Any]
 
 
@@ -67,7 +69,7 @@ def amount(value: Estimate) -> str:
 
     Example:
         >>> amount(Estimate(0.21342, 0.0041)), amount(Estimate(0.00044, 0.00043))
-        ('0.213 ± 0.005', '0.0004400 ± 0.0004300')
+        ('0.213 ± 0.005', '0.00044 ± 0.00043')
     """
     if value.half != value.half:
         return f"{value.mean:.{_DIGITS[0]}f}, with no interval"
@@ -90,6 +92,22 @@ def told(difference: Estimate, more: str = "more", less: str = "less", neither: 
         return f"{neither} ({amount(difference)})"
     size = difference._replace(mean=abs(difference.mean))
     return f"{amount(size)} {more if way > 0 else less}"
+
+
+def listed(differences: Mapping[str, Estimate]) -> str:
+    """Some differences in words, by where they are: those that are shown, then within what bounds the others lie.
+
+    Example:
+        >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
+        '0.250 ± 0.010 more here, and neither more nor less there or yonder (within ± 0.020)'
+    """
+    parts = [f"{told(one)} {where}" for where, one in differences.items() if sign(one)]
+    hidden = {where: one for where, one in differences.items() if not sign(one)}
+    if hidden:
+        bound = max(abs(one.mean) + one.half for one in hidden.values())
+        words = f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}" if bound == bound else "with no interval"
+        parts.append(f"neither more nor less {' or '.join(hidden)} ({words})")
+    return f"{', '.join(parts[:-1])}, and {parts[-1]}" if len(parts) > 1 else parts[0]
 
 
 def interval(estimate: Estimate) -> Interval:

@@ -1,7 +1,7 @@
 """What movement does: each rater sees only some providers."""
 
 from baselines import BadMouthing
-from experiments.findings.finding import Finding, interval, told
+from experiments.findings.finding import Finding, interval, listed
 from experiments.findings.games import Asked, as_settings, honest, last, lost, play
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Floats
@@ -53,15 +53,15 @@ def answer(asked: Asked) -> Finding:
         )
     )
     settings = as_settings(_robots(asked, _USUAL, _SPEEDS[moving]), liars=liars) | {"radii": radii, "speeds": _SPEEDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
     """The answer, of moving robots with some radii less those that see everybody, and less those that stand still."""
 
     def parts(what: str, other: str) -> str:
-        found = {radius: differences[f"{what}, {radius:g} m, {other}"] for radius in (_USUAL, _NEAR)}
-        return " and ".join(f"{told(one)} within {radius:g} m" for radius, one in found.items())
+        radii = (_USUAL, _NEAR)
+        return listed({f"within {radius:g} m": differences[f"{what}, {radius:g} m, {other}"] for radius in radii})
 
     return (
         f"Where robots move and see only those near them, liars take from the trust of the honest "

@@ -60,7 +60,7 @@ def answer(asked: Asked) -> Finding:
         for trust, title in ((RATERS, "honest raters, ToR"), (PROVIDERS, "honest providers, ToP"))
     )
     settings = as_settings(calm, liar=liar) | {"noises": noises, "qualities": _QUALITIES}
-    return Finding(QUESTION, sentence(differences), panels, differences, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:

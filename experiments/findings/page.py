@@ -9,7 +9,7 @@ theirs, `role-trust`, where no other one is named. What is compared was played w
 with 95% intervals over the games. A sentence is made of the numbers by a rule: a difference whose interval holds 0 is
 not shown, neither more nor less. Every interval stands for itself; of twenty differences that are none, one is shown
 by chance. What is measured, and where, is said in `experiments/findings`; `roletrust findings` writes a table of the
-numbers of each picture.
+numbers of each picture beside it.
 """
 
 
@@ -24,7 +24,7 @@ def page(answers: Mapping[str, Mapping[str, Any]]) -> str:
         parts += [
             f"## {answer['question']}\n",
             f"{answer['sentence']}\n",
-            f"![{answer['question']}]({name}.png)\n",
+            f"![{answer['question']}](findings/{name}.png)\n",
             f"    {answer['command']}\n",
         ]
     return "\n".join(parts)

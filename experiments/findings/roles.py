@@ -9,7 +9,7 @@ from experiments.benchmark.cells import HONEST
 from experiments.benchmark.store import Kept
 from experiments.benchmark.suite import Stage, Suite, Track
 from experiments.benchmark.terms import Row
-from experiments.findings.finding import Finding, interval, told, verdict
+from experiments.findings.finding import Finding, interval, listed, verdict
 from experiments.findings.games import Asked, play_suite
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Floats
@@ -52,7 +52,7 @@ def answer(asked: Asked) -> Finding:
         Panel(title, "", "less than without the attack", _series(harms, what))
         for what, title in zip(Harm._fields, ("trust of the honest", "utility of consumers"), strict=True)
     )
-    return Finding(QUESTION, sentence(differences), panels, differences, suite.model_dump(mode="json"))
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, suite.model_dump(mode="json"))
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
@@ -60,7 +60,7 @@ def sentence(differences: dict[str, Estimate]) -> str:
 
     def parts(what: str) -> str:
         found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
-        return " and ".join(f"{told(one)} in {place}" for place, one in found.items())
+        return listed({f"in {place}": one for place, one in found.items()})
 
     return (
         f"{verdict(differences.values())}: where a third of either attack with their worst script, raters take from "
