@@ -10,7 +10,7 @@ from experiments.benchmark.board import Attacked, attacked, worst
 from experiments.benchmark.cells import models
 from experiments.benchmark.suite import Stage, Suite, Track, load_suite
 from experiments.findings.finding import Finding, sign
-from experiments.findings.games import Asked, play_suite
+from experiments.findings.games import PATIENCE_S, Asked, play_suite
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Interval
 from experiments.results.measures import Estimate, estimate
@@ -119,5 +119,6 @@ def _suite(asked: Asked) -> Suite:
         rungs=("scripted",),
         games=max(2, asked.games // _FEWER),
         seeds=(asked.seed,),
+        limit_s=PATIENCE_S,
     )
     return suite.model_copy(update={"models": asked.some(models(suite))})

@@ -99,7 +99,7 @@ def listed(differences: Mapping[str, Estimate]) -> str:
 
     Example:
         >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
-        '0.250 ± 0.010 more here, and neither more nor less there or yonder (within ± 0.020)'
+        '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
     """
     parts = [f"{told(one)} {where}" for where, one in differences.items() if sign(one)]
     hidden = {where: one for where, one in differences.items() if not sign(one)}
@@ -107,7 +107,7 @@ def listed(differences: Mapping[str, Estimate]) -> str:
         bound = max(abs(one.mean) + one.half for one in hidden.values())
         words = f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}" if bound == bound else "with no interval"
         parts.append(f"neither more nor less {' or '.join(hidden)} ({words})")
-    return f"{', '.join(parts[:-1])}, and {parts[-1]}" if len(parts) > 1 else parts[0]
+    return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
 
 
 def interval(estimate: Estimate) -> Interval:

@@ -22,6 +22,9 @@ T = TypeVar("T")
 SETTLED = 10
 """Rounds after which the initial trust counts for 2 ** -10 at most, where lam is 0.5."""
 
+PATIENCE_S = 3600.0
+"""Seconds after which a cell of a suite is given up; they are minutes on a machine that has nothing else to do."""
+
 _QUICK_ROUNDS, _QUICK_VALUES = 14, 2
 
 

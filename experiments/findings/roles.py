@@ -10,7 +10,7 @@ from experiments.benchmark.store import Kept
 from experiments.benchmark.suite import Stage, Suite, Track
 from experiments.benchmark.terms import Row
 from experiments.findings.finding import Finding, interval, listed, verdict
-from experiments.findings.games import Asked, play_suite
+from experiments.findings.games import PATIENCE_S, Asked, play_suite
 from experiments.plots.findings import Panel, Series
 from experiments.results.confidence import Floats
 from experiments.results.measures import Estimate, estimate
@@ -95,6 +95,7 @@ def _suite(asked: Asked) -> Suite:
         rungs=("scripted",),
         games=asked.games,
         seeds=(asked.seed,),
+        limit_s=PATIENCE_S,
     )
 
 

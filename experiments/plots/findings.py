@@ -14,8 +14,8 @@ from experiments.results.confidence import Interval
 _COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2])
 _MARKS = ("o", "s", "^", "D", "v")
 _COLUMNS = 2
-_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.27  # inches of a panel, and of a row of names
-_APART = 0.17  # of a row, between series
+_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.25  # inches of a panel, and of a row of names
+_APART = 0.24  # of a row, between series
 _FAR = 0.6  # of the highest value, from which on the lowest one has nothing to do with 0
 _LONGEST = 96  # letters of a line of the title
 
@@ -64,7 +64,7 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
     """
     looks, columns = _looks(panels), min(len(panels), _COLUMNS)
     down = -(-len(panels) // columns)
-    high = max(_HIGH, *(_ROW * len(_names(panel)) + 1.0 for panel in panels))
+    high = max(_high(panel) for panel in panels)
     figure = Figure(figsize=(_WIDE * max(columns, 1.7), down * high + 1.1), layout="constrained")
     for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=True)):
         if names := _names(panel):
@@ -84,6 +84,12 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
         )
     figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
     return figure
+
+
+def _high(panel: Panel) -> float:
+    """The height of a panel, inches."""
+    names = len(_names(panel))
+    return 1.0 + names * _ROW * (1 + _APART * len(panel.series)) if names else _HIGH
 
 
 def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:

@@ -37,7 +37,7 @@ def test_one_game_shows_nothing():
 
 def test_what_is_not_shown_is_bounded_by_its_interval():
     words = listed({"a": MORE, "b": OPEN})
-    assert words == "0.200 ± 0.100 more a, and neither more nor less b (within ± 0.300)"
+    assert words == "0.200 ± 0.100 more a and neither more nor less b (within ± 0.300)"
 
 
 def names_of(module):
