@@ -16,8 +16,9 @@ from experiments.results.confidence import Interval
 from experiments.results.measures import Estimate, estimate
 
 QUESTION = "Which share of liars breaks each trust model?"
-_SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7
-_FEWER = 3
+_SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
+_ROUNDS = 30
+_FEWER = 6
 """Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
 
 _LEFT = 0.5
@@ -111,7 +112,7 @@ def _suite(asked: Asked) -> Suite:
     quick = load_suite("quick")
     assert isinstance(quick, Suite)
     market = quick.scenarios["market"]
-    rounds = asked.rounds(market.scenario().max_cycles)
+    rounds = asked.rounds(_ROUNDS)
     suite = Suite(
         name="liars",
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},

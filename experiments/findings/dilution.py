@@ -15,7 +15,7 @@ from roletrust_env import Scenario, make_scenario
 
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81
-_LIES = {"rate 0.5, as in the paper": 0.5, "rate 0": 0.0}
+_LIES = {"rate 0.5 as in the paper": 0.5, "rate 0": 0.0}
 _MANY: dict[str, Callable[[int], int]] = {"one liar": lambda size: 1, "a third lies": lambda size: size // 3}
 
 FALLS, FROM = "fall", "from"

@@ -45,9 +45,8 @@ def names_of(module):
     if module is roles:
         return [f"{what}, {place}" for what in ("trust", "utility") for place in ("a team", "a market")]
     if module is admission:
-        return [
-            f"{what}, {who}" for what in (admission.GAIN, admission.BLIND, admission.CUT) for who in ("calm", "war")
-        ]
+        kinds = admission.GAIN, admission.BLIND, admission.STRICT, admission.CUT
+        return [f"{what}, {who}" for what in kinds for who in ("calm", "war")]
     if module is both_roles:
         return [f"{name}, {what}" for name in ("liars", "cheats", "seldom") for what in ("gap", "auc")]
     return [
@@ -80,7 +79,7 @@ def test_a_verdict_is_given_only_where_all_numbers_agree(module, yes, no):
 
 
 def test_dilution_is_told_of_each_kind_of_liars_by_its_own_number():
-    names = [f"{who}, {lie}" for who in ("one liar", "a third lies") for lie in ("rate 0.5, as in the paper", "rate 0")]
+    names = [f"{who}, {lie}" for who in ("one liar", "a third lies") for lie in ("rate 0.5 as in the paper", "rate 0")]
     falls = [MORE, MORE, OPEN, LESS]
     differences = {f"{dilution.FROM}, {name}": Estimate(0.6, 0.1) for name in names}
     differences |= {f"{dilution.FALLS}, {name}": one for name, one in zip(names, falls, strict=True)}
