@@ -18,7 +18,7 @@ from experiments.results.measures import Estimate, estimate
 QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
 _ROUNDS = 30
-_FEWER = 6
+_FEWER = 4
 """Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
 
 _LEFT = 0.5
