@@ -59,7 +59,7 @@ better-model: setup
 	$(BIN)/roletrust benchmark --suite development --force --out $(OUT)/better-model
 	cp $(OUT)/better-model/leaderboard.csv docs/better-model.csv
 
-# What the paper claims or leaves open, answered; about ten minutes on two cores.
+# What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup
 	$(BIN)/roletrust findings --out $(OUT)/findings
 	mkdir -p docs/findings
