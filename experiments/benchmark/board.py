@@ -75,7 +75,7 @@ class Standing(NamedTuple):
         false_alarms: share of the honest taken for attackers while everybody is honest.
         detection: AUC in the worst case.
         holds: probability that the rank is the same on new games.
-        missing: cells that failed or are not played yet.
+        missing: cells that failed, wholly or in part, or are not played yet.
     """
 
     rank: int
@@ -92,10 +92,10 @@ class Standing(NamedTuple):
     def line(self) -> list[object]:
         """It as plain values, see `HEADER`."""
         numbers = [value for estimate in self[2:8] for value in estimate[:2]]
-        return [self.rank, self.model, *numbers, self.holds]
+        return [self.rank, self.model, *numbers, self.holds, self.missing]
 
 
-HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
+HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds", "missing")
 """Of the leaderboard as a table."""
 
 

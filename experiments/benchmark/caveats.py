@@ -24,7 +24,7 @@ def _of_models(suite: Suite, attacks: Sequence[Attacked], models: Sequence[str])
     scenario = next(iter(suite.scenarios.values())).scenario()
     for name in models:
         model = parse_trust_model(name, scenario)
-        if not Traits.of(model).smooth:
+        if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
             yield f"{name}: trust jumps, so the white-box planner could not attack it"
         if is_random(Game(scenario, model)):
             yield f"{name}: it plays at random, so that other runs find other numbers"
@@ -68,4 +68,5 @@ def _of_searches(attacks: Sequence[Attacked]) -> Iterator[str]:
 def _of_cells(kept: Sequence[Kept]) -> Iterator[str]:
     for cell, done in kept:
         if done.failed:
-            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}"
+            left = f"; its other {len(done.rows)} attacks count" if done.rows else ""
+            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}{left}"
