@@ -4,7 +4,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-
 _MOST, _LONGEST = 10, 300  # wrong fields that are named, letters of a value that are shown: a file may have millions
 
 

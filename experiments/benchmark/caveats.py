@@ -22,7 +22,10 @@ def caveats(suite: Suite, kept: Sequence[Kept], attacks: Sequence[Attacked], mod
 
 def _of_models(suite: Suite, attacks: Sequence[Attacked], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
+    played = {one.model for one in attacks}  # one that hangs or ends Python has not, and must not here
     for name in models:
+        if name not in played:
+            continue
         model = parse_trust_model(name, scenario)
         if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
             yield f"{name}: trust jumps, so the white-box planner could not attack it"

@@ -116,6 +116,11 @@ class Store:
         with self._reading() as file:
             return {key for (key,) in file.execute("SELECT key FROM cells WHERE failed = ''")}
 
+    def hosts(self) -> set[str]:
+        """The machines that cells were played on."""
+        with self._reading() as file:
+            return {host for (host,) in file.execute("SELECT DISTINCT host FROM cells")}
+
     def all(self) -> list[Kept]:
         """All cells with what became of them, in the order of their keys."""
         with self._reading() as file:

@@ -19,7 +19,7 @@ from experiments.benchmark.learners.suite import LearnersSuite
 from experiments.benchmark.pool import Here, Pool, cores
 from experiments.benchmark.store import Kept, Store
 from experiments.benchmark.suite import Suite, load_suite
-from experiments.commands.console import console, errors, number_table, progress_bar
+from experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar
 from experiments.commands.extras import require
 from experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
 from experiments.naming import check_installed, parse_kinds, parse_trust_model
@@ -69,12 +69,7 @@ def benchmark(
             show_default=False,
         ),
     ] = None,
-    allow_code: Annotated[
-        bool,
-        typer.Option(
-            "--allow-code", help="Let a suite's file name your own package.module:Class, which runs what stands there."
-        ),
-    ] = False,
+    allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what it would take.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Begin anew, whatever --out holds.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path(

@@ -120,7 +120,7 @@ def test_what_is_no_file_of_a_run_is_refused_and_left_as_it_is(tmp_path, writing
     "statement",
     [
         "UPDATE attacks SET measured = '[1, 2]'",
-        "UPDATE attacks SET chosen = '{\"utility\": [\"much\"]}'",
+        'UPDATE attacks SET chosen = \'{"utility": ["much"]}\'',
         "UPDATE attacks SET by_round = '[1e999]'",
         "UPDATE cells SET cell = '{\"ghost\": 1}'",
         "UPDATE cells SET cell = '[]'",
