@@ -27,7 +27,7 @@ class ModelCard(Foreign):
     """A trust model, by name and parameters."""
 
     name: Name
-    parameters: Annotated[dict[Name, Plain], Field(max_length=100)] = {}
+    parameters: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
 
     def make(self) -> TrustModel[Any]:
         """The trust model; one of another package is found if that is installed."""
@@ -78,8 +78,8 @@ class TrainingCard(Foreign):
     """All that were played: also those that observations are normalised by, and those that the best was chosen by."""
     seed: Count
     seconds: Annotated[float, Field(ge=0, le=1e9)]
-    settings: Annotated[dict[Name, Plain], Field(max_length=100)] = {}
-    versions: Annotated[dict[Name, Text], Field(max_length=100)] = {}
+    settings: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
+    versions: Annotated[dict[Name, Text], Field(max_length=100, default_factory=dict)]
 
 
 class ScoreCard(Foreign):

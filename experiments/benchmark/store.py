@@ -210,7 +210,7 @@ def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
 
 def _row(attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str) -> Row:
     """An attack as it was kept."""
-    scores = [_SCORES.validate_json(text) for text in (chosen, measured)]
+    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
     return Row(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round))
 
 

@@ -66,7 +66,7 @@ def verify(
     file: Annotated[Path, typer.Argument(help="That `roletrust submit` has written, here or elsewhere.")],
     number: Annotated[
         int,
-        typer.Option("--cells", min=0, help="Cells that are played again; with all, the intervals are checked, too."),
+        typer.Option("--cells", min=0, help="Cells that are played again; if all, intervals are checked, too."),
     ] = 10,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Which cells; by default others each time, so that nobody can foresee it.")
