@@ -1,4 +1,4 @@
-"""`roletrust submit` and `roletrust verify`: what is true is found so, what is not is told, and nothing else happens."""
+"""`roletrust submit` and `roletrust verify`: what is true is found so, and what is not is told."""
 
 import json
 import os
