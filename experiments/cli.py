@@ -20,6 +20,7 @@ from experiments.commands.models import models
 from experiments.commands.play import play
 from experiments.commands.report import report
 from experiments.commands.speed import speed
+from experiments.commands.submit import submit, verify
 from experiments.commands.train import train
 from experiments.commands.zoo import zoo
 from roletrust_env import __version__
@@ -87,7 +88,9 @@ app.command("speed")(speed)
 app.command("costs")(costs)
 app.command("models")(models)
 app.add_typer(live, name="live")
+app.command("submit")(submit)
 app.command("train")(train)
+app.command("verify")(verify)
 app.command("zoo")(zoo)
 
 

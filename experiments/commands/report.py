@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from experiments.commands.console import console
+from experiments.commands.console import ALLOW_CODE, console
 from experiments.commands.extras import require
 from experiments.results.files import prepare_folder, replacing, write_csv, write_figure
 
@@ -15,6 +15,7 @@ def report(
     results: Annotated[Path, typer.Argument(help="The file that `roletrust benchmark` keeps its results in.")] = Path(
         "results/benchmark/results.sqlite"
     ),
+    allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Annotated[Path, typer.Option(help="Folder for the report; it is made if need be.")] = Path("results/report"),
 ) -> None:
     """Show [bold]what a benchmark found[/] on one page, which opens in any browser, without a network.
@@ -39,7 +40,7 @@ def report(
     from experiments.report.pictures import pictures
 
     with Store(results) as store:
-        content = read(store)
+        content = read(store, allow_code=allow_code)
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])

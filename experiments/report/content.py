@@ -11,7 +11,9 @@ from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import cells, models
 from experiments.benchmark.store import Store
 from experiments.benchmark.suite import Suite
+from experiments.naming import check_installed
 from experiments.results.confidence import over_games
+from roletrust_env.trust.model import registry as trust_models
 
 _POINTS = 40
 """Of a curve at the most; the rounds of longer games are averaged a few at a time."""
@@ -53,15 +55,21 @@ class Content(NamedTuple):
         return [row.model for row in self.standings]
 
 
-def read(store: Store) -> Content:
+def read(store: Store, *, allow_code: bool = False) -> Content:
     """What the file of a run holds.
 
+    Args:
+        store: the file.
+        allow_code: whether it may name trust models that are not installed.
+
     Raises:
-        ValueError: it is of a suite for learners, or not one attack of it has been played.
+        ValueError: it is of a suite for learners, it names what it may not, or not one attack of it has been played.
     """
     if not isinstance(suite := store.suite, Suite):
         raise ValueError(f"{store.path} is of a suite for {suite.kind}; a report is on one for robustness")
     kept, names = store.all(), models(suite)
+    if not allow_code:
+        check_installed(trust_models, names)
     attacks = attacked(kept)
     if not attacks:
         raise ValueError(f"{store.path} holds no attack that was played; let `roletrust benchmark` go on first")
