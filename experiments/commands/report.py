@@ -8,7 +8,7 @@ import typer
 
 from experiments.commands.console import console
 from experiments.commands.extras import require
-from experiments.results.files import prepare_folder, replacing, write_csv, write_figure
+from experiments.results.files import prepare_folder, write_csv, write_figure, write_text
 
 
 def report(
@@ -43,6 +43,7 @@ def report(
     """
     require("the report", "report", "bokeh", "jinja2")
     require("the report", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    from experiments.commands.leaderboard import leaderboard_markdown
     from experiments.report.content import read
     from experiments.report.page import page
     from experiments.report.pictures import pictures
@@ -55,8 +56,9 @@ def report(
     for name, picture in pictures(content).items():
         write_figure(out / f"{name}.png", picture)
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
-    with replacing(out / "report.html") as temporary:
-        temporary.write_text(page(content, command), encoding="utf-8")
+    write_text(out / "report.html", page(content, command))
+    if told := content.robustness:
+        write_text(out / "leaderboard.md", leaderboard_markdown(told.suite, told.standings, told.command))
     console.print(f"Written to {out}: report.html; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
 
 

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.benchmark.board import Standing
+from experiments.benchmark.learners.board import title
 from experiments.plots.learners import learners_figure
 from experiments.plots.style import ATTACKER, HONEST, INK, QUIET, tidy
 from experiments.report.content import Content
@@ -24,8 +25,7 @@ def pictures(content: Content) -> dict[str, Figure]:
     """A picture for each table, by its name."""
     found = _of_models(content.robustness) if content.robustness else {}
     if told := content.learners:
-        about = f"Learners, suite {told.suite.name}, {len(told.suite.seeds)} seeds"
-        found["learners"] = learners_figure(about, told.found, told.scales)
+        found["learners"] = learners_figure(title(told.suite), told.found, told.scales)
     return found
 
 
