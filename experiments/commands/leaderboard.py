@@ -1,4 +1,4 @@
-"""The leaderboard of trust models as `roletrust benchmark` and `roletrust report` show it: on the screen, in Markdown."""
+"""The leaderboard of trust models as the commands show it: on the screen and in Markdown."""
 
 from collections.abc import Sequence
 

@@ -91,6 +91,7 @@ def _tradeoff() -> Any:
 def _learners(told: Learners) -> Any:
     """A line for each learner from budget to budget, with intervals."""
     found = _figure(x_axis_label="rounds of play", y_axis_label="share of the optimum", height=400, x_axis_type="log")
+    found.y_range = Range1d(start=0.0, end=1.0)
     found.xaxis.ticker = list(told.suite.budgets)
     found.xaxis.formatter = NumeralTickFormatter(format="0,0")
     for level in (0, 1):

@@ -61,9 +61,9 @@ class Learners(NamedTuple):
     @property
     def tables(self) -> dict[str, Table]:
         """The one table, by the name of what shows it."""
-        tasks = [EVERY, *self.scales]
-        rows = sorted(lines(self.found), key=lambda row: (tasks.index(str(row[0])), self.order.index(str(row[1]))))
-        return {"learners": Table(HEADER, rows)}
+        tasks, names = [EVERY, *self.scales], self.order
+        found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
+        return {"learners": Table(HEADER, lines(found))}
 
     @property
     def shares(self) -> dict[str, dict[str, Interval]]:

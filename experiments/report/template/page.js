@@ -90,6 +90,8 @@ const fill = {
     source("learners", "lines").data = joined("learners", rows, "budget", "share");
     const end = (column) => rows[column].map((x, i) => x ?? rows.share[i]);
     const { colour, mark } = look("learners", rows.learner);
+    const [low, high] = [Math.min(...end("share_low_95"), 0), Math.max(...end("share_high_95"), 1)];
+    plots.learners.y_range.setv({ start: Math.max(low, -0.5) - 0.04, end: high + 0.04 }); // far below honest is as bad
     source("learners", "points").data = { ...rows, low: end("share_low_95"), high: end("share_high_95"), colour, mark };
   },
 };

@@ -4,7 +4,6 @@ Every trust model and two variants, the scripts and the searches, two scenarios 
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,16 +11,16 @@ from small_suites import MARKET
 
 from experiments.benchmark.cells import HONEST, Cell, attacks, cells
 from experiments.benchmark.learners.suite import FOOT, LearnersSuite, Trial, trials
-from experiments.benchmark.store import Store
+from experiments.benchmark.store import Kept
 from experiments.benchmark.suite import Suite, read_suite
 from experiments.benchmark.terms import Done, Row
 from roletrust_env.trust.model import registry
 
 BLIND = 0.65
-ROUNDS, GAMES = 60, 8
+ROUNDS, GAMES = 60, 3
 
 
-def large() -> Suite:
+def large(**fields: Any) -> Suite:
     """24 models, some thirty attacks, twelve conditions."""
     return read_suite(
         {
@@ -36,30 +35,34 @@ def large() -> Suite:
                 "coalition": {"roles": ["SR", "SP"], "shares": [0.3]},
             },
             "games": GAMES,
-        },
+        }
+        | fields,
         "large",
     )
 
 
-def write_large(path: Path) -> None:
-    """Make the file of such a run."""
-    suite = large()
-    ways = [HONEST, *attacks(suite), *suite.rungs[1:]]
-    with Store(path, suite) as store:
-        for cell in cells(suite):
-            found = attacks(suite) if cell.rung == "scripted" else [cell.rung]
-            store.add(cell, Done(tuple(_row(suite.models, ways, cell, name) for name in found), 1.0))
+def kept(suite: Suite) -> list[Kept]:
+    """What became of its cells."""
+    scripts, found = attacks(suite), []
+    for cell in cells(suite):
+        names = scripts if cell.rung == "scripted" else [cell.rung]
+        rows = tuple(_row(suite.models, [HONEST, *scripts, *suite.rungs[1:]], cell, name) for name in names)
+        found.append(Kept(cell, Done(rows, 1.0)))
+    return found
 
 
-def write_learners(path: Path) -> None:
-    """Make the file of a run with six learners on four tasks, whose optima are known in two."""
+def learners() -> LearnersSuite:
+    """Six learners on four tasks, whose optima are known in two."""
     fields = {"learners": ["PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner"]}
     tasks = {name.lower(): {"task": f"{name}Attack"} for name in ("Provider", "Rater", "Dual", "Collusion")}
     suite = read_suite({"kind": "learners", "name": "large", "tasks": tasks, "seeds": range(5), **fields}, "large")
     assert isinstance(suite, LearnersSuite)
-    with Store(path, suite) as store:
-        for trial in trials(suite):
-            store.add(trial, Done(tuple(_learnt(suite, trial)), 1.0))
+    return suite
+
+
+def kept_of_learners(suite: LearnersSuite) -> list[Kept]:
+    """What became of its trials."""
+    return [Kept(trial, Done(tuple(_learnt(suite, trial)), 1.0)) for trial in trials(suite)]
 
 
 def _row(names: Sequence[str], ways: Sequence[str], cell: Cell, attack: str) -> Row:
