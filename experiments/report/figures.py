@@ -17,7 +17,7 @@ _SURE = "@utility{0.000} ± @utility_half_95{0.000}"
 
 def figures(content: Content) -> dict[str, Any]:
     """The figures by the name of their table."""
-    found = {}
+    found: dict[str, Any] = {}
     if content.robustness:
         found |= {
             "heatmap": _heatmap(content.robustness),
