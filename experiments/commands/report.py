@@ -57,9 +57,11 @@ def report(
         write_figure(out / f"{name}.png", picture)
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
     write_text(out / "report.html", page(content, command))
+    written = "report.html"
     if told := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(told.suite, told.standings, told.command))
-    console.print(f"Written to {out}: report.html; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
+        written += ", leaderboard.md"
+    console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
 
 
 def _flat(value: Any) -> Any:
