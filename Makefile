@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-live test-clients setup format pictures costs better-model findings ladder zoo clean
+.PHONY: run test test-extras test-live test-clients setup format pictures costs better-model benchmark findings ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -53,6 +53,12 @@ pictures: setup
 costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
+
+# The standard suite's leaderboard, table and picture of the README; about an hour on two cores, and more on a busy machine.
+benchmark: setup
+	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
+	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --out $(OUT)/standard/report
+	cp $(OUT)/standard/report/leaderboard.png $(OUT)/standard/report/leaderboard.csv $(OUT)/standard/report/leaderboard.md docs/
 
 # The leaderboard of what the parts of wary role-trust are worth; a few minutes.
 better-model: setup

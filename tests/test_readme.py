@@ -82,3 +82,10 @@ def test_the_scenario_is_valid(tmp_path):
     path = tmp_path / "drones.toml"
     path.write_text(blocks("toml")[0])
     assert load_scenario(path).name == "drones"
+
+
+def test_the_leaderboard_is_that_of_the_benchmark():
+    folder = Path(__file__).parent.parent / "docs"
+    table = (folder / "leaderboard.md").read_text(encoding="utf-8")
+    assert table in README
+    assert table.splitlines()[-1].endswith("Made by `roletrust benchmark --suite standard --out results/standard`.")
