@@ -159,7 +159,7 @@ def _write(
 
     written: list[str] = []
     for paper, curves in zip(played, rounds, strict=True):
-        written += write_paper(out, f"figure{paper.number}", paper, curves, game.scenario, loop_note(game))
+        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, loop_note(game))
     if sight.taken:
         write_figure(out / "montage.png", montage_figure(sight.taken))
         written.append("montage.png")
