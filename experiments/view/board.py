@@ -63,7 +63,7 @@ class Board:
         return Told(
             _state(heard[-1:], MANAGER in gone),
             _cameras(dict(watcher.pictures), top, gone),
-            _raters(tor, silent, self.attackers),
+            _raters(tor, silent),
             _refused(watcher.reports),
         )
 
@@ -88,21 +88,22 @@ def _cameras(pictures: Mapping[str, bytes], top: Mapping[str, float], gone: Coll
     for name, jpeg in sorted(pictures.items()):
         label, state = html.escape(name), " gone" if name in gone else ""
         picture = base64.b64encode(jpeg).decode()
-        value = f"{top[name]:.2f}" if name in top else "?"
+        value = f"ToP {top[name]:.2f}" if name in top and not state else ""
         cards.append(
             f'<figure class="card{state}"><img alt="what {label} sees" src="data:image/jpeg;base64,{picture}">'
-            f"<figcaption><b>{label}{':' if state else ''}{state}</b><span>ToP {value}</span></figcaption></figure>"
+            f"<figcaption><b>{label}{':' if state else ''}{state}</b><span>{value}</span></figcaption></figure>"
         )
     return f'<div class="cards">{"".join(cards)}</div>' if cards else '<p class="quiet">No camera yet.</p>'
 
 
-def _raters(tor: Mapping[str, float], silent: Collection[str], attackers: Collection[str]) -> str:
+def _raters(tor: Mapping[str, float], silent: Collection[str]) -> str:
     rows = []
     for name, value in tor.items():
         state = ": gone" if name in silent else ""
-        kinds = f"{'gone ' if state else ''}{'attacker' if name in attackers else ''}"
         bar = f'<td class="bar" style="--part:{min(max(value, 0.0), 1.0):.4f}">{value:.2f}</td>'
-        rows.append(f'<tr class="{kinds}"><th scope="row">{html.escape(name)}{state}</th>{bar}</tr>')
+        rows.append(
+            f'<tr class="{"gone" if state else "here"}"><th scope="row">{html.escape(name)}{state}</th>{bar}</tr>'
+        )
     return _table(("rater", "ToR"), rows) if rows else '<p class="quiet">No rater yet.</p>'
 
 

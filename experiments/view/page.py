@@ -48,7 +48,9 @@ class Page:
         self._tor, self._top = _Curves("tor", board), _Curves("top", board)
         self._matches = _Matches()
         sheet = InlineStyleSheet(css=(_TEMPLATE / "parts.css").read_text(encoding="utf-8"))
-        self._told = {name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width") for name in Told._fields}
+        self._told = {
+            name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0) for name in Told._fields
+        }
         self.roots: list[Any] = [self._tor.figure, self._top.figure, self._matches.figure, *self._told.values()]
         self.refresh()
 
