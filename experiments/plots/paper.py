@@ -58,7 +58,7 @@ def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, n
         scenario: for its perturbations.
         note: to be read below, on the frames that were seen.
     """
-    figure = Figure(figsize=(9.6 if len(runs) == 1 else 1.4 + 6.2 * len(runs), 5.6), layout="constrained")
+    figure = Figure(figsize=(9.6 if len(runs) == 1 else 1.6 + 7.8 * len(runs), 5.6), layout="constrained")
     grid = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
     for k, (run, curves) in enumerate(runs.items()):
         _draw((grid[0, k], grid[1, k]), paper, curves, scenario)

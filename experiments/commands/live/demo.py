@@ -24,6 +24,9 @@ _YIELDS = 19  # of the simulation to the robots, as `nice` has it
 
 def demo(
     attack: Annotated[Attack, typer.Option(help="Of the paper's Figure 3, or of its Figure 4.")] = "bad-mouthing",
+    seconds: Annotated[
+        float, typer.Option(help="When it ends, by the paper's clock; from 20 s after the attack's start on.")
+    ] = 120.0,
     speed: Speed = 1.0,
     out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/live"),
     signed: Annotated[bool, typer.Option("--signed/--unsigned", help="Whether raters have keys.")] = True,
@@ -50,7 +53,7 @@ def demo(
     [cyan]roletrust live demo --attack on-off --speed 3 --no-view[/]
     """
     (require_view if view else require_live)()
-    plan = Plan(attack, speed, signed, seed)
+    plan = Plan(attack, seconds, speed, signed, seed)
     prepare_folder(out)
     with multiprocessing.get_context("spawn").Pool(1, os.nice, (_YIELDS,)) as aside, progress_bar() as progress:
         simulation = aside.apply_async(_simulated, (plan,))
@@ -86,6 +89,7 @@ def _tell(plan: Plan, lived: Lived, simulated: Curves, out: Path) -> None:
     results = {
         "command": "roletrust live demo",
         "attack": plan.attack,
+        "seconds": plan.seconds,
         "speed": plan.speed,
         "signed": plan.signed,
         "seed": plan.seed,

@@ -17,8 +17,10 @@ from roletrust_env.live.standing import Team
 from roletrust_env.trust import TrustModel, make_trust_model
 from roletrust_env.world.roster import Roster
 
-_MEET_S = 4.0  # in which nodes find each other, also on a busy machine
+_PAPER = make_scenario("paper-3x3-hog")
+_MEET_S = 4.0  # in which nodes find each other
 _LOOK_S = 0.25
+_STEADY_S = 20.0  # from an attack's start, by the scenario's clock
 _AFTER = 4  # periods in which the last rounds come in
 
 
@@ -28,25 +30,32 @@ class Plan:
 
     Attributes:
         attack: which of the paper's.
+        seconds: when it ends, by the scenario's clock: so long after the attack's start that trust is steady.
         speed: how much faster than the scenario's clock.
         signed: whether raters have keys.
         seed: of the noise in pictures and on links.
     """
 
     attack: Attack
+    seconds: float
     speed: float
     signed: bool
     seed: int
 
+    def __post_init__(self) -> None:
+        least, most = self.paper.attack.start_s + _STEADY_S, _PAPER.max_cycles * _PAPER.period_s
+        if not least <= self.seconds <= most:
+            raise ValueError(f"seconds is {self.seconds:g}; with {self.attack} it must be from {least:g} to {most:g}")
+
     @property
     def scenario(self) -> Scenario:
         """Who is in it, how long it lasts, and when the target moves fast."""
-        return make_scenario("paper-3x3-hog")
+        return _PAPER.change(max_cycles=round(self.seconds / _PAPER.period_s))
 
     @property
     def paper(self) -> Paper:
         """Who attacks, and what the paper says of it."""
-        return paper_of(self.attack, self.scenario.period_s)
+        return paper_of(self.attack, _PAPER.period_s)
 
     @property
     def model(self) -> TrustModel[Any]:
@@ -111,8 +120,11 @@ def run_team(plan: Plan, out: Path, port: int | None, progress: Progress) -> Liv
         if port is not None:
             watched = {"period_s": period / SECOND, "speed": plan.speed, "attackers": tuple(policies)}
             nodes.start("view", run_view, port=port, **watched)
+        began = time.monotonic()
+        nodes.ready()
+        meet_s = max(_MEET_S, (time.monotonic() - began) / 2)  # what was slow to start is slow to meet
         nodes.begin("manager", "recorder", *(["view"] if port is not None else []))
-        start = time.time_ns() + round(_MEET_S * SECOND)
+        start = time.time_ns() + round(meet_s * SECOND)
         nodes.begin(*team.raters, *team.providers, timeline=Timeline(start, period))
         progress.update(task, description="Rounds", total=scenario.max_cycles)
         while nodes.running(*team.providers):

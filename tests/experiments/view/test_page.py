@@ -1,80 +1,124 @@
-"""The page of `roletrust live view`, as a browser gets it."""
+"""The page of `roletrust live view`, without a team and without a browser."""
 
 import time
 import urllib.request
 
-import cv2
-import numpy as np
 import pytest
 from bokeh.client import pull_session
+from bokeh.document import Document
 from tornado.ioloop import IOLoop
 
-from experiments.plots import live_page
-from roletrust_env.live.nodes.watch import Heard, Picture
+from experiments.plots.style import ATTACKER, HONEST
+from experiments.view.board import Board
+from experiments.view.page import Page, make_page
+from experiments.view.server import serve
+from roletrust_env.live.journal import Published
+from roletrust_env.live.nodes.watch import MANAGER
+
+PERIOD_S = 0.5
 
 
 class Team:
     """What a watcher would have heard."""
 
     def __init__(self):
-        self.heard, self.pictures, self.reports = [], {}, {}
+        self.heard, self.pictures, self.spoke, self.reports = [], {}, {}, {}
 
-    def say(self, round, tor, missing=(), time_s=None):
-        top = {"sp_0": 0.75}
-        self.heard.append(Heard(round, time.time() if time_s is None else time_s, tor, top, missing))
+    def say(self, round, tor, missing=()):
+        self.heard.append(Published(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing))
+        self.spoke |= dict.fromkeys([MANAGER, *set(tor) - set(missing)], time.time())
 
 
 @pytest.fixture
-def jpeg():
-    return cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
+def team():
+    return Team()
 
 
-def lines(page):
-    return {source.name: list(source.data["trust"]) for source in page.select({"name": "sr_0"})}
+@pytest.fixture
+def board(team):
+    return Board(team, PERIOD_S, speed=2.0, attackers=("sr_1",))
 
 
-def test_the_page_follows_what_is_heard(jpeg):
-    team = Team()
-    page = live_page._Page(team, 0.5)
-    assert "No round yet" in page._state.text
+def told(board):
+    """What is told now, not what was told a moment ago."""
+    board._told_at = 0.0
+    return board.told()
+
+
+def test_curves_follow_what_is_heard(team, board):
+    page = Page(board)
+    assert page._tor.source.data == {"time_s": []}
     team.say(0, {"sr_0": 0.5, "sr_1": 0.9})
     team.say(1, {"sr_0": 0.25, "sr_1": 0.9}, missing=("sr_1",))
-    team.pictures = {"sp_0": Picture(jpeg, time.time()), "sp_1": Picture(jpeg, time.time() - 1.5)}
+    page.refresh()
+    assert dict(page._tor.source.data) == {"time_s": [0.0, 1.0], "0": [0.5, 0.25], "1": [0.9, 0.9]}
+    assert page._top.source.data["0"] == [0.75, 0.75]
+    assert page._matches.source.data["rater"] == ["sr_0", "sr_1"] * 2
+    assert page._matches.source.data["colour"] == [HONEST[1]] * 3 + [ATTACKER]
+    assert [line.glyph.line_color for line in page._tor.figure.renderers] == [HONEST[0], ATTACKER]
+    page.refresh()
+    assert len(page._tor.source.data["time_s"]) == 2
+
+
+def test_a_newcomer_has_no_trust_before(team, board):
+    page = Page(board)
+    team.say(0, {"sr_0": 0.5})
+    page.refresh()
+    team.say(1, {"sr_0": 0.5, "sr_2": 0.6})
+    page.refresh()
+    before, after = page._tor.source.data["1"]
+    assert before != before
+    assert after == 0.6
+    assert page._matches._raters.factors == ["sr_2", "sr_0"]
+
+
+def test_the_state_of_the_round(team, board):
+    assert "No round yet" in told(board).state
+    team.say(0, {"sr_0": 0.5})
+    assert "nobody is missing" in told(board).state
+    team.say(1, {"sr_0": 0.5}, missing=("sr_0",))
+    assert "missing: sr_0" in told(board).state
+    team.spoke[MANAGER] -= 1
+    assert "the manager is silent" in told(board).state
+
+
+def test_who_says_nothing_is_gone_before_two_periods_are_over(team, board):
+    team.say(0, {"sr_0": 0.5, "sr_1": 0.5})
+    team.pictures = {"sp_0": b"jpeg", "sp_1": b"jpeg"}
+    team.spoke |= {"sp_0": time.time(), "sp_1": time.time() - 1.7 * PERIOD_S, "sr_1": time.time() - 1.7 * PERIOD_S}
+    shown = told(board)
+    assert [name in shown.cameras for name in ("sp_0: gone", "sp_1: gone")] == [False, True]
+    assert [name in shown.raters for name in ("sr_0: gone", "sr_1: gone")] == [False, True]
+    assert 1.7 * PERIOD_S + board.refreshed_s <= 2 * PERIOD_S + 0.1
+
+
+def test_what_was_refused_is_told_with_its_reason(team, board):
+    assert "Nothing was refused" in told(board).refused
     team.reports = {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}
-    page.refresh()
-    assert page._tor._sources["sr_0"].data == {"round": [0, 1], "trust": [0.5, 0.25]}
-    assert page._top._sources["sp_0"].data["trust"] == [0.75, 0.75]
-    assert "Round 1</b>, missing: sr_1" in page._state.text
-    assert page._matches.data["rater"] == ["sr_0", "sr_1"] * 2
-    assert [colour == live_page.ATTACKER for colour in page._matches.data["colour"]] == [False, False, False, True]
-    assert "<td>sr_1: out of range</td><td>7</td>" in page._refused.text
-    assert "sp_1: gone" in page._pictures.text
-    assert "sp_0: gone" not in page._pictures.text
+    assert '<th scope="row">sr_1</th><td>out of range</td><td>7</td>' in told(board).refused
+    assert "waited" not in told(board).refused
 
 
-def test_newcomers_and_a_silent_manager():
-    team = Team()
+def test_names_from_the_network_are_no_html(team, board):
+    bad = "<script>"
+    team.say(0, {bad: 0.5}, missing=(bad,))
+    team.pictures, team.reports = {bad: b"jpeg"}, {f"{bad}: {bad}": bad}
+    assert bad not in "".join(told(board))
+
+
+def test_all_who_look_are_told_the_same_and_it_is_made_once(team, board):
     team.say(0, {"sr_0": 0.5})
-    page = live_page._Page(team, 0.5)
-    team.say(1, {"sr_0": 0.5, "sr_1": 0.6}, time_s=time.time() - 10)
-    page.refresh()
-    assert page._tor._sources["sr_1"].data["trust"] == [None, 0.6]
-    assert "the manager is silent" in page._state.text
+    assert board.told() is board.told()
+    documents = [Document() for _ in range(3)]
+    for document in documents:
+        make_page(board, document)
+    texts = [[root.text for root in document.roots if hasattr(root, "text")] for document in documents]
+    assert texts[0] == texts[1] == texts[2] == list(board.told())
 
 
-def test_names_from_the_network_are_no_html():
-    team = Team()
-    team.say(0, {"sr_0": 0.5}, missing=("<script>",))
-    team.reports = {"<b>x</b>: unsigned": "<i>"}
-    page = live_page._Page(team, 0.5)
-    assert "<script>" not in page._state.text
-    assert "<b>x" not in page._refused.text
-
-
-def test_the_page_is_served_to_this_machine_only():
-    team = Team()
+def test_the_page_is_served_to_this_machine_only(team, board):
     team.say(0, {"sr_0": 0.5})
-    server = live_page.serve(team, 0.5, port := 5997)
+    server = serve(board, port := 5997)
     try:
         (socket,) = server._http._sockets.values()
         assert socket.getsockname()[0] == "127.0.0.1"
@@ -87,7 +131,7 @@ def test_the_page_is_served_to_this_machine_only():
         )
         assert session.document.title == "RoleTrust, live"
         with pytest.raises(ValueError, match="port 5997 cannot be had"):
-            live_page.serve(team, 0.5, port)
+            serve(board, port)
     finally:
         server.stop()
 
