@@ -89,7 +89,8 @@ def figures(
     if recording is not None and frames is not None:
         raise ValueError("--recording plays nothing, so it takes no --frames")
     if recording is not None:
-        return draw_recording(recording, attack, out)
+        draw_recording(recording, attack, out)
+        return
     if attack is not None:
         raise ValueError("--attack is what was played in a --recording; without one, both figures are played")
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")

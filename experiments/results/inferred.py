@@ -177,7 +177,8 @@ def _share(ratings: Floats) -> Floats:
     """Of what most raters usually say of a provider, how much most say in a round, (R, P)."""
     level = _median(ratings, 1)
     usual = _median(level, 0)
-    return np.divide(level, usual, out=np.full(level.shape, np.nan), where=usual > 0)
+    share: Floats = np.divide(level, usual, out=np.full(level.shape, np.nan), where=usual > 0)
+    return share
 
 
 def _disturbances(share: Floats, worse: Mask) -> list[tuple[int, int, float]]:

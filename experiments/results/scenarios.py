@@ -18,6 +18,8 @@ def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) ->
         names: what each group is called elsewhere, for people.
     """
     data = scenario.model_dump(mode="json", exclude_defaults=True)
+    if "access" in data:
+        data["access"] = {"kind": scenario.access.kind, **data["access"]}
     lines, tables = [], []
     for field, value in data.items():
         if isinstance(value, Mapping):

@@ -6,6 +6,7 @@ import urllib.request
 import pytest
 from bokeh.client import pull_session
 from bokeh.document import Document
+from bokeh.models.widgets.markups import Div
 from tornado.ioloop import IOLoop
 
 from experiments.plots.style import ATTACKER, HONEST
@@ -108,12 +109,14 @@ def test_names_from_the_network_are_no_html(team, board):
 
 def test_all_who_look_are_told_the_same_and_it_is_made_once(team, board):
     team.say(0, {"sr_0": 0.5})
-    assert board.told() is board.told()
+    told = board.told()
+    board._told_at += 60  # however slow this machine is
+    assert board.told() is told
     documents = [Document() for _ in range(3)]
     for document in documents:
         make_page(board, document)
-    texts = [[root.text for root in document.roots if hasattr(root, "text")] for document in documents]
-    assert texts[0] == texts[1] == texts[2] == list(board.told())
+    texts = [[root.text for root in document.roots if isinstance(root, Div)] for document in documents]
+    assert texts[0] == texts[1] == texts[2] == list(told)
 
 
 def test_the_page_is_served_to_this_machine_only(team, board):
