@@ -7,6 +7,7 @@ import socket
 import statistics
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
@@ -27,7 +28,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 PERIOD = 500_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
-PATIENCE_MS = 90_000  # far more than a busy machine takes
+PATIENCE_MS = 240_000  # far more than a busy machine takes
 VIEWERS = 20
 
 
@@ -145,9 +146,14 @@ def test_only_this_machine_and_this_page_get_an_answer(stage):
 
     with socket.socket() as other:
         assert other.connect_ex(("127.0.0.2", stage.port)) != 0
-    asked = HTTPRequest(f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"})
-    with pytest.raises(HTTPClientError, match="403"):
-        asyncio.run(websocket_connect(asked))
+
+    async def ask():
+        await websocket_connect(
+            HTTPRequest(f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"})
+        )
+
+    with ThreadPoolExecutor(1) as aside, pytest.raises(HTTPClientError, match="403"):  # the browser has a loop here
+        aside.submit(lambda: asyncio.run(ask())).result()
 
 
 def test_many_viewers_do_not_slow_the_manager(stage):
@@ -158,10 +164,18 @@ def test_many_viewers_do_not_slow_the_manager(stage):
         return (cpu_s(stage.manager) - before) / len(rounds), rounds
 
     alone, _ = measured()
-    sessions = [pull_session(url=f"http://localhost:{stage.port}/") for _ in range(VIEWERS)]
-    threads = [threading.Thread(target=session._loop_until_closed, daemon=True) for session in sessions]
-    for thread in threads:
-        thread.start()
+    sessions = []
+
+    def look():
+        sessions.append(pull_session(url=f"http://localhost:{stage.port}/"))
+        sessions[-1]._loop_until_closed()
+
+    for _ in range(VIEWERS):
+        threading.Thread(target=look, daemon=True).start()
+    end = time.monotonic() + PATIENCE_MS / 1000
+    while len(sessions) < VIEWERS:
+        assert time.monotonic() < end
+        time.sleep(0.05)
     watched, rounds = measured()
     assert all(session.connected for session in sessions)
     gaps = [(b.stamp - a.stamp) / PERIOD for a, b in pairwise(rounds)]
