@@ -119,7 +119,9 @@ def scenario(
         raise ValueError(f"{out} is there already; a scenario needs a new file")
     found = infer(observe(read_recording(recording), None if keys is None else PublicKeys(keys)), out.stem)
     write_scenario(out, found.scenario, found.names)
-    table = number_table(f"{recording}, {found.scenario.max_cycles} rounds", "in 95% intervals", "value", "from", "to")
+    table = number_table(
+        f"{recording.name}, {found.scenario.max_cycles} rounds", "in 95% intervals", "value", "from", "to"
+    )
     table.add_row("ratings that did not count", *_numbers(found.lost))
     for who, kind, values in (
         (found.raters, "bias", found.seen.bias),
@@ -137,4 +139,4 @@ def scenario(
 
 
 def _numbers(found: Interval) -> list[str]:
-    return ["-" if value != value else f"{value:.4f}" for value in found]
+    return ["-" if value != value else f"{value:.3g}" for value in found]
