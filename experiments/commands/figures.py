@@ -8,10 +8,11 @@ import typer
 from rich.markup import escape
 
 from experiments.commands.console import claims_table, console, progress_bar
+from experiments.commands.recorded import draw_recording
 from experiments.results import claims
 from experiments.results.files import cast_list, prepare_folder, provenance, write_figure, write_json
 from experiments.results.footage import loop_note, looped_s
-from experiments.results.papers import BAD_MOUTHING, ON_OFF, Paper, papers
+from experiments.results.papers import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
 from experiments.results.recording import Curves, record
 from roletrust_env import Cast, Game, State, make_scenario
 
@@ -41,6 +42,16 @@ def figures(
             min=0, help="Of all luck; the same seed gives the same files. The rendered scene is always the same."
         ),
     ] = 0,
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            help="Play nothing, and draw what `roletrust live record` or `live demo` has recorded.", show_default=False
+        ),
+    ] = None,
+    attack: Annotated[
+        Attack | None,
+        typer.Option(help="The paper's attack that is in the --recording: draw its figure.", show_default=False),
+    ] = None,
 ) -> None:
     """Reproduce [bold]Figures 3 and 4[/] of the paper, and hold what was measured against what it says.
 
@@ -68,9 +79,20 @@ def figures(
     [dim]# or for fewer rounds: 40 are 20 s of video, or 40 images[/]
     [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
+    [dim]# what a live team said: its curves, or, of the paper's robots, the figure and what is claimed of it[/]
+    [cyan]roletrust figures --recording bag[/]
+    [cyan]roletrust figures --recording results/live/recording --attack bad-mouthing[/]
+
     [dim]# no camera, a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
+    if recording is not None and frames is not None:
+        raise ValueError("--recording plays nothing, so it takes no --frames")
+    if recording is not None:
+        draw_recording(recording, attack, out)
+        return
+    if attack is not None:
+        raise ValueError("--attack is what was played in a --recording; without one, both figures are played")
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
@@ -159,7 +181,7 @@ def _write(
 
     written: list[str] = []
     for paper, curves in zip(played, rounds, strict=True):
-        written += write_paper(out, f"figure{paper.number}", paper, curves, game.scenario, loop_note(game))
+        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, loop_note(game))
     if sight.taken:
         write_figure(out / "montage.png", montage_figure(sight.taken))
         written.append("montage.png")

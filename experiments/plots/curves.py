@@ -1,6 +1,6 @@
 """The trust curves of any game, in one picture: lines for a few agents, bands for a crowd."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,41 +45,74 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
         attackers: who attacks, and how.
     """
     roster, scenario = game.roster, game.scenario
-    panels = [("trust of raters, ToR", roster.rater_names, curves.tor)] if game.model.rates_raters else []
-    panels.append(("trust of providers, ToP", roster.provider_names, curves.top))
+    panels = [Panel("trust of raters, ToR", roster.rater_names, curves.tor)] if game.model.rates_raters else []
+    panels.append(Panel("trust of providers, ToP", roster.provider_names, curves.top))
     if roster.n_both:
         both = roster.n_agents - roster.n_both
-        panels.append(("trust of both, ToA", roster.names[both:], curves.trust[:, both:]))
+        panels.append(Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:]))
+    period = scenario.period_s
+    end = scenario.max_cycles * period
+    perturbed = [
+        (blow.start * period, blow.stop * period) for blow in scenario.perturbations if blow.start < scenario.max_cycles
+    ]
+    windows, notes = _windows(attackers, period, end), [note for note in [loop_note(game)] if note]
+    return trust_figure(
+        title, panels, curves.time_s, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes
+    )
+
+
+class Panel(NamedTuple):
+    """The trust of some agents, (T, agents, games), by their names, and what it is called."""
+
+    label: str
+    names: Sequence[str]
+    trust: Floats
+
+
+def trust_figure(
+    title: str,
+    panels: Sequence[Panel],
+    time_s: Floats,
+    end: float,
+    *,
+    attackers: Collection[str] = (),
+    attacks: Iterable[tuple[float, float]] = (),
+    perturbed: Iterable[tuple[float, float]] = (),
+    notes: Sequence[str] = (),
+) -> Figure:
+    """Trust against seconds, in one or more panels. Lines are as in `curve_figure`.
+
+    Args:
+        title: of the picture.
+        panels: one above the other.
+        time_s: (T,).
+        end: of the axis, seconds.
+        attackers: their names.
+        attacks: stretches of time in which anybody attacks.
+        perturbed: stretches of time in which services are perturbed.
+        notes: to be read below.
+    """
     figure = Figure(figsize=(9.6, 0.6 + 2.5 * len(panels)), layout="constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    end = scenario.max_cycles * scenario.period_s
-    perturbed = [
-        (blow.start * scenario.period_s, blow.stop * scenario.period_s)
-        for blow in scenario.perturbations
-        if blow.start < scenario.max_cycles
-    ]
     faints = []
     for k, (axes, (label, names, trust)) in enumerate(zip(grid, panels, strict=True)):
         tidy(axes, label)
-        shade(axes, _windows(attackers, scenario.period_s, end), ATTACKED, "attack" if k == 0 else None)
+        shade(axes, attacks, ATTACKED, "attack" if k == 0 else None)
         shade(axes, perturbed, PERTURBED, "perturbed" if k == 0 else None)
-        faints.append(_draw(axes, names, curves.time_s, trust, attackers))
+        faints.append(_draw(axes, names, time_s, trust, attackers))
         axes.set_xlim(0, end)
         axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
     grid[-1].set_xlabel("time (s)", color=INK)
     figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
-    games = curves.trust.shape[-1]
-    notes = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
-    if looped := loop_note(game):
-        notes.append(looped)
-    if any(faints):
-        notes.append("faint: more than half are absent")
-    if notes:
-        figure.supxlabel("; ".join(notes), x=0.99, ha="right", fontsize=9, color=QUIET)
+    games = panels[0].trust.shape[-1]
+    said = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
+    said += [*notes, *(["faint: more than half are absent"] if any(faints) else [])]
+    if said:
+        figure.supxlabel("; ".join(said), x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
 
 
-def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Mapping[str, Policy]) -> bool:
+def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Collection[str]) -> bool:
     """All agents of one panel; trust is (T, agents, games). Returns whether some line is faint somewhere."""
     bad = [i for i, name in enumerate(names) if name in attackers]
     honest = [i for i in range(len(names)) if i not in bad]

@@ -1,11 +1,12 @@
 """The paper's Figures 3 and 4, and what the cameras saw, as pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -33,26 +34,49 @@ class Still(NamedTuple):
 
 
 def write_paper(
-    out: Path, stem: str, paper: Paper, curves: Curves, scenario: Scenario, note: str | None = None
+    out: Path, stem: str, paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None
 ) -> list[str]:
-    """Write one of the paper's figures, as a table and as a picture, and return their names."""
-    rows = zip(curves.time_s.tolist(), *curves.tor[..., 0].T.tolist(), *curves.top[..., 0].T.tolist(), strict=True)
-    write_csv(out / f"{stem}.csv", COLUMNS, rows)
-    write_figure(out / f"{stem}.png", paper_figure(paper, curves, scenario, note))
-    return [f"{stem}.csv", f"{stem}.png"]
+    """Write one of the paper's figures, as a table of each run and as a picture, and return their names.
+
+    Arguments as for `paper_figure`; tables are called by the stem, and further ones by their run, too.
+    """
+    written: list[str] = []
+    for run, curves in runs.items():
+        written.append(f"{stem}-{run}.csv" if written else f"{stem}.csv")
+        rows = zip(curves.time_s.tolist(), *curves.tor[..., 0].T.tolist(), *curves.top[..., 0].T.tolist(), strict=True)
+        write_csv(out / written[-1], COLUMNS, rows)
+    write_figure(out / f"{stem}.png", paper_figure(paper, runs, scenario, note))
+    return [*written, f"{stem}.png"]
 
 
-def paper_figure(paper: Paper, curves: Curves, scenario: Scenario, note: str | None = None) -> Figure:
-    """The trust of raters above that of providers, against seconds.
+def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None) -> Figure:
+    """The trust of raters above that of providers, against seconds, and one run beside the other.
 
     Args:
         paper: which of the figures.
-        curves: of one game.
+        runs: the curves of one game each, by what to call it where there are several.
         scenario: for its perturbations.
         note: to be read below, on the frames that were seen.
     """
-    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure = Figure(figsize=(9.6 if len(runs) == 1 else 1.6 + 7.8 * len(runs), 5.6), layout="constrained")
+    grid = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
+    for k, (run, curves) in enumerate(runs.items()):
+        _draw((grid[0, k], grid[1, k]), paper, curves, scenario)
+        if len(runs) > 1:
+            grid[0, k].set_title(run, loc="left", fontsize=10.5, color=INK, pad=28)
+        for axes in grid[:, k] if k else ():
+            axes.set_ylabel("")
+    for axes in grid[:, -1]:
+        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
+    figure.suptitle(paper.title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    if note:
+        figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
+    return figure
+
+
+def _draw(column: tuple[Axes, Axes], paper: Paper, curves: Curves, scenario: Scenario) -> None:
+    """One run: ToR in the upper axes, ToP in the lower."""
+    upper, lower = column
     period = scenario.period_s
     fast = [(blow.start * period, blow.stop * period) for blow in scenario.perturbations]
     for axes, name, trust in ((upper, "ToR", curves.tor), (lower, "ToP", curves.top)):
@@ -75,13 +99,8 @@ def paper_figure(paper: Paper, curves: Curves, scenario: Scenario, note: str | N
                 zorder=3 if bad else 4,
                 label=f"{label} (attacker)" if bad else label,
             )
-        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
     lower.set_xlabel("time (s)", color=INK)
     lower.set_xticks(np.arange(0, curves.time_s[-1] + 1, 10))
-    figure.suptitle(paper.title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
-    if note:
-        figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
-    return figure
 
 
 def montage_figure(stills: Sequence[Still]) -> Figure:

@@ -1,7 +1,7 @@
 """The two figures of Su and Saint-Jore (2023) that are played again: who attacks, when, and what is claimed of it."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from baselines import BadMouthing, OnOff
 from experiments.results import claims
@@ -9,6 +9,8 @@ from roletrust_env import Policy
 
 COLUMNS = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")
 ON_OFF, BAD_MOUTHING = claims.Window(50.0, 90.0), claims.Window(20.0, 45.0)
+
+Attack = Literal["on-off", "bad-mouthing"]
 
 
 class Paper(NamedTuple):
@@ -65,3 +67,8 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
             claims.check_bad_mouthing,
         ),
     )
+
+
+def paper_of(attack: Attack, period_s: float) -> Paper:
+    """The figure of an attack, where a round takes so many seconds."""
+    return papers(period_s)[0 if attack == "on-off" else 1]

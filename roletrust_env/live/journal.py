@@ -11,8 +11,26 @@ from roletrust_env.live.standing import Rows, Team, Trust
 _VERSION = 1
 
 
+class Published(NamedTuple):
+    """The trust after a round, as everybody hears it.
+
+    Attributes:
+        round: its number.
+        stamp: of its services, nanoseconds.
+        tor: of the raters, by name.
+        top: of the providers, by name.
+        missing: raters that were waited for, in vain.
+    """
+
+    round: int
+    stamp: int
+    tor: dict[str, float]
+    top: dict[str, float]
+    missing: tuple[str, ...]
+
+
 class Entry(NamedTuple):
-    """A round as it was published.
+    """A round with all that led to it.
 
     Attributes:
         round: its number, from 0.
@@ -31,6 +49,13 @@ class Entry(NamedTuple):
     rows: Rows
     missing: tuple[str, ...]
     trust: Trust
+
+    @property
+    def published(self) -> Published:
+        """What everybody hears of it."""
+        tor = dict(zip(self.team.raters, self.trust.tor, strict=True))
+        top = dict(zip(self.team.providers, self.trust.top, strict=True))
+        return Published(self.round, self.stamp, tor, top, self.missing)
 
 
 class Journal:

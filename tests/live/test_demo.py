@@ -1,9 +1,12 @@
-"""The paper's robots on real middleware, twice as fast as the scenario's clock."""
+"""The paper's robots on real middleware, with real people detection, as fast as this machine can look."""
 
 import json
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import imageio.v2 as imageio
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -11,19 +14,49 @@ from experiments.cli import app
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import replayed
 from roletrust_env.trust import make_trust_model
+from roletrust_env.world.vision import best_margin, open_frames, view
 
 pytestmark = pytest.mark.live
 
+HEADROOM = 2.5  # rounds are so much longer than three raters take to look at three pictures each, at the worst
 
-@pytest.mark.parametrize(("attack", "figure"), [("bad-mouthing", 4), ("on-off", 3)])
-def test_the_plateaus_are_those_of_the_paper(attack, figure, tmp_path, monkeypatch):
+
+@pytest.fixture(scope="module")
+def speed():
+    """So that a round leaves time to look at all pictures, whatever else this machine does."""
+    frames = open_frames(None, duration_s=1.0, period_s=0.5, loop=False)
+    picture = view(np.ascontiguousarray(frames.frame(0, 0.0, 0.0)))
+    taken_s = []
+    with ThreadPoolExecutor(3) as raters:  # OpenCV leaves Python's lock to others
+        for _ in range(8):
+            began = time.monotonic()
+            list(raters.map(lambda rater: [best_margin(picture) for _ in range(3)], range(3)))
+            taken_s.append(time.monotonic() - began)
+    return min(4.0, max(0.2, 0.5 / (HEADROOM * max(taken_s[1:]))))
+
+
+@pytest.mark.parametrize(("attack", "figure", "seconds"), [("bad-mouthing", 4, 42), ("on-off", 3, 70)])
+def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
+    attack, figure, seconds, speed, tmp_path, monkeypatch
+):
+    """The claims' own tolerance, 0.06, is what perception noise of 0.005 costs: QoR falls by 0.822 sqrt(0.005) = 0.058.
+
+    The simulation sees the same scene through the same detector, with other noise on its links and without JPEG.
+    """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    done = CliRunner().invoke(app, ["live", "demo", "--attack", attack, "--speed", "2", "--out", str(tmp_path)])
+    options = ["--attack", attack, "--seconds", str(seconds), "--speed", str(speed), "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
     assert done.exit_code == 0, done.output
     results = json.loads((tmp_path / "results.json").read_text())
     assert {claim["figure"] for claim in results["claims"]} == {figure}
-    assert [claim["what"] for claim in results["claims"] if not claim["ok"]] == []
-    assert results["rounds"] > 220
+    assert [claim for claim in results["claims"] if not claim["ok"]] == []
+    for claim, simulated in zip(results["claims"], results["claims_simulated"], strict=True):
+        if claim["what"].startswith("steady"):
+            assert claim["values"] == pytest.approx(simulated["values"], abs=0.06)
     entries = list(read_journal(tmp_path / "journal.jsonl"))
+    assert len(entries) == results["rounds"] > 0.9 * seconds / 0.5
     assert replayed(make_trust_model("role-trust"), tmp_path / "journal.jsonl").trust == entries[-1].trust
-    assert imageio.imread(tmp_path / "figure.png").shape[0] > 100
+    assert imageio.imread(tmp_path / "figure.png").shape[1] > 1500
+    live, simulated = (np.genfromtxt(tmp_path / name, delimiter=",", names=True) for name in results["files"][:2])
+    assert len(simulated) == seconds / 0.5
+    assert live.dtype.names == simulated.dtype.names

@@ -4,7 +4,7 @@ import typer
 
 from experiments.commands.live.demo import demo
 from experiments.commands.live.nodes import assess, cam, keys, manager
-from experiments.commands.live.recordings import record, recover, replay
+from experiments.commands.live.recordings import record, recover, replay, scenario
 from experiments.commands.live.view import view
 
 live = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
@@ -35,3 +35,4 @@ live.command("keys")(keys)
 live.command("record")(record)
 live.command("replay")(replay)
 live.command("recover")(recover)
+live.command("scenario")(scenario)

@@ -26,6 +26,8 @@ Keys = Annotated[
 Network = Annotated[
     bool, typer.Option("--network", help="Speak to other machines; without it, this machine only hears itself.")
 ]
+Port = Annotated[int, typer.Option(min=1024, max=65535, help="Of the page, on this machine only.")]
+Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page.")]
 
 
 def require_live() -> None:

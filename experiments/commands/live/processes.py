@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 _READY_S = 120.0  # in which a process must be up, on however busy a machine
 _STOP_S = 5.0
 
-Run = Callable[..., None]
+Run = Callable[..., object]
 
 
 class _Process(NamedTuple):

@@ -1,13 +1,14 @@
-"""`roletrust live record`, `replay` and `recover`: what was said, kept and played again."""
+"""`roletrust live record`, `replay`, `recover` and `scenario`: what was said, kept, and what it tells."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.console import console
+from experiments.commands.console import console, number_table
 from experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
 from experiments.naming import parse_trust_model
+from experiments.results.confidence import Interval
 from roletrust_env import make_scenario
 from roletrust_env.world.roster import Roster
 
@@ -85,3 +86,57 @@ def recover(damaged: Annotated[Path, typer.Argument(help="Folder or file of a re
 
     count = recording.recover(damaged, folder)
     console.print(f"Recovered {count} messages in {folder}", soft_wrap=True)
+
+
+def scenario(
+    recording: Annotated[Path, typer.Argument(help="Folder of a recording.")],
+    out: Annotated[Path, typer.Option(help="A new .toml file.")] = Path("scenario.toml"),
+    keys: Keys = None,
+) -> None:
+    """Make a [bold]scenario[/] of a recording, so that attackers are trained against the team as it was.
+
+    It has who was there when, how many ratings did not count, when all services were disturbed, how well each provider
+    served, and the bias and the noise of each rater. What no scenario can say is told: a rating that came too late does
+    not count on the wire, and is lost here; who was away for a while stays. Attackers are not told apart from the
+    others: an attack in less than a third of the rounds leaves the estimates nearly as they are.
+
+    [bold]Examples[/]
+
+    [cyan]roletrust live scenario results/live/recording --out team.toml[/]
+    [cyan]roletrust play team.toml --attack sr_0=bad-mouthing[/]
+    [cyan]roletrust train RaterAttack --scenario team.toml[/]
+    """
+    require_live()
+    from experiments.results.inferred import infer
+    from experiments.results.observed import observe
+    from experiments.results.scenarios import write_scenario
+    from roletrust_env.live.wire.keys import PublicKeys
+    from roletrust_env.live.wire.recording import read_recording
+
+    if out.suffix != ".toml":
+        raise ValueError(f"{out}: the name of the scenario must end in .toml")
+    if out.exists():
+        raise ValueError(f"{out} is there already; a scenario needs a new file")
+    found = infer(observe(read_recording(recording), None if keys is None else PublicKeys(keys)), out.stem)
+    write_scenario(out, found.scenario, found.names)
+    table = number_table(
+        f"{recording.name}, {found.scenario.max_cycles} rounds", "in 95% intervals", "value", "from", "to"
+    )
+    table.add_row("ratings that did not count", *_numbers(found.lost))
+    for who, kind, values in (
+        (found.raters, "bias", found.seen.bias),
+        (found.raters, "noise", found.seen.noise),
+        (found.providers, "ability", found.seen.ability),
+    ):
+        for name, value in zip(who, values, strict=True):
+            table.add_row(f"{kind} of {name}", *_numbers(value))
+    console.print(table)
+    if found.late:
+        console.print(f"[dim]{found.late:.1%} of the ratings came too late[/]", soft_wrap=True)
+    if found.away:
+        console.print(f"[dim]away for a while, and there in the scenario: {', '.join(found.away)}[/]", soft_wrap=True)
+    console.print(f"Written to {out}", soft_wrap=True)
+
+
+def _numbers(found: Interval) -> list[str]:
+    return ["-" if value != value else f"{value:.3g}" for value in found]

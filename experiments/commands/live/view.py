@@ -1,20 +1,21 @@
 """`roletrust live view`: a team in the browser, while it runs."""
 
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from experiments.commands.console import console
 from experiments.commands.extras import require
-from experiments.commands.live.options import Network, Scenario, Speed, require_live
+from experiments.commands.live.options import Browser, Network, Port, Scenario, Speed, require_live
 from roletrust_env import make_scenario
+
+if TYPE_CHECKING:
+    from bokeh.server.server import Server
 
 
 def view(
-    port: Annotated[int, typer.Option(min=1024, max=65535, help="Of the page, on this machine only.")] = 5006,
+    port: Port = 5006,
     scenario: Scenario = "paper-3x3",
     speed: Speed = 1.0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page.")] = True,
+    browser: Browser = True,
     network: Network = False,
 ) -> None:
     """Watch a team [bold]in the browser[/]: trust, who is missing, what was refused and why, and what cameras see.
@@ -23,24 +24,26 @@ def view(
 
     [bold]Examples[/]
 
-    [dim]# beside a demo in another terminal[/]
+    [dim]# beside nodes in other terminals[/]
     [cyan]roletrust live view[/]
     """
-    require_live()
-    require("roletrust live view", "live", "bokeh")
-    from tornado.ioloop import PeriodicCallback
+    require_view()
+    from experiments.view.server import run_view
 
-    from experiments.plots.live_page import serve
-    from roletrust_env.live.nodes.running import running
-    from roletrust_env.live.nodes.watch import Watcher
-
-    watcher = Watcher(network=network)
-    with running() as on:
-        server = serve(watcher, make_scenario(scenario).period_s / speed, port)
-        console.print(f"http://localhost:{port}, until Ctrl-C", soft_wrap=True)
+    def ready(server: "Server") -> None:
+        console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
         if browser:
             server.io_loop.add_callback(server.show, "/")
-        PeriodicCallback(lambda: None if on else server.io_loop.stop(), 100).start()
-        server.io_loop.start()
-    server.stop()
-    watcher.close()
+
+    run_view(port, make_scenario(scenario).period_s / speed, speed=speed, network=network, ready=ready)
+
+
+def require_view() -> None:
+    """See before the work whether all is there that the page needs."""
+    require_live()
+    require("roletrust live view", "live", "bokeh")
+
+
+def address(port: int) -> str:
+    """Where the page is."""
+    return f"http://localhost:{port}"

@@ -80,8 +80,9 @@ def run_assess(
             for camera, reader in cameras.items():
                 for image in (messages.decode(raw, messages.IMAGE) for raw in reader.take()):
                     closed += rounds.add(camera, messages.stamp_of(image), bytes(image.data), time.time_ns())
-            for one in (*closed, *rounds.due(time.time_ns())):
-                say(one)
+            closed += rounds.due(time.time_ns())
+            for newest in closed[-1:]:  # who is behind catches up: ratings of the past count nothing
+                say(newest)
 
 
 class _Eye:

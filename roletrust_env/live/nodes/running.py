@@ -85,9 +85,7 @@ class Bulletin:
     def hear(self) -> None:
         """Take what came since the last time."""
         for raw in self._reader.take()[-1:]:
-            said = messages.decode(raw, messages.TRUST)
-            self._tor = dict(zip(said.raters, said.tor.tolist(), strict=True))
-            self._top = dict(zip(said.providers, said.top.tolist(), strict=True))
+            _, _, self._tor, self._top, _ = messages.read_trust(raw)
 
     def tor(self, rater: str) -> float:
         """The trust of a rater."""

@@ -1,40 +1,23 @@
-"""Hears what a team says, for whoever looks on: trust, who was missing, what was refused, and pictures."""
+"""Hears what a team says, for whoever looks on: trust, who speaks, what was refused, and pictures."""
 
 import threading
 import time
 from collections import deque
-from typing import NamedTuple
 
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST, owner
+import cv2
+import numpy as np
+
+from roletrust_env.live.journal import Published
+from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
 
+MANAGER = "manager"
+"""What the manager is called among those who speak."""
+
 _WAIT_S = 0.1
-
-
-class Heard(NamedTuple):
-    """The trust after a round, by name, and who was missing.
-
-    Attributes:
-        round: its number.
-        time_s: of its services, seconds since 1970.
-        tor: of the raters.
-        top: of the providers.
-        missing: raters that were waited for, in vain.
-    """
-
-    round: int
-    time_s: float
-    tor: dict[str, float]
-    top: dict[str, float]
-    missing: tuple[str, ...]
-
-
-class Picture(NamedTuple):
-    """The newest picture of a camera, and when it came, seconds since 1970."""
-
-    jpeg: bytes
-    time_s: float
+_WIDTH, _JPEG_QUALITY = 320, 80  # of the pictures that are kept: a page has several, and many look at it
+_KINDS = {IMAGES: messages.IMAGE, RATINGS: messages.RATINGS}
 
 
 class Watcher:
@@ -48,18 +31,20 @@ class Watcher:
 
     Attributes:
         heard: the last rounds, the newest last.
-        pictures: the newest of each camera.
+        pictures: the newest of each camera, small, as JPEG.
+        spoke: when each camera, rater and the manager was heard last, seconds since 1970.
         reports: what the manager reported last, such as how often it refused what of whom.
     """
 
     def __init__(self, *, rounds: int = 600, network: bool = False) -> None:
-        self.heard: deque[Heard] = deque(maxlen=rounds)
-        self.pictures: dict[str, Picture] = {}
+        self.heard: deque[Published] = deque(maxlen=rounds)
+        self.pictures: dict[str, bytes] = {}
+        self.spoke: dict[str, float] = {}
         self.reports: dict[str, str] = {}
         self._node, self._on = Node("view", network=network), True
         self._trust = self._node.reader(TRUST, messages.TRUST)
         self._diagnostics = self._node.reader(DIAGNOSTICS, messages.DIAGNOSTICS)
-        self._cameras: dict[str, Reader] = {}
+        self._members: dict[tuple[str, str], Reader] = {}
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
@@ -71,22 +56,34 @@ class Watcher:
     def _listen(self) -> None:
         while self._on:
             self._node.wait(_WAIT_S)
-            for topic, kind in self._node.discover():
-                camera = owner(topic, IMAGES)
-                if camera is not None and kind == messages.IMAGE and camera not in self._cameras:
-                    self._cameras[camera] = self._node.reader(topic, kind, depth=1)
+            self._meet()
             for raw in self._trust.take():
-                self._take(raw)
+                self.heard.append(messages.read_trust(raw))
+                self.spoke[MANAGER] = time.time()
             for raw in self._diagnostics.take():
                 for status in messages.decode(raw, messages.DIAGNOSTICS).status:
-                    if status.name == "manager":
+                    if status.name == MANAGER:
                         self.reports = {pair.key: pair.value for pair in status.values}
-            for camera, reader in self._cameras.items():
+            for (name, ending), reader in self._members.items():
                 for raw in reader.take()[-1:]:
-                    self.pictures[camera] = Picture(bytes(messages.decode(raw, messages.IMAGE).data), time.time())
+                    self.spoke[name] = time.time()
+                    if ending == IMAGES and (picture := _small(messages.decode(raw, messages.IMAGE).data)):
+                        self.pictures[name] = picture
 
-    def _take(self, raw: bytes) -> None:
-        said = messages.decode(raw, messages.TRUST)
-        tor = dict(zip(said.raters, said.tor.tolist(), strict=True))
-        top = dict(zip(said.providers, said.top.tolist(), strict=True))
-        self.heard.append(Heard(said.round, messages.stamp_of(said) / 1e9, tor, top, tuple(said.missing)))
+    def _meet(self) -> None:
+        """Listen to newcomers, too."""
+        for topic, kind in self._node.discover():
+            for ending in _KINDS:
+                name = owner(topic, ending)
+                if name is not None and kind == _KINDS[ending] and (name, ending) not in self._members:
+                    self._members[name, ending] = self._node.reader(topic, kind, depth=1)
+
+
+def _small(jpeg: np.ndarray) -> bytes | None:
+    """A picture of the width that is kept; None of what is no picture."""
+    picture = cv2.imdecode(np.asarray(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if picture is None:
+        return None
+    height = max(1, round(picture.shape[0] * _WIDTH / picture.shape[1]))
+    small = cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA)
+    return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1])

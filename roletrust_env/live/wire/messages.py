@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from roletrust_env.live.gate import Ratings
-from roletrust_env.live.journal import Entry
+from roletrust_env.live.journal import Entry, Published
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -111,6 +111,18 @@ def trust_message(entry: Entry) -> Any:
         toa=_numbers(entry.trust.toa),
         missing=list(entry.missing),
     )
+
+
+def read_trust(raw: bytes) -> Published:
+    """The trust after a round, as it was published.
+
+    Raises:
+        ValueError: the bytes are no such message.
+    """
+    said = decode(raw, TRUST)
+    tor = dict(zip(said.raters, said.tor.tolist(), strict=True))
+    top = dict(zip(said.providers, said.top.tolist(), strict=True))
+    return Published(said.round, stamp_of(said), tor, top, tuple(said.missing))
 
 
 def image_message(stamp: int, camera: str, jpeg: NDArray[np.uint8]) -> Any:

@@ -68,7 +68,8 @@ def test_the_curves_of_a_journal(tmp_path):
     for r in (1, 2, 4):
         for name in TEAM.raters:
             keeper.hear(said(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
-    curves = curves_of(entries := list(read_journal(tmp_path / "journal")), PERIOD, PERIOD, 0.5)
+    entries = list(read_journal(tmp_path / "journal"))
+    curves = curves_of([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]
     assert curves.tor[:, 0, 0].tolist() == [entry.trust.tor[0] for entry in entries]
     assert latencies_ms(entries) == [30.0] * 3

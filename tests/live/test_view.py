@@ -1,0 +1,202 @@
+"""The page of a team on DDS, in a real browser."""
+
+import asyncio
+import os
+import shutil
+import socket
+import statistics
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import pytest
+from light_team import cpu_s, run_robots, started
+
+from experiments.view.server import run_view
+from roletrust_env.live.journal import read_journal
+from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.standing import Team
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.dds import Node
+from roletrust_env.live.wire.keys import make_keys
+from roletrust_env.trust import make_trust_model
+
+pytestmark = pytest.mark.live
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+PERIOD = 500_000_000
+TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
+PATIENCE_MS = 240_000  # far more than a busy machine takes
+VIEWERS = 20
+
+
+class Stage:
+    """A team, and the page that shows it."""
+
+    def __init__(self, folder):
+        self.journal = folder / "journal"
+        make_keys(folder / "keys", TEAM.raters)
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        settings = {"period": PERIOD, "team": TEAM, "keys": folder / "keys"}
+        self.manager = started(run_manager, make_trust_model("role-trust"), self.journal, **settings)
+        self.robots = started(run_robots, (0, 1), TEAM.providers, folder / "keys", PERIOD)
+        self.third = started(run_robots, (2,), TEAM.providers, folder / "keys", PERIOD)
+        self.view = started(run_view, self.port, PERIOD / 1e9, attackers=("sr_2",))
+
+    def wait_for(self, rounds):
+        """Until so many more rounds are in the journal; they are returned."""
+        before, end = len(self.entries), time.monotonic() + PATIENCE_MS / 1000
+        while len(self.entries) < before + rounds:
+            assert time.monotonic() < end, "rounds do not go on"
+            time.sleep(0.05)
+        return self.entries[before:]
+
+    @property
+    def entries(self):
+        there = self.journal.exists() and self.journal.stat().st_size
+        return list(read_journal(self.journal)) if there else []
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
+        patch.delenv("CYCLONEDDS_URI", raising=False)
+        found = Stage(tmp_path_factory.mktemp("view"))
+        found.wait_for(4)
+        yield found
+        for process in (found.manager, found.robots, found.third, found.view):
+            process.kill()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=PATIENCE_MS)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def page(stage, browser):
+    """The page; what its console complained of, and what it asked of others, is an error."""
+    found, wrong = browser.new_page(viewport={"width": 1200, "height": 900}), []
+    found.set_default_timeout(PATIENCE_MS)
+    found.on("pageerror", lambda error: wrong.append(str(error)))
+    found.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+    home = f"//localhost:{stage.port}/"
+    found.on(
+        "request", lambda asked: wrong.append(asked.url) if asked.url[:4] == "http" and home not in asked.url else 0
+    )
+    found.goto(f"http:{home}")
+    found.wait_for_selector("html[data-ready]")
+    yield found
+    found.close()
+    assert wrong == []
+
+
+def curve(page, name="tor"):
+    """The values of a figure's curves as the browser has them."""
+    data = f"Bokeh.documents[0].get_model_by_name('{name}-source').data"
+    return page.evaluate(f"() => Object.fromEntries(Object.entries({data}).map(([key, values]) => [key, [...values]]))")
+
+
+def test_curves_move_and_pictures_are_shown(page, stage):
+    first, pictures = curve(page), page.locator(".card img")
+    sources = [picture.get_attribute("src") for picture in pictures.all()]
+    assert len(sources) == 3
+    seen = page.locator(".state b").inner_text()
+    page.wait_for_function(
+        "n => Bokeh.documents[0].get_model_by_name('tor-source').data.time_s.length >= n", arg=len(first["time_s"]) + 4
+    )
+    later = curve(page)
+    published = {round(entry.trust.tor[0], 12) for entry in stage.entries}
+    assert {round(value, 12) for value in later["0"]} <= published
+    assert len(set(later["0"][len(first["0"]) :])) > 1
+    assert page.locator(".state b").inner_text() != seen
+    assert [picture.get_attribute("src") for picture in pictures.all()] != sources
+    assert all(picture.evaluate("one => one.naturalWidth") == 320 for picture in pictures.all())
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for width in (390, 768):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_a_refused_rating_is_shown_with_its_reason(page):
+    node = Node("rogue")
+    voice = node.writer("/sr_1/ratings", messages.RATINGS)
+    shown = page.locator("tr", has=page.locator("th", has_text="sr_1")).locator("td", has_text="unsigned")
+    end = time.monotonic() + PATIENCE_MS / 1000
+    while not shown.count():
+        assert time.monotonic() < end
+        voice.write(messages.ratings_message("sr_1", time.time_ns() + PERIOD // 2 + 1, {"sp_0": 0.0}))
+        time.sleep(0.05)
+
+
+def test_only_this_machine_and_this_page_get_an_answer(stage):
+    from tornado.httpclient import HTTPClientError, HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    with socket.socket() as other:
+        assert other.connect_ex(("127.0.0.2", stage.port)) != 0
+
+    async def ask():
+        await websocket_connect(
+            HTTPRequest(f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"})
+        )
+
+    with ThreadPoolExecutor(1) as aside, pytest.raises(HTTPClientError, match="403"):  # the browser has a loop here
+        aside.submit(lambda: asyncio.run(ask())).result()
+
+
+def test_many_viewers_do_not_slow_the_manager(stage):
+    from bokeh.client import pull_session
+
+    def measured():
+        before, rounds = cpu_s(stage.manager), stage.wait_for(12)
+        return (cpu_s(stage.manager) - before) / len(rounds), rounds
+
+    alone, _ = measured()
+    sessions = []
+
+    def look():
+        sessions.append(pull_session(url=f"http://localhost:{stage.port}/"))
+        sessions[-1]._loop_until_closed()
+
+    for _ in range(VIEWERS):
+        threading.Thread(target=look, daemon=True).start()
+    end = time.monotonic() + PATIENCE_MS / 1000
+    while len(sessions) < VIEWERS:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    watched, rounds = measured()
+    assert all(session.connected for session in sessions)
+    gaps = [(b.stamp - a.stamp) / PERIOD for a, b in pairwise(rounds)]
+    print(f"manager, seconds of a processor for a round: {alone:.4f} alone, {watched:.4f} with {VIEWERS} viewers")
+    assert statistics.median(gaps) == 1
+    assert watched < 1.5 * alone + 0.005
+
+
+def test_a_killed_robot_is_gone_within_two_periods(page, stage):
+    """Runs last: the robot does not come back. A period is what the browser sees of one."""
+    moments, state = [time.monotonic()], page.locator(".state b")
+    for _ in range(6):
+        shown = state.inner_text()
+        while state.inner_text() == shown:
+            time.sleep(0.01)
+        moments.append(time.monotonic())
+    period = max(b - a for a, b in pairwise(moments[1:]))
+    assert not page.locator(".gone").count()
+    stage.third.kill()
+    killed = time.monotonic()
+    page.locator("figcaption", has_text="sp_2: gone").wait_for()
+    page.locator("th", has_text="sr_2: gone").wait_for()
+    assert time.monotonic() - killed <= 2 * period
+    page.locator(".state", has_text="missing: sr_2").wait_for()
