@@ -1,6 +1,6 @@
 """A rater of ROS 2, written with rclpy alone, that also looks around; for a Python in which ROS 2 is installed.
 
-`python ros2.py NAME KEY LEVEL SECONDS REPORT` is the rater NAME, signs with the private key and rates every camera LEVEL.
+`python ros2.py NAME KEY LEVEL SECONDS REPORT` is the rater NAME, signs with that key, and rates every camera LEVEL.
 The report says what was heard and seen.
 """
 
