@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -30,11 +29,10 @@ pytestmark = pytest.mark.ros2
 
 PERIOD, ROUNDS, LEVEL = 500_000_000, 40, 0.2
 SR, SP = AgentGroup(role="SR", count=4, noise=0.005), AgentGroup(role="SP", count=3)
-RULES = make_scenario("paper-3x3").change(agents=(SR, SP), perturbations=(), max_cycles=ROUNDS)
+RULES = make_scenario("paper-3x3").change(agents=(SR, SP), perturbations=(), max_cycles=2000)
 TEAM = Team(Roster.of(RULES).rater_names, Roster.of(RULES).provider_names)
 OURS, THEIRS = "sr_2", "sr_3"
 PEER = Path(__file__).parent / "clients" / "ros2.py"
-MEET_S = 8.0
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +52,11 @@ def played(tmp_path_factory):
         for name in TEAM.providers:
             nodes.start(name, run_cam, name=name, scenario=RULES)
         nodes.ready()
-        seconds = MEET_S + ROUNDS * PERIOD / 1e9
-        command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, seconds, report]
+        command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, ROUNDS, report]
         peer = subprocess.Popen([*map(str, command)], env=home.environment(domain))
         nodes.begin("manager")
-        start = time.time_ns() + int(MEET_S * 1e9)
-        nodes.begin(*TEAM.raters[:-1], *TEAM.providers, timeline=Timeline(start, PERIOD))
-        assert peer.wait(seconds + 60) == 0
+        nodes.begin(*TEAM.raters[:-1], *TEAM.providers, timeline=Timeline.aligned(PERIOD))
+        assert peer.wait(300) == 0
         nodes.check()
     return list(read_journal(journal)), json.loads(report.read_text()), home
 
@@ -85,7 +81,7 @@ def test_it_receives_trust_and_pictures_without_loss(played):
     entries, report, _ = played
     rounds = [trust[0] for trust in report["trust"]]
     assert rounds == list(range(rounds[0], rounds[-1] + 1))
-    assert len(rounds) >= 0.8 * ROUNDS
+    assert len(rounds) == ROUNDS
     kept = {entry.round: entry.trust for entry in entries}
     for number, raters, tor, providers, top in report["trust"]:
         assert (raters, providers) == (list(TEAM.raters), list(TEAM.providers))
@@ -94,7 +90,7 @@ def test_it_receives_trust_and_pictures_without_loss(played):
     for camera in TEAM.providers:
         stamps = [stamp for stamp, *_ in report["images"][camera]]
         assert {after - before for before, after in pairwise(stamps)} == {PERIOD}
-        assert len(stamps) >= 0.8 * ROUNDS
+        assert len(stamps) > 0.8 * ROUNDS
         assert {(start, kind) for _, start, kind in report["images"][camera]} == {("ffd8", "jpeg")}
 
 
@@ -102,7 +98,7 @@ def test_it_moves_trust_as_our_own_does(played):
     entries, *_ = played
     assert all(set(entry.rows.get(THEIRS, [LEVEL])) == {LEVEL} for entry in entries)
     both = [OURS in entry.rows and THEIRS in entry.rows for entry in entries]
-    assert np.mean(both) > 0.8
+    assert np.mean(both[both.index(True) :]) > 0.9
     tor = np.array([entry.trust.tor for entry in entries])
     ours, theirs = TEAM.raters.index(OURS), TEAM.raters.index(THEIRS)
     np.testing.assert_allclose(tor[:, theirs], tor[:, ours], rtol=0, atol=1e-9 if all(both) else 0.1)

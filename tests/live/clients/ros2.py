@@ -1,12 +1,13 @@
 """A rater of ROS 2, written with rclpy alone, that also looks around; for a Python in which ROS 2 is installed.
 
-`python ros2.py NAME KEY LEVEL SECONDS REPORT` is the rater NAME, signs with that key, and rates every camera LEVEL.
-The report says what was heard and seen.
+`python ros2.py NAME KEY LEVEL ROUNDS REPORT` is the rater NAME, signs with that key, and rates every camera LEVEL.
+After so many rounds the report says what was heard and seen.
 """
 
 import json
 import struct
 import sys
+import time
 from collections import defaultdict
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Float64
 
 CAMERAS = ("sp_0", "sp_1", "sp_2")
+PATIENCE_S = 240.0
 
 
 class Assess(Node):
@@ -93,11 +95,11 @@ def put(raw, align, form, value):
     raw += bytes(-len(raw) % align) + struct.pack(form, value)
 
 
-def main(name, key, level, seconds, report):
+def main(name, key, level, rounds, report):
     rclpy.init()
     node = Assess(name, Path(key), float(level))
-    end = node.get_clock().now().nanoseconds + int(float(seconds) * 1e9)
-    while node.get_clock().now().nanoseconds < end:
+    end = time.monotonic() + PATIENCE_S
+    while len(node.trust) < int(rounds) and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
     found = {"around": node.around(), "images": node.images, "trust": node.trust, "numbers": node.numbers}
     Path(report).write_text(json.dumps(found), encoding="utf-8")
