@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-live test-ros2 test-clients setup format pictures costs better-model ladder zoo clean
+.PHONY: run test test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -58,6 +58,11 @@ pictures: setup
 costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
+
+# The table of what the live system's manager takes; on a quiet machine, some minutes.
+live-load: setup
+	$(BIN)/roletrust live load --out $(OUT)/live-load
+	cp $(OUT)/live-load/live-load.md docs/
 
 # The leaderboard of what the parts of wary role-trust are worth; a few minutes.
 better-model: setup

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loopback import PERIOD, TEAM, Raters, keys, managed, own_domain, until
+from loopback import TEAM, Raters, keys, managed, own_domain, until
 
 from roletrust_env.live.journal import read_journal
 
@@ -24,13 +24,19 @@ def raters(tmp_path, keys):
 
 
 def entries(folder, raters, first):
-    """The rounds from the first of some that were heard, which are those of the journal."""
+    """The rounds from the first of some that were heard, which are those of the journal; they go on within two."""
     kept = list(read_journal(folder / "journal"))
     raters.agrees_with(kept)
     found = kept[raters.heard[first][1].round :]
-    gaps = np.diff([entry.stamp for entry in found]) / PERIOD
-    assert gaps.max() <= 2.01
+    sent = sorted({stamp for (name, stamp), delay in raters.sent.items() if delay is not None and name == "sr_0"})
+    places = np.searchsorted(sent, [entry.stamp for entry in found])
+    assert np.diff(places).max() <= 2  # of the rounds that there were: on a busy machine raters skip some
     return found
+
+
+def share(found, name):
+    """The share of the rounds that a rater is in."""
+    return np.mean([name in entry.rows for entry in found])
 
 
 def test_a_rater_that_vanishes_and_comes_back(tmp_path, raters):
@@ -68,7 +74,7 @@ def test_a_clock_that_is_off_by_a_second(ahead, tmp_path, raters):
     first = len(raters.heard) - 1
     raters.wait_for(16)
     found = entries(tmp_path, raters, first)
-    assert all({"sr_0", "sr_1"} <= entry.rows.keys() for entry in found)
+    assert share(found, "sr_0") == share(found, "sr_1") == 1
     named = sum(int(count) for key, count in raters.reports.items() if key.startswith("sr_2: "))
     assert named > 4 if ahead < 0 else "sr_2" in found[-1].rows
 
@@ -82,7 +88,7 @@ def test_a_rater_that_floods_is_cut_off_and_named(tmp_path, raters):
     named = int(raters.reports["sr_2: too many messages"])
     raters.flooded = set()
     until(lambda: "sr_2" in list(read_journal(tmp_path / "journal"))[-1].rows, "it stays cut off")
-    assert all({"sr_0", "sr_1"} <= entry.rows.keys() for entry in flooded)
-    assert sum("sr_2" in entry.rows for entry in flooded) <= 8
+    assert share(flooded, "sr_0") == share(flooded, "sr_1") == 1
+    assert share(flooded, "sr_2") <= 0.5
     assert named > 500
     assert not any(key.startswith(("sr_0", "sr_1")) for key in raters.reports)
