@@ -18,7 +18,7 @@ from roletrust_env.trust import make_trust_model
 
 PERIOD = 250_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 FLOOD = 1000  # messages a second
 
 # One server that has imported what nodes need; from there they start at once.
