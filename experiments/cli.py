@@ -12,6 +12,7 @@ from experiments.commands.benchmark import benchmark
 from experiments.commands.console import console, errors
 from experiments.commands.costs import costs
 from experiments.commands.figures import figures
+from experiments.commands.findings import findings
 from experiments.commands.ladder import ladder
 from experiments.commands.listing import list_command
 from experiments.commands.live.app import live
@@ -19,6 +20,7 @@ from experiments.commands.models import models
 from experiments.commands.play import play
 from experiments.commands.report import report
 from experiments.commands.speed import speed
+from experiments.commands.submit import submit, verify
 from experiments.commands.train import train
 from experiments.commands.zoo import zoo
 from roletrust_env import __version__
@@ -78,6 +80,7 @@ def roletrust(
 app.command("figures")(figures)
 app.command("play")(play)
 app.command("benchmark")(benchmark)
+app.command("findings")(findings)
 app.command("ladder")(ladder)
 app.command("list")(list_command)
 app.command("report")(report)
@@ -85,7 +88,9 @@ app.command("speed")(speed)
 app.command("costs")(costs)
 app.command("models")(models)
 app.add_typer(live, name="live")
+app.command("submit")(submit)
 app.command("train")(train)
+app.command("verify")(verify)
 app.command("zoo")(zoo)
 
 

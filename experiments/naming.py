@@ -5,7 +5,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
@@ -173,6 +173,17 @@ def parse_named(registry: Registry[Thing], text: str) -> Thing:
     """
     made: Thing = _made(*_parsed(registry, text), text)
     return made
+
+
+def named_factory(registry: Registry[Thing], text: str) -> Callable[..., Thing]:
+    """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+
+    Raises:
+        ValueError: the name is unknown, or what it names is not of the registry's kind.
+    """
+    found, name, _ = _parsed(registry, text)
+    factory: Callable[..., Thing] = found.factory(name)
+    return factory
 
 
 def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None:

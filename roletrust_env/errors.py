@@ -4,17 +4,25 @@ from typing import Any
 
 from pydantic import ValidationError
 
+_MOST, _LONGEST = 10, 300  # wrong fields that are named, letters of a value that are shown: a file may have millions
+
 
 def explain(error: ValidationError) -> str:
-    """Name each wrong field, its value and what is allowed, in one line."""
-    return "; ".join(_explain(detail) for detail in error.errors())
+    """Name each wrong field, its value and what is allowed, in one line; of very many, the first ones."""
+    details = error.errors(include_url=False)
+    more = f"; and {len(details) - _MOST} more" if len(details) > _MOST else ""
+    return "; ".join(map(_explain, details[:_MOST])) + more
 
 
 def _explain(detail: Any) -> str:
-    field = ".".join(str(part) for part in detail["loc"])
+    field = _short(".".join(str(part) for part in detail["loc"]))
     if detail["type"] == "missing":
         return f"field {field} is missing"
     reason: str = detail["msg"].removeprefix("Value error, ")
     if detail["type"] == "value_error":
         return f"{field}: {reason}" if field else reason
-    return f"{field} is {detail['input']!r}: {reason}"
+    return f"{field} is {_short(repr(detail['input']))}: {reason}" if field else reason
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

@@ -158,9 +158,9 @@ def _said(error: BaseException) -> str:
 def _lacking(found: Any, base: type[Any]) -> str:
     """What something lacks to be a class of such things, in words; empty if nothing."""
     kind = found if isinstance(found, type) else object
-    try:
+    if not getattr(base, "_is_protocol", False):
         return "" if issubclass(kind, base) else f"derived from {base.__name__}"
-    except TypeError:  # a protocol with attributes, which an instance may have and its class not
-        methods = [name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"]
-        fits = all(callable(getattr(kind, name, None)) for name in methods)
-        return "" if fits else f"with the methods {', '.join(methods)}"
+    # Of a protocol's attributes an instance may have what its class has not, so its methods alone count here.
+    methods = [name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"]
+    fits = all(callable(getattr(kind, name, None)) for name in methods)
+    return "" if fits else f"with the method{'s' * (len(methods) > 1)} {', '.join(methods)}"

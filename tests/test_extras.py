@@ -15,7 +15,20 @@ pytestmark = pytest.mark.extras
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
-COMMANDS = ("figures", "ladder", "list", "live", "play", "speed", "train", "zoo")
+COMMANDS = ("benchmark", "figures", "ladder", "list", "live", "play", "report", "speed", "train", "zoo")
+TINY = """
+models = ["mean", "role-trust"]
+attacks = ["bad-mouthing"]
+rungs = ["scripted"]
+games = 2
+[scenarios.market]
+preset = "market"
+set = { max_cycles = 6 }
+[tracks.honest]
+[tracks.raters]
+roles = ["SR"]
+shares = [0.3]
+"""
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
 
@@ -52,9 +65,10 @@ class Environment:
 
     def refused(self, *arguments: object) -> str:
         """The one line that it prints when something is missing; nothing is written."""
+        before = sorted(self.folder.iterdir())
         run = self._run("roletrust", *arguments)
         assert (run.code, run.out, len(run.err.splitlines())) == (2, "", 1), run
-        assert not list(self.folder.iterdir())
+        assert sorted(self.folder.iterdir()) == before
         return run.err
 
     def _run(self, program: str, *arguments: object) -> Run:
@@ -136,6 +150,8 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
         ("live", ["live", "keys", "keys"]),
+        ("train", ["benchmark", "--dry-run"]),
+        ("report", ["report", "results.sqlite"]),
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
@@ -185,6 +201,18 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "exact" in train.roletrust("ladder", "ProviderAttack", *certain, "--budget", 5000, "--learned", "mine")
     assert "provider-3x3" in train.roletrust("zoo", "--games", 2)
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
+
+
+def test_report(fresh: Callable[..., Environment]) -> None:
+    alone = fresh("report")
+    (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
+    assert "pip install 'roletrust-env[ray]'" in alone.refused("benchmark", "--suite", "tiny.toml", "--ray", "auto")
+    alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
+    assert "Examples" in alone.roletrust("report", "--help")
+    assert "report.html" in alone.roletrust("report", "played/results.sqlite", "--out", "page")
+    page = (alone.folder / "page" / "report.html").read_text(encoding="utf-8")
+    assert "roletrust benchmark --suite tiny.toml --out played" in page
+    assert (alone.folder / "page" / "leaderboard.md").stat().st_size
 
 
 def test_live(fresh: Callable[..., Environment]) -> None:

@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from agents.learned.network import Architecture
+from roletrust_env.foreign import Foreign
 from roletrust_env.game.attack import Knowledge, Objective
 from roletrust_env.game.views import AgentView, ProviderView, RaterView
 from roletrust_env.trust import TrustModel, make_trust_model
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
-_MAX_AGENTS, _MAX_GROUP_ROUNDS = 10_000, 10_000_000
+_MAX_AGENTS = 10_000
 
 Text = Annotated[str, Field(max_length=1000)]
 Count = Annotated[int, Field(ge=0, le=10**12)]
@@ -22,29 +23,25 @@ Plain = bool | int | float | Text
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,100}$")]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
-
-
-class ModelCard(_Part):
+class ModelCard(Foreign):
     """A trust model, by name and parameters."""
 
     name: Name
-    parameters: Annotated[dict[Name, Plain], Field(max_length=100)] = {}
+    parameters: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
 
     def make(self) -> TrustModel[Any]:
         """The trust model; one of another package is found if that is installed."""
         return make_trust_model(self.name, **self.parameters)
 
 
-class Price(_Part):
+class Price(Foreign):
     """The price of being told apart, see `roletrust_env.game.attack.Stealth`."""
 
     weight: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     tolerance: Annotated[float, Field(ge=0, le=1)] = 0.1
 
 
-class TaskCard(_Part):
+class TaskCard(Foreign):
     """What the attacker was trained for."""
 
     id: Annotated[str, Field(max_length=100)]
@@ -56,14 +53,14 @@ class TaskCard(_Part):
     accomplices: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
 
 
-class InputField(_Part):
+class InputField(Foreign):
     """A field of the observation, such as `sp_2.trust`, and how many entries it has."""
 
     name: Annotated[str, Field(max_length=200)]
     size: Annotated[int, Field(ge=0, le=100_000)]
 
 
-class InputCard(_Part):
+class InputCard(Foreign):
     """The observation: what stands where, and how it is normalised."""
 
     fields: Annotated[tuple[InputField, ...], Field(max_length=20_000)]
@@ -71,7 +68,7 @@ class InputCard(_Part):
     variance: Annotated[tuple[Positive, ...], Field(max_length=100_000)]
 
 
-class TrainingCard(_Part):
+class TrainingCard(Foreign):
     """How it was trained."""
 
     algorithm: Annotated[str, Field(max_length=100)]
@@ -81,11 +78,11 @@ class TrainingCard(_Part):
     """All that were played: also those that observations are normalised by, and those that the best was chosen by."""
     seed: Count
     seconds: Annotated[float, Field(ge=0, le=1e9)]
-    settings: Annotated[dict[Name, Plain], Field(max_length=100)] = {}
-    versions: Annotated[dict[Name, Text], Field(max_length=100)] = {}
+    settings: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
+    versions: Annotated[dict[Name, Text], Field(max_length=100, default_factory=dict)]
 
 
-class ScoreCard(_Part):
+class ScoreCard(Foreign):
     """Mean reward per round of whole games that it was not trained on, with half its 95% confidence interval."""
 
     mean: Number
@@ -96,7 +93,7 @@ class ScoreCard(_Part):
     """What honest play scores in the same games."""
 
 
-class Card(_Part):
+class Card(Foreign):
     """All that there is to know of a saved attacker but its weights."""
 
     format: Literal["roletrust-attacker"] = "roletrust-attacker"
@@ -129,21 +126,6 @@ class Card(_Part):
         if self.architecture.outputs != providing + roster.n_providers * rating:
             raise ValueError("the network's outputs are not as many as the compromised agents' actions")
         return self
-
-
-def check_size(data: Any) -> None:
-    """Refuse a card, as JSON has it, whose scenario would take long to look at.
-
-    Raises:
-        ValueError: it has too many groups of agents, or rounds.
-    """
-    scenario = data.get("scenario") if isinstance(data, dict) else None
-    if isinstance(scenario, dict):
-        groups, rounds = scenario.get("agents"), scenario.get("max_cycles", 1)
-        if not isinstance(groups, list) or not isinstance(rounds, int):
-            raise ValueError("the scenario has no list of agents, or no whole number of rounds")
-        if len(groups) * rounds > _MAX_GROUP_ROUNDS:
-            raise ValueError(f"the scenario has {len(groups)} groups of agents and {rounds} rounds: too many")
 
 
 def observation_fields(

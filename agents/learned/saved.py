@@ -5,20 +5,17 @@ names, shapes, dtypes, sizes and values are checked, and the JSON holds a digest
 """
 
 import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
-from agents.learned.cards import Card, ModelCard, TaskCard, check_size
+from agents.learned.cards import Card, ModelCard, TaskCard
 from agents.learned.network import MAX_WEIGHTS, Floats, Network
-from roletrust_env.errors import explain
+from roletrust_env.foreign import check_scenario_size, parse_foreign, parse_json, read_limited
 from roletrust_env.game.attack import AttackTask, make_task
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
@@ -124,14 +121,10 @@ def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     """
     if len(text) > MAX_JSON or len(data) > MAX_SAFETENSORS:
         raise ValueError(f"the files have {len(text)} and {len(data)} bytes: too many")
-    try:
-        # pydantic alone would let NaN pass, and the last of two fields of one name win
-        check_size(json.loads(text.decode(), object_pairs_hook=_once, parse_constant=_no_number))
-        card = Card.model_validate_json(text)
-    except ValidationError as error:
-        raise ValueError(explain(error)[:2000]) from None
-    except RecursionError:
-        raise ValueError("the JSON is nested too deeply") from None
+    said = parse_json(text)
+    if isinstance(said, dict) and isinstance(said.get("scenario"), dict):
+        check_scenario_size(said["scenario"])
+    card = parse_foreign(Card, text)
     if digest(data) != card.weights_sha256:
         raise ValueError("the weights are not those that the JSON is about: their digest differs")
     seen = card.observation
@@ -161,19 +154,4 @@ def _read(path: Path, limit: int) -> bytes:
             f"there is no file {path}; a saved attacker is a .json and a .safetensors file of one name, "
             "which training leaves at its end"
         )
-    with path.open("rb") as file:
-        data = file.read(limit + 1)
-    if len(data) > limit:
-        raise ValueError(f"{path} has more than {limit} bytes")
-    return data
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a field stands twice in the JSON")
-    return found
-
-
-def _no_number(text: str) -> Any:
-    raise ValueError(f"the JSON holds {text}, which is no number")
+    return read_limited(path, limit)

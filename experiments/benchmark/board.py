@@ -75,7 +75,7 @@ class Standing(NamedTuple):
         false_alarms: share of the honest taken for attackers while everybody is honest.
         detection: AUC in the worst case.
         holds: probability that the rank is the same on new games.
-        missing: cells that failed or are not played yet.
+        missing: cells that failed, wholly or in part, or are not played yet.
     """
 
     rank: int
@@ -92,10 +92,16 @@ class Standing(NamedTuple):
     def line(self) -> list[object]:
         """It as plain values, see `HEADER`."""
         numbers = [value for estimate in self[2:8] for value in estimate[:2]]
-        return [self.rank, self.model, *numbers, self.holds]
+        return [self.rank, self.model, *numbers, self.holds, self.missing]
 
 
-HEADER = ("rank", "model", *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")), "holds")
+HEADER = (
+    "rank",
+    "model",
+    *(f"{name}{end}" for name in Standing._fields[2:8] for end in ("", "_half_95")),
+    "holds",
+    "missing",
+)
 """Of the leaderboard as a table."""
 
 
@@ -113,9 +119,9 @@ def attacked(kept: Iterable[Kept]) -> list[Attacked]:
             attack,
             rung,
             "; ".join(dict.fromkeys(row.words for row in rows)),
-            np.concatenate([_numbers(row.chosen["utility"]) for row in rows]),
-            {name: np.concatenate([_numbers(row.measured[name]) for row in rows]) for name in rows[0].measured},
-            mean_where(np.stack([_numbers(row.by_round) for row in rows]), axis=0),
+            np.concatenate([numbers(row.chosen["utility"]) for row in rows]),
+            {name: np.concatenate([numbers(row.measured[name]) for row in rows]) for name in rows[0].measured},
+            mean_where(np.stack([numbers(row.by_round) for row in rows]), axis=0),
         )
         for (model, where, attack, rung), rows in found.items()
     ]
@@ -212,5 +218,6 @@ def _over_conditions(rows: Iterable[Floats]) -> Floats:
     return mean_where(np.stack(padded), axis=0)
 
 
-def _numbers(values: Sequence[float | None]) -> Floats:
+def numbers(values: Sequence[float | None]) -> Floats:
+    """Numbers as they are kept; NaN where there is none."""
     return np.array([np.nan if x is None else x for x in values], np.float64)

@@ -22,9 +22,12 @@ def caveats(suite: Suite, kept: Sequence[Kept], attacks: Sequence[Attacked], mod
 
 def _of_models(suite: Suite, attacks: Sequence[Attacked], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
+    played = {one.model for one in attacks}  # one that hangs or ends Python has not, and must not here
     for name in models:
+        if name not in played:
+            continue
         model = parse_trust_model(name, scenario)
-        if not Traits.of(model).smooth:
+        if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
             yield f"{name}: trust jumps, so the white-box planner could not attack it"
         if is_random(Game(scenario, model)):
             yield f"{name}: it plays at random, so that other runs find other numbers"
@@ -68,4 +71,5 @@ def _of_searches(attacks: Sequence[Attacked]) -> Iterator[str]:
 def _of_cells(kept: Sequence[Kept]) -> Iterator[str]:
     for cell, done in kept:
         if done.failed:
-            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}"
+            left = f"; its other {len(done.rows)} attacks count" if done.rows else ""
+            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}{left}"

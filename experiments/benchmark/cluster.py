@@ -3,14 +3,14 @@
 import os
 import socket
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import ray
 from ray.exceptions import RayActorError, RayError
 
 from experiments.benchmark.kinds import AnyCell, AnySuite
-from experiments.benchmark.pool import TRIES, gone, played, players
+from experiments.benchmark.pool import TRIES, Plays, gone, played, players
 from experiments.benchmark.terms import Done, reason
 from experiments.results.files import software
 
@@ -35,7 +35,7 @@ class Cluster:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"--ray {address}: no Ray cluster answers there ({line})") from None
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
         """See `Pool.play`.
 
         Raises:

@@ -2,16 +2,19 @@
 
 from collections.abc import Sequence
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from agents.ladder.players import Scripted
-from agents.ladder.rungs import HELD_OUT, exact_task, play, sources
+from agents.ladder.rungs import HELD_OUT, UnsuitableError, exact_task, play, sources
+from experiments.benchmark.battery import SEARCHING, aim, searching
 from experiments.benchmark.cells import HONEST, Cell, attacks, place
 from experiments.benchmark.suite import Suite
 from experiments.naming import parse_trust_model
 
 _TRIED = 4
-"""Rounds of a trial."""
+"""Rounds of a trial of a trust model."""
+_BUDGET = 6_000
+"""Rounds x games of a trial of a search, a learner or the planner, at the most."""
 
 
 class Foreseen(NamedTuple):
@@ -29,41 +32,68 @@ class Foreseen(NamedTuple):
 
 
 def foresee(suite: Suite, cells: Sequence[Cell]) -> dict[str, Foreseen]:
-    """What the cells of each trust model take, by its name: an upper bound of the rounds, a guess of the time."""
+    """What the cells of each trust model take, by its name: an upper bound of the rounds, a guess of the time.
+
+    Each model is tried in each world; how much longer a search, a learner or the planner takes than what it plays, with
+    the first model only.
+    """
     speeds: dict[tuple[str, str, str], float] = {}
+    weights: dict[tuple[str, str], float] = {}
     found: dict[str, Foreseen] = {}
     for cell in cells:
-        where = cell.model, cell.scenario, cell.track
+        where, way = (cell.model, cell.scenario, cell.track), (cell.rung, cell.scenario)
         if where not in speeds:
             speeds[where] = _seconds_each(suite, cell)
-        steps = env_steps(suite, cell)
+        if way not in weights:
+            weights[way] = _weight(suite, cell, speeds[where]) if cell.rung in SEARCHING else 0.0
+        to_find, to_measure = rounds(suite, cell)
+        seconds = speeds[where] * (to_find * weights[way] + to_measure)
         before = found.get(cell.model, Foreseen(0, 0, 0.0))
-        found[cell.model] = Foreseen(before.cells + 1, before.env_steps + steps, before.seconds + steps * speeds[where])
+        found[cell.model] = Foreseen(
+            before.cells + 1, before.env_steps + to_find + to_measure, before.seconds + seconds
+        )
     return found
 
 
-def env_steps(suite: Suite, cell: Cell) -> int:
-    """Rounds x games of a cell at the most: all attacks of the suite fit, and a search takes its whole budget."""
-    each = suite.games * place(suite, cell).scenario.max_cycles
+def rounds(suite: Suite, cell: Cell) -> tuple[int, int]:
+    """Rounds x games of a cell at the most, to find attacks and to measure them: all of the suite fit."""
+    each = 2 * suite.games * place(suite, cell).scenario.max_cycles
     if cell.rung == HONEST:
-        return each
+        return 0, each
     if cell.rung == "scripted":
-        return 2 * each * (len(attacks(suite)) + 1)
-    return suite.budget + 4 * each
+        return 0, each * (len(attacks(suite)) + 1)
+    return suite.budget, 2 * each
+
+
+def _arguments(suite: Suite, cell: Cell) -> dict[str, Any]:
+    scenario, compromised = place(suite, cell)
+    return {
+        "scenario": scenario,
+        "trust_model": parse_trust_model(cell.model, scenario),
+        "compromised": compromised or ("sr_0",),
+        "objective": aim(cell.rung, suite.tracks[cell.track].roles),
+    }
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:
     """Seconds of a round of a game in a batch, with everybody honest."""
-    scenario, compromised = place(suite, cell)
+    arguments = _arguments(suite, cell)
     task = exact_task(
-        {
-            "scenario": scenario.change(max_cycles=max(_TRIED, 2)),
-            "trust_model": parse_trust_model(cell.model, scenario),
-            "compromised": compromised or ("sr_0",),
-            "objective": "mislead",
-        }
+        {**arguments, "scenario": arguments["scenario"].change(max_cycles=_TRIED), "objective": "mislead"}
     )
     began = perf_counter()
     for _ in play(task, Scripted({}), (1, suite.games), *sources(task, 0, HELD_OUT)):
         pass
     return (perf_counter() - began) / _TRIED / suite.games
+
+
+def _weight(suite: Suite, cell: Cell, seconds_each: float) -> float:
+    """How much longer a rung takes for a round than playing it would."""
+    began = perf_counter()
+    try:
+        attempt = searching(cell.rung).attack(
+            _arguments(suite, cell), min(suite.budget, _BUDGET), cell.seed, lambda rounds: None
+        )
+    except UnsuitableError:
+        return 1.0
+    return (perf_counter() - began) / max(attempt.rounds, 1) / seconds_each

@@ -1,7 +1,7 @@
 """Who plays the cells: processes of this machine. Results are the same wherever they are played."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from typing import Any, Protocol
 
 from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
@@ -15,11 +15,18 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 """There is a worker for each core."""
 
 
+Plays = Generator[tuple[Any, Done], None, None]
+"""Cells, and what became of each."""
+
+
 class Pool(Protocol):
     """Plays cells."""
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
-        """Play cells and give them back as they are done, those that failed with the reason."""
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
+        """Play cells and give them back as they are done, those that failed with the reason.
+
+        What is still played when the generator is closed is stopped.
+        """
         ...
 
 
@@ -33,7 +40,7 @@ class Here:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or cores()
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
         """See `Pool.play`."""
         with players(self.workers) as crew:
             yield from played(crew, suite, cells)
@@ -44,7 +51,7 @@ def players(workers: int) -> Crew[AnyCell]:
     return Crew(play_safely, workers, _ONE_THREAD)
 
 
-def played(crew: Crew[AnyCell], suite: AnySuite, cells: Sequence[Any]) -> Iterator[tuple[Any, Done]]:
+def played(crew: Crew[AnyCell], suite: AnySuite, cells: Sequence[Any]) -> Plays:
     """Have cells played, each within the suite's limit. See `Pool.play`."""
     for cell, answer in crew.do({cell: (suite, cell) for cell in cells}, suite.limit_s, TRIES):
         yield cell, _done(answer, suite)

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from filelock import FileLock, Timeout
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
 from experiments.benchmark.suite import read_suite
 from experiments.benchmark.terms import Done, Row
 from experiments.results.files import software
+from roletrust_env.errors import explain
 
 FORMAT = 2
 """Of the file; one of another format is refused."""
@@ -32,6 +34,10 @@ CREATE TABLE attacks (
 """
 
 
+_Numbers = list[FiniteFloat | None]
+_NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
+
+
 class Kept(NamedTuple):
     """A cell and what became of it."""
 
@@ -45,6 +51,7 @@ class Store:
     Args:
         path: of the file.
         suite: that is to be written; None opens the file for reading.
+        anew: whether what the file holds is thrown away before; never while another run writes to it.
 
     Raises:
         ValueError: there is nothing to read, or it is damaged, of another format, of another suite or of other
@@ -52,7 +59,7 @@ class Store:
         OSError: it cannot be written.
     """
 
-    def __init__(self, path: Path, suite: AnySuite | None = None) -> None:
+    def __init__(self, path: Path, suite: AnySuite | None = None, *, anew: bool = False) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -62,6 +69,8 @@ class Store:
             with _explained(path):
                 if suite is not None:
                     self._lock = _alone(path)
+                    if anew:
+                        _remove(path)
                 mode = "ro" if suite is None else "rwc"
                 self._file = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, isolation_level=None)
                 if suite is not None and not self._tables():
@@ -107,12 +116,17 @@ class Store:
         with self._reading() as file:
             return {key for (key,) in file.execute("SELECT key FROM cells WHERE failed = ''")}
 
+    def hosts(self) -> set[str]:
+        """The machines that cells were played on."""
+        with self._reading() as file:
+            return {host for (host,) in file.execute("SELECT DISTINCT host FROM cells")}
+
     def all(self) -> list[Kept]:
         """All cells with what became of them, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[Row]] = {}
             for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(Row(name, words, rounds, *map(json.loads, plain)))
+                attacks.setdefault(key, []).append(_row(name, words, rounds, *plain))
             found = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
@@ -181,11 +195,23 @@ def _alone(path: Path) -> FileLock:
     return lock
 
 
+def _remove(path: Path) -> None:
+    """Remove a file and what SQLite keeps beside it; not the lock, which is held."""
+    for end in ("", "-wal", "-shm"):
+        Path(f"{path}{end}").unlink(missing_ok=True)
+
+
 def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     """Make the tables of a new file, all or none."""
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software()}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
+
+
+def _row(attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str) -> Row:
+    """An attack as it was kept."""
+    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
+    return Row(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round))
 
 
 def _quoted(text: str) -> str:
@@ -201,7 +227,9 @@ def _explained(path: Path) -> Iterator[None]:
     """SQLite's errors as one line that says what to do."""
     try:
         yield
-    except (sqlite3.DatabaseError, json.JSONDecodeError) as error:
+    except ValidationError as error:
+        raise ValueError(f"{path} is no benchmark's file, or it is damaged: {explain(error)}") from None
+    except (sqlite3.DatabaseError, json.JSONDecodeError, TypeError, AttributeError, RecursionError) as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the rest says more than is needed
         if code in _UNWRITABLE:
             raise OSError(f"{path} cannot be written: {error}; what it holds stays, make room and go on") from None

@@ -123,6 +123,8 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
     Raises:
         ValueError: names each wrong field, its value and what is allowed.
     """
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{source}: a suite has fields, and this is none: {str(data)[:100]!r}")
     kind = str(data.get("kind", "robustness"))
     if kind not in _KINDS:
         raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_KINDS)}")

@@ -1,30 +1,31 @@
 """`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which learner attacks best."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 import baselines
-from experiments.benchmark.board import HEADER, Standing, attacked, standings
+from experiments.benchmark.board import HEADER, attacked, standings
 from experiments.benchmark.caveats import caveats
 from experiments.benchmark.cells import attacks, cells, models
 from experiments.benchmark.foreseen import foresee
 from experiments.benchmark.kinds import AnySuite, kind_of
 from experiments.benchmark.learners.suite import LearnersSuite
+from experiments.benchmark.played import command
 from experiments.benchmark.pool import Here, Pool, cores
 from experiments.benchmark.store import Kept, Store
 from experiments.benchmark.suite import Suite, load_suite
-from experiments.commands.console import console, number_table, progress_bar
+from experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar
 from experiments.commands.extras import require
+from experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
 from experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
 from experiments.naming import check_installed, parse_kinds, parse_trust_model
-from experiments.results.files import prepare_folder, write_csv
+from experiments.results.files import prepare_folder, write_csv, write_text
 from experiments.results.machine import in_time
-from experiments.results.measures import Estimate
 from roletrust_env.trust.model import registry as trust_models
 
 
@@ -68,12 +69,7 @@ def benchmark(
             show_default=False,
         ),
     ] = None,
-    allow_code: Annotated[
-        bool,
-        typer.Option(
-            "--allow-code", help="Let a suite's file name your own package.module:Class, which runs what stands there."
-        ),
-    ] = False,
+    allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what it would take.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Begin anew, whatever --out holds.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path(
@@ -93,7 +89,7 @@ def benchmark(
     is what it plays in games that it has not seen. Written: [green]learners.csv learners.png[/].
 
     Results are kept as they come, in [green]results.sqlite[/]; killed at any moment, the same command goes on.
-    Written at the end: [green]leaderboard.csv[/]; `roletrust report` makes pages to look at.
+    Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes pages to look at.
 
     [bold]Examples[/]
 
@@ -116,7 +112,12 @@ def benchmark(
     if dry_run:
         _tell_cost(asked, workers)
         return
-    kept = _play(asked, _pool(workers, ray), force, out)
+    try:
+        with _pool(workers, ray) as pool:
+            kept = _play(asked, pool, force, out)
+    except KeyboardInterrupt:
+        errors.print("Stopped; what is played is kept, and the same command goes on (without --force)", soft_wrap=True)
+        raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         tell_learners(asked, kept, out)
     else:
@@ -126,18 +127,15 @@ def benchmark(
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[Kept]:
     """Play what is not there yet, and give back all that is there then."""
     prepare_folder(out)
-    if force:
-        for old in out.glob("results.sqlite*"):
-            old.unlink()
     every = kind_of(suite).cells(suite)
-    with Store(out / "results.sqlite", suite) as store:
+    with Store(out / "results.sqlite", suite, anew=force) as store:
         finished = store.finished()
         left = [cell for cell in every if cell.key not in finished]
         if finished:
             console.print(f"[dim]{len(finished):,} of {len(every):,} cells are there already.[/]")
-        with progress_bar() as progress:
+        with progress_bar() as progress, closing(pool.play(suite, left)) as playing:
             job = progress.add_task(f"Playing {suite.name}", total=len(every), completed=len(finished))
-            for cell, done in pool.play(suite, left):
+            for cell, done in playing:
                 store.add(cell, done)
                 progress.advance(job)
                 if done.failed:
@@ -150,19 +148,24 @@ def _tell(suite: Suite, kept: Sequence[Kept], out: Path) -> None:
     names = models(suite)
     rows = standings(suite, kept, names, len(cells(suite)) // len(names))
     write_csv(out / "leaderboard.csv", HEADER, [row.line() for row in rows])
-    console.print(_table(suite, rows))
+    played = command(suite, out / "results.sqlite")
+    write_text(out / "leaderboard.md", leaderboard_markdown(suite, rows, played))
+    console.print(leaderboard_table(suite, rows))
     for line in caveats(suite, kept, attacked(kept), names):
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
-    console.print(f"Written to {out}: results.sqlite, leaderboard.csv", soft_wrap=True)
+    console.print(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md", soft_wrap=True)
 
 
-def _pool(workers: int | None, ray: str | None) -> Pool:
-    """Who plays the cells."""
+@contextmanager
+def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
+    """Who plays the cells; a cluster is left at the end."""
     if ray is None:
-        return Here(workers)
+        yield Here(workers)
+        return
     from experiments.benchmark.cluster import Cluster
 
-    return Cluster(ray)
+    with closing(Cluster(ray)) as cluster:
+        yield cluster
 
 
 def _asked(
@@ -218,25 +221,3 @@ def _tell_cost(suite: AnySuite, workers: int | None) -> None:
     number = workers or cores()
     console.print(table)
     console.print(f"In all about {in_time(total)} of one core, {in_time(total / number)} on {number}.")
-
-
-def _table(suite: Suite, rows: Sequence[Standing]) -> Table:
-    caption = (
-        "utility of who goes by trust, ± half the 95% interval over the games; worst: over all attacks, chosen on "
-        "other games. damage, AUC: in the worst case. alarms: false ones, all honest. holds: how sure the rank is"
-    )
-    table = number_table(f"Leaderboard, suite {suite.name}", caption, "clean", "worst", "damage", "alarms", "AUC")
-    table.add_column("holds", justify="right", no_wrap=True)
-    table.columns[0].no_wrap = True
-    for row in rows:
-        sure = [_words(row.clean, half=True), _words(row.worst, half=True)]
-        rest = [_words(estimate) for estimate in (row.damage, row.false_alarms, row.detection)]
-        holds = f"{row.missing} cells missing" if row.missing else f"{row.holds:.0%}"
-        table.add_row(f"{row.rank:2} {row.model}", *sure, *rest, holds)
-    return table
-
-
-def _words(estimate: Estimate, *, half: bool = False) -> str:
-    if estimate.mean != estimate.mean:
-        return "-"
-    return f"{estimate.mean:.3f}±{estimate.half:.3f}" if half else f"{estimate.mean:.3f}"

@@ -11,6 +11,9 @@ from rich.table import Table
 
 from experiments.results.claims import Claim
 
+ALLOW_CODE = "Let the file name classes that are not installed, package.module:Class, which runs what stands there."
+"""What the option of that name does, wherever a file names models or attacks."""
+
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 

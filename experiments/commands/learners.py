@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from experiments.benchmark.battery import SEARCHING
-from experiments.benchmark.learners.board import standings
+from experiments.benchmark.learners.board import standings, title
 from experiments.benchmark.learners.contestants import contestant
 from experiments.benchmark.learners.learner import registry
 from experiments.benchmark.learners.suite import LearnersSuite
@@ -45,8 +45,7 @@ def tell_learners(suite: LearnersSuite, kept: Sequence[Kept], out: Path) -> None
 
     scales, found = standings(suite, kept)
     write_csv(out / "learners.csv", HEADER, lines(found))
-    about = f"Learners, suite {suite.name}, {len(suite.seeds)} seeds"
-    write_figure(out / "learners.png", learners_figure(about, found, scales))
+    write_figure(out / "learners.png", learners_figure(title(suite), found, scales))
     console.print(_table(suite, found, scales))
     for task, scale in scales.items():
         console.print(f"[dim]{escape(task)}: 1 is {escape(scale.words)}, {scale.top:.4f}[/]", soft_wrap=True)

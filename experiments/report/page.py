@@ -1,4 +1,4 @@
-"""The HTML file: the template with the leaderboard, the figures and their numbers, and all that it needs inside."""
+"""The HTML file: the template with tables, figures and their numbers, and all that it needs inside."""
 
 import json
 import math
@@ -13,6 +13,7 @@ from markupsafe import Markup
 from experiments.report.content import Content
 from experiments.report.figures import figures
 from experiments.report.looks import looks
+from experiments.results.confidence import Interval
 from experiments.results.measures import Estimate
 
 _DIGITS = 4
@@ -29,29 +30,31 @@ def page(content: Content, command: str) -> str:
         content: what it tells.
         command: that makes it, as a person types it.
     """
+    styles = {
+        who: {name: look._asdict() for name, look in looks(part.order).items()}
+        for who, part in (("model", content.robustness), ("learner", content.learners))
+        if part is not None
+    }
     told = {
         "tables": {name: _plain(table.columns()) for name, table in content.tables.items()},
-        "looks": {name: look._asdict() for name, look in looks(content.order).items()},
+        "looks": styles,
         "figures": {name: json_item(found) for name, found in figures(content).items()},
     }
     environment = Environment(
         loader=PackageLoader("experiments.report", "template"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"estimate": _estimate, "number": _number, "share": _share}
+    environment.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
     return environment.get_template("page.html").render(
-        content=content,
+        told=content.robustness,
+        learned=content.learners,
+        sections=content.parts,
         command=command,
-        looks=told["looks"],
+        looks=styles,
         chosen=_CHOSEN,
-        choices={name: _choices(content, name) for name in ("heatmap", "curves", "breakdown", "tradeoff")},
-        told=Markup(_script_safe(json.dumps(told, allow_nan=False, separators=(",", ":")))),
+        choices={name: table.choices() for name, table in content.tables.items()},
+        data=Markup(_script_safe(json.dumps(told, allow_nan=False, separators=(",", ":")))),
         bokeh=Markup(Resources(mode="inline", components=["bokeh"]).render_js()),
     )
-
-
-def _choices(content: Content, name: str) -> list[str]:
-    """What the first column of a table holds: of these the reader chooses one."""
-    return list(dict.fromkeys(row[0] for row in content.tables[name].rows))
 
 
 def _script_safe(text: str) -> str:
@@ -59,8 +62,15 @@ def _script_safe(text: str) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _plain(columns: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
-    return {name: [_value(value) for value in values] for name, values in columns.items()}
+def _plain(columns: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    return {name: _shared([_value(value) for value in values]) for name, values in columns.items()}
+
+
+def _shared(values: list[Any]) -> Any:
+    """A column; where most values come again and again, each of them once, and where it stands."""
+    places: dict[str, int] = {}
+    at = [places.setdefault(json.dumps(value), len(places)) for value in values]
+    return {"values": [json.loads(text) for text in places], "at": at} if 2 * len(places) < len(values) else values
 
 
 def _value(value: Any) -> Any:
@@ -78,6 +88,11 @@ def _number(value: float) -> str:
 def _estimate(value: Estimate) -> Markup:
     half = "" if math.isnan(value.half) else f" ± {value.half:.3f}"
     return Markup('{}<span class="half">{}</span>').format(_number(value.mean), half)
+
+
+def _interval(value: Interval) -> Markup:
+    ends = "" if math.isnan(value.low) else f" {value.low:.2f} to {value.high:.2f}"
+    return Markup('{}<span class="half">{}</span>').format(_number(value.value), ends)
 
 
 def _share(value: float) -> str:

@@ -7,9 +7,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.benchmark.board import Standing
+from experiments.benchmark.learners.board import title
+from experiments.plots.learners import learners_figure
 from experiments.plots.style import ATTACKER, HONEST, INK, QUIET, tidy
-from experiments.report.content import Content, Table
+from experiments.report.content import Content
 from experiments.report.looks import Look, looks
+from experiments.report.robustness import Robustness
+from experiments.report.table import Table
 
 _MARKS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D", "inverted_triangle": "v"}
 _LINES = 6
@@ -18,30 +23,37 @@ _LINES = 6
 
 def pictures(content: Content) -> dict[str, Figure]:
     """A picture for each table, by its name."""
-    styles = dict(list(looks(content.order).items())[:_LINES])
+    found = _of_models(content.robustness) if content.robustness else {}
+    if told := content.learners:
+        found["learners"] = learners_figure(title(told.suite), told.found, told.scales)
+    return found
+
+
+def _of_models(told: Robustness) -> dict[str, Figure]:
+    styles = dict(list(looks(told.order).items())[:_LINES])
     return {
-        "leaderboard": _leaderboard(content),
-        "heatmap": _panels(content.tables["heatmap"], _heat, content.order, (10.4, 0.3 * len(content.order) + 2.2)),
-        "curves": _panels(content.tables["curves"], _curves, styles, (8.4, 3.2)),
-        "breakdown": _panels(content.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
-        "tradeoff": _panels(content.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
+        "leaderboard": _leaderboard(told.standings),
+        "heatmap": _panels(told.tables["heatmap"], _heat, told.order, (10.4, 0.3 * len(told.order) + 2.2)),
+        "curves": _panels(told.tables["curves"], _curves, styles, (8.4, 3.2)),
+        "breakdown": _panels(told.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
+        "tradeoff": _panels(told.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
     }
 
 
-def _leaderboard(content: Content) -> Figure:
+def _leaderboard(standings: Sequence[Standing]) -> Figure:
     """Clean and worst-case utility of each model, with their intervals."""
-    figure = Figure(figsize=(8.4, 1.3 + 0.3 * len(content.standings)), layout="constrained")
+    figure = Figure(figsize=(8.4, 1.3 + 0.3 * len(standings)), layout="constrained")
     axes = figure.subplots()
-    places = np.arange(len(content.standings))
+    places = np.arange(len(standings))
     for name, field, colour, mark in (("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")):
-        found = [getattr(row, field) for row in content.standings]
+        found = [getattr(row, field) for row in standings]
         halves = [0 if np.isnan(one.half) else one.half for one in found]
         axes.errorbar(
             [one.mean for one in found], places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5, ms=6
         )
-    ends = [(row.worst.mean, row.clean.mean) for row in content.standings]
+    ends = [(row.worst.mean, row.clean.mean) for row in standings]
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
-    axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in content.standings])
+    axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings])
     axes.invert_yaxis()
     axes.set_xlabel("utility of going by trust, with 95% intervals", color=INK)
     _quiet(axes, "x")

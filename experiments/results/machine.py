@@ -1,6 +1,7 @@
 """What a run would take of this machine, said before it starts."""
 
 import os
+import platform
 import re
 import tracemalloc
 from collections.abc import Callable, Iterator
@@ -68,6 +69,12 @@ def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
             f"{option} {number:,} would take about {in_bytes(number * each)} of memory{hint}; "
             f"{in_bytes(free)} can be had, enough for about {fits:,}"
         )
+
+
+def processor() -> str:
+    """What this machine computes with: other processors may round the same sums otherwise."""
+    found = re.search(r"^model name\s*:\s*(.+)$", _read("/proc/cpuinfo"), re.MULTILINE)
+    return found[1] if found else platform.processor() or platform.machine()
 
 
 def available() -> float:

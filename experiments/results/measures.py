@@ -75,7 +75,7 @@ def measure(
         if any(group.label == label for group in groups):  # the same attack with other parameters
             label = f"{label} ({roster.names[places[0]]} ...)"
         trust, rewards = curves.trust[:, places], curves.rewards[:, places]
-        present = _estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
+        present = estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
         measures = _measures(trust, rewards, since)
         if not _rated(role, rates_raters):
             measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
@@ -184,14 +184,14 @@ def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]
         each_round[-1],
         mean_where(rewards, axis=(0, 1)),
     )
-    return {name: _estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
+    return {name: estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
 
 
 def _scored(score: Score) -> Estimate:
     """The mean of a score over games, and why and how often it is undefined."""
     missing, games = int(np.isnan(score.value).sum()), score.value.size
     where = f", in {missing} of {games} games" if missing < games else ""
-    return _estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")
+    return estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")
 
 
 def _undefined(games: int, why: str) -> Score:
@@ -206,7 +206,8 @@ def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
     return roles
 
 
-def _estimate(per_game: Floats) -> Estimate:
+def estimate(per_game: Floats) -> Estimate:
+    """The mean of one number for each game, (E,), NaN where a game has none."""
     mean, half, _ = over_games(per_game)
     return Estimate(float(mean), float(half))
 

@@ -26,10 +26,19 @@ SPAWN = multiprocessing.get_context("forkserver")
 SPAWN.set_forkserver_preload([f"roletrust_env.live.nodes.{name}" for name in ("assess", "cam", "manage")])
 
 
+_started = []
+
+
 @pytest.fixture(autouse=True)
 def own_domain(monkeypatch):
+    """A domain in which nobody else is, and nobody is left after the test."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    yield
+    while _started:
+        left = _started.pop()
+        left.kill()
+        left.join()
 
 
 @pytest.fixture
@@ -42,6 +51,7 @@ def process(run, **arguments):
     """A process that runs a node."""
     made = SPAWN.Process(target=run, kwargs=arguments, daemon=True)
     made.start()
+    _started.append(made)
     return made
 
 

@@ -21,17 +21,22 @@ def parameters(count: int = 5_000, most: int = 1_000_000) -> tuple[np.ndarray, n
 
 def test_masses_are_those_of_scipy() -> None:
     a, b, x = parameters()
+    np.testing.assert_allclose(beta.mass_below(x, a, b), special.betainc(a, b, x), rtol=0, atol=1e-8)
+
+
+def test_masses_of_little_evidence_are_nearer_still() -> None:
+    a, b, x = parameters(most=100)
     np.testing.assert_allclose(beta.mass_below(x, a, b), special.betainc(a, b, x), rtol=0, atol=1e-9)
 
 
 def test_masses_of_torch_are_those_of_scipy() -> None:
     a, b, x = parameters()
     tensors = map(torch.asarray, (x, a, b))
-    np.testing.assert_allclose(beta.mass_below(*tensors).numpy(), special.betainc(a, b, x), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(beta.mass_below(*tensors).numpy(), special.betainc(a, b, x), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
-@pytest.mark.parametrize(("most", "within"), [(100, 1e-5), (10_000, 3e-4)])
+@pytest.mark.parametrize(("most", "within"), [(100, 1e-5), (10_000, 1e-3)])
 def test_single_precision_is_as_good_as_it_gets(asarray: Callable, most: int, within: float) -> None:
     single = [array.astype(np.float32) for array in parameters(most=most)]
     a, b, x = (array.astype(float) for array in single)
@@ -39,13 +44,13 @@ def test_single_precision_is_as_good_as_it_gets(asarray: Callable, most: int, wi
     mass, found = beta.mass_below(tensors[2], *tensors[:2]), beta.quantile(0.01, *tensors[:2])
     assert mass.dtype == found.dtype == tensors[0].dtype
     np.testing.assert_allclose(np.asarray(mass), special.betainc(a, b, x), rtol=0, atol=within)
-    np.testing.assert_allclose(np.asarray(found), special.betaincinv(a, b, 0.01), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(found), special.betaincinv(a, b, 0.01), rtol=0, atol=2e-6)
 
 
 @pytest.mark.parametrize("q", [1e-6, 1e-3, 0.01, 0.2, 0.45, 0.5, 0.8, 0.99, 1 - 1e-6])
 def test_quantiles_are_those_of_scipy(q: float) -> None:
     a, b, _ = parameters(2_000)
-    within = 1e-9 if 1e-3 <= q <= 1 - 1e-3 else 1e-6
+    within = 1e-8 if 1e-3 <= q <= 1 - 1e-3 else 1e-6
     np.testing.assert_allclose(beta.quantile(q, a, b), special.betaincinv(a, b, q), rtol=0, atol=within)
 
 

@@ -96,7 +96,7 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
     assert start(same.scenario).nature.ability is not None
     histories = (record(Cast(one, {}), one.random(0), (3,)) for one in (game, same))
     for a, b in zip(*histories, strict=True):
-        assert np.array_equal(a, b)
+        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize(

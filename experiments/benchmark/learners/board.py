@@ -11,6 +11,11 @@ from experiments.results.learners import Result, Run, Scale, results, scale
 _WORDS = dict(zip(TOPS, ("the exact optimum", "a bound that is proven"), strict=True))
 
 
+def title(suite: LearnersSuite) -> str:
+    """Of a picture of the results."""
+    return f"Learners, suite {suite.name}, {len(suite.seeds)} seeds"
+
+
 def standings(suite: LearnersSuite, kept: Sequence[tuple[Trial, Done]]) -> tuple[dict[str, Scale], list[Result]]:
     """What share 0 and 1 are on each task that has been played, and what each learner reaches.
 

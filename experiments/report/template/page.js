@@ -1,83 +1,118 @@
 "use strict";
-// Fills the figures with what the reader chose, sorts and filters the leaderboard, and keeps to light or dark.
+// Fills the figures with what the reader chose, and keeps to light or dark.
 
 const told = JSON.parse(document.getElementById("told").textContent);
-const WORST = "each model's worst case";
+const WORST = "each model's worst case", ALL = "every attack";
 const plots = {}; // by the name of their section
 
 const values = (list, pick) => pick.map((i) => list[i]);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const section = (name) => document.getElementById(name);
 const source = (name, part) => plots[name].document.get_model_by_name(part);
-const ranked = Object.keys(told.looks);
+const who = (name) => (name === "learners" ? "learner" : "model");
+const ranked = (name) => Object.keys(told.looks[who(name)]);
+const chooser = (name) => document.querySelector(`.chooser[data-who=${who(name)}]`);
 
-function chosenModels() {
-  return new Set([...document.querySelectorAll("#models input:checked")].map((box) => box.value));
+// A column whose values come again and again holds each of them once, and where it stands.
+for (const table of Object.values(told.tables)) {
+  for (const [column, list] of Object.entries(table)) if (!Array.isArray(list)) table[column] = values(list.values, list.at);
 }
 
-// Places of the rows of a table that the controls of its section let through.
-function shown(name) {
-  const table = told.tables[name];
-  const models = name === "heatmap" ? new Set(ranked) : chosenModels();
-  const asked = [...section(name).querySelectorAll("select")].map((select) => [select.dataset.column, select.value]);
-  return table.model
-    .map((_, i) => i)
-    .filter((i) => models.has(table.model[i]))
-    .filter((i) => asked.every(([column, value]) => (value === WORST ? table.worst[i] : table[column][i] === value)));
+function chosen(name) {
+  if (name === "heatmap") return new Set(ranked(name));
+  return new Set([...chooser(name).querySelectorAll("input:checked")].map((box) => box.value));
 }
 
-const look = (models) => ({
-  colour: models.map((model) => told.looks[model].colour),
-  dash: models.map((model) => told.looks[model].dash),
-  mark: models.map((model) => told.looks[model].mark),
-});
-
+// What the controls of a figure's section let through of its table, column by column.
 function picked(name) {
-  const pick = shown(name);
-  return Object.fromEntries(Object.entries(told.tables[name]).map(([column, list]) => [column, values(list, pick)]));
+  const table = told.tables[name];
+  const names = chosen(name);
+  const asked = [...section(name).querySelectorAll("select")].map((select) => [select.dataset.column, select.value]);
+  const fits = ([column, value], i) => {
+    if (value === WORST || value === "") return table.worst[i];
+    return value === ALL || table[column][i] === value;
+  };
+  const pick = table[who(name)]
+    .map((_, i) => i)
+    .filter((i) => names.has(table[who(name)][i]) && asked.every((one) => fits(one, i)));
+  return Object.fromEntries(Object.entries(table).map(([column, list]) => [column, values(list, pick)]));
+}
+
+function look(name, names) {
+  const of = (part) => names.map((one) => told.looks[who(name)][one][part]);
+  return { colour: of("colour"), dash: of("dash"), mark: of("mark") };
+}
+
+// One line for each name, through its rows.
+function joined(name, rows, x, y) {
+  const names = [...new Set(rows[who(name)])];
+  const of = (one, column) => rows[column].filter((_, i) => rows[who(name)][i] === one);
+  const { colour, dash } = look(name, names);
+  return {
+    xs: names.map((one) => of(one, x)), ys: names.map((one) => of(one, y)), [who(name)]: names, colour, dash,
+  };
 }
 
 const fill = {
   heatmap(rows) {
     const plot = plots.heatmap;
-    const attacks = [...new Set(rows.attack)];
-    plot.x_range.factors = attacks;
-    plot.y_range.factors = ranked.filter((model) => rows.model.includes(model)).reverse();
-    section("heatmap").querySelector(".figure").style.minWidth = `${220 + 24 * attacks.length}px`;
+    const overview = section("heatmap").querySelector("select").value === "";
+    const column = overview ? rows.condition : rows.attack;
+    const columns = [...new Set(column)];
+    plot.x_range.factors = columns;
+    plot.y_range.factors = ranked("heatmap").filter((model) => rows.model.includes(model)).reverse();
+    section("heatmap").querySelector(".figure").style.minWidth = `${220 + 25 * columns.length}px`;
     const least = Math.min(...told.tables.heatmap.utility.filter((x) => x !== null));
-    const mark = rows.worst.map((worst) => (worst ? "●" : ""));
     const ink = rows.utility.map((x) => (x - least < 0.5 * (1 - least) ? "#ffffff" : "#000000"));
-    source("heatmap", "cells").data = { ...rows, mark, ink };
+    const frame = rows.worst.map((worst, i) => (worst && !overview ? ink[i] : "#00000000"));
+    const text = rows.utility.map((x) => (x === null ? "" : String(Math.round(100 * x))));
+    source("heatmap", "cells").data = { ...rows, column, text, ink, frame };
   },
   curves(rows) {
-    const { colour, dash } = look(rows.model);
+    const { colour, dash } = look("curves", rows.model);
     const { model, attack } = rows;
-    source("curves", "lines").data = { xs: rows.rounds, ys: rows.utility, model, attack, colour, dash };
+    const all = section("curves").querySelector("[data-column=attack]").value === ALL;
+    const wide = rows.worst.map((worst) => (!all ? 2.2 : worst ? 3.2 : 1));
+    const strength = rows.worst.map((worst) => (!all || worst ? 1 : 0.4));
+    source("curves", "lines").data = { xs: rows.rounds, ys: rows.utility, model, attack, colour, dash, wide, strength };
   },
   breakdown(rows) {
-    const models = [...new Set(rows.model)];
-    const of = (model, column) => rows[column].filter((_, i) => rows.model[i] === model);
-    const { colour, dash } = look(models);
-    source("breakdown", "lines").data = {
-      xs: models.map((model) => of(model, "share")),
-      ys: models.map((model) => of(model, "utility")),
-      model: models, colour, dash,
-    };
+    source("breakdown", "lines").data = joined("breakdown", rows, "share", "utility");
     const ends = (sign) => rows.utility.map((x, i) => x + sign * (rows.utility_half_95[i] ?? 0));
-    const { mark } = look(rows.model);
-    source("breakdown", "points").data = {
-      ...rows, low: ends(-1), high: ends(1), colour: look(rows.model).colour, mark,
-    };
+    const { colour, mark } = look("breakdown", rows.model);
+    source("breakdown", "points").data = { ...rows, low: ends(-1), high: ends(1), colour, mark };
   },
   tradeoff(rows) {
-    const { colour, mark } = look(rows.model);
-    source("tradeoff", "points").data = { ...rows, colour, mark };
+    const { colour, mark } = look("tradeoff", rows.model);
+    source("tradeoff", "points").data = { ...rows, size: rows.worst.map((worst) => (worst ? 15 : 7)), colour, mark };
+  },
+  learners(rows) {
+    source("learners", "lines").data = joined("learners", rows, "budget", "share");
+    const end = (column) => rows[column].map((x, i) => x ?? rows.share[i]);
+    const { colour, mark } = look("learners", rows.learner);
+    const [low, high] = [Math.min(...end("share_low_95"), 0), Math.max(...end("share_high_95"), 1)];
+    plots.learners.y_range.setv({ start: Math.max(low, -0.5) - 0.04, end: high + 0.04 }); // far below honest is as bad
+    source("learners", "points").data = { ...rows, low: end("share_low_95"), high: end("share_high_95"), colour, mark };
   },
 };
+
+// Whose line is whose, above the figure.
+function writeLegend(name, names) {
+  const there = new Set(names);
+  const labels = [...chooser(name).querySelectorAll("label")];
+  section(name).querySelector(".legend").replaceChildren(
+    ...labels.filter((label) => there.has(label.querySelector("input").value)).map((label) => {
+      const item = document.createElement("li");
+      item.append(...[...label.children].slice(1).map((part) => part.cloneNode(true)));
+      return item;
+    }),
+  );
+}
 
 function refresh(name) {
   const rows = picked(name);
   fill[name](rows);
+  if (name !== "heatmap") writeLegend(name, rows[who(name)]);
   const details = section(name).querySelector(".numbers");
   if (details.open) write(details.querySelector("div"), rows);
 }
@@ -98,7 +133,7 @@ function write(place, rows) {
   };
   line(table.createTHead(), "th", columns);
   const body = table.createTBody();
-  (rows.model ?? []).forEach((_, i) => line(body, "td", columns.map((column) => rows[column][i])));
+  Object.values(rows)[0].forEach((_, i) => line(body, "td", columns.map((column) => rows[column][i])));
   place.replaceChildren(table);
 }
 
@@ -108,8 +143,8 @@ function offerAttacks() {
   const table = told.tables.curves;
   const there = new Set(table.attack.filter((_, i) => table.condition[i] === condition.value));
   const before = attack.value;
-  attack.replaceChildren(...[WORST, ...[...there].sort()].map((name) => new Option(name, name)));
-  attack.value = before === WORST || there.has(before) ? before : WORST;
+  attack.replaceChildren(...[WORST, ALL, ...[...there].sort()].map((name) => new Option(name, name)));
+  attack.value = before === ALL || there.has(before) ? before : WORST;
 }
 
 function paint() {
@@ -132,33 +167,11 @@ function paint() {
   }
 }
 
-function sortBoard(heading) {
-  const place = heading.cellIndex;
-  const down = heading.ariaSort === "ascending" || (heading.ariaSort === "none" && place > 1);
-  each("#board thead th", (other) => other.setAttribute("aria-sort", "none"));
-  heading.setAttribute("aria-sort", down ? "descending" : "ascending");
-  const key = (row) => {
-    const cell = row.cells[place];
-    return cell.dataset.value === undefined ? cell.textContent : Number(cell.dataset.value);
-  };
-  const compare = (a, b) => {
-    if (typeof a === "string") return down ? b.localeCompare(a) : a.localeCompare(b);
-    if (Number.isNaN(a) || Number.isNaN(b)) return Number.isNaN(a) - Number.isNaN(b); // what is undefined is last
-    return down ? b - a : a - b;
-  };
-  const body = document.querySelector("#board tbody");
-  body.append(...[...body.rows].sort((a, b) => compare(key(a), key(b))));
-}
-
-function filterBoard() {
-  const words = section("filter").value.toLowerCase();
-  const rows = [...document.querySelectorAll("#board tbody tr")];
-  rows.forEach((row) => { row.hidden = !row.dataset.model.toLowerCase().includes(words); });
-  section("found").value = words ? `${rows.filter((row) => !row.hidden).length} of ${rows.length} models` : "";
-}
-
 async function start() {
-  offerAttacks();
+  if (told.figures.curves) {
+    offerAttacks();
+    section("curves").querySelector("select").addEventListener("change", offerAttacks);
+  }
   for (const [name, item] of Object.entries(told.figures)) {
     const views = await Bokeh.embed.embed_item(item, section(name).querySelector(".figure"));
     plots[name] = [...views][0].model;
@@ -168,16 +181,15 @@ async function start() {
   }
   paint();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
-  const below = Object.keys(plots).filter((name) => name !== "heatmap");
-  section("models").addEventListener("change", () => below.forEach(refresh));
-  each("[data-choose]", (button) => button.addEventListener("click", () => {
-    each("#models input", (box, i) => { box.checked = i < Number(button.dataset.choose); });
-    below.forEach(refresh);
-  }));
+  each(".chooser", (place) => {
+    const mine = Object.keys(plots).filter((name) => name !== "heatmap" && who(name) === place.dataset.who);
+    place.addEventListener("change", () => mine.forEach(refresh));
+    place.querySelectorAll("[data-choose]").forEach((button) => button.addEventListener("click", () => {
+      place.querySelectorAll("input").forEach((box, i) => { box.checked = i < Number(button.dataset.choose); });
+      mine.forEach(refresh);
+    }));
+  });
   document.documentElement.dataset.ready = "yes";
 }
 
-section("curves").querySelector("select").addEventListener("change", offerAttacks);
-section("filter").addEventListener("input", filterBoard);
-each("#board thead th", (heading) => heading.querySelector("button").addEventListener("click", () => sortBoard(heading)));
 start();

@@ -93,18 +93,45 @@ def test_a_model_that_ignores_ratings_is_last(played: list[Kept]) -> None:
 
 
 class Moody(Mean):
-    """Draws from a source of its own."""
+    """Draws from a source of its own, so little that a game lets it pass."""
 
     def provider_trust(self, state: object) -> object:
-        return super().provider_trust(state) * 0.9 + 0.1 * np.random.default_rng().random()
+        return super().provider_trust(state) * (1 - 1e-8 * np.random.default_rng().random())
 
 
 def test_what_plays_at_random_is_told() -> None:
     register_trust_model("moody", Moody)
-    told = caveats(small(), [], [], ["moody", "mean"])
+    run = [kept(model, row("lies", [0.5] * 2, [0.5] * 2)) for model in ("moody", "mean")]
+    told = caveats(small(), run, attacked(run), ["moody", "mean"])
     assert [line for line in told if "at random" in line] == [
         "moody: it plays at random, so that other runs find other numbers"
     ]
+
+
+def test_a_model_that_has_never_played_is_not_played_for_a_warning() -> None:
+    class Bomb(Mean):
+        def update(self, state: object, ratings: object, mask: object = None) -> object:
+            raise SystemExit(3)
+
+    register_trust_model("bomb", Bomb)
+    failed = Kept(Cell("bomb", "market", "raters", 0.5, "scripted", 0), Done((), 1.0, failed="given up"))
+    assert caveats(small(), [failed], [], ["bomb"]) == ["bomb, market, raters 0.5, scripted: given up"]
+
+
+def test_a_cell_of_which_a_part_failed_is_told_and_not_whole() -> None:
+    partly = RUN[1]._replace(done=RUN[1].done._replace(failed="attack noise: it broke"))
+    line = standings(SUITE, [RUN[0], partly, RUN[2]], ["mean"], 3)[0]
+    assert line.missing == 1
+    assert line.worst.mean == pytest.approx(0.8)
+    (told,) = caveats(SUITE, [partly], attacked([partly]), [])
+    assert told == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
+
+
+def test_nothing_is_said_of_a_planner_that_the_suite_has_not() -> None:
+    run = [kept("median", row("lies", [0.5] * 2, [0.5] * 2))]
+    jumps = "median: trust jumps, so the white-box planner could not attack it"
+    for rungs, said in ((["scripted"], False), (["scripted", "white-box planner"], True)):
+        assert (jumps in caveats(small(rungs=rungs), run, attacked(run), ["median"])) == said
 
 
 def test_searches_that_never_beat_the_scripts_are_told() -> None:

@@ -15,7 +15,7 @@ from experiments.benchmark.work import Done, Row
 
 SUITE = tiny()
 SCORES = {"utility": [0.25, None, 1.0]}
-DONE = Done((Row("bad-mouthing", "at its defaults", 0, SCORES, SCORES),), 1.5, env_steps=15)
+DONE = Done((Row("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None]),), 1.5, env_steps=15)
 
 
 @pytest.fixture
@@ -114,6 +114,32 @@ def test_what_is_no_file_of_a_run_is_refused_and_left_as_it_is(tmp_path, writing
         before = path.read_bytes()
         assert "no benchmark's file, or it is damaged" in refused(path, writing)
         assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE attacks SET measured = '[1, 2]'",
+        'UPDATE attacks SET chosen = \'{"utility": ["much"]}\'',
+        "UPDATE attacks SET by_round = '[1e999]'",
+        "UPDATE cells SET cell = '{\"ghost\": 1}'",
+        "UPDATE cells SET cell = '[]'",
+        f"UPDATE facts SET value = '{'[' * 100_000}' WHERE name = 'suite'",
+        "UPDATE facts SET value = '[1]' WHERE name = 'suite'",
+    ],
+)
+def test_a_file_that_somebody_made_up_is_refused(path, statement):
+    changed(path, statement)
+    refused(path)
+
+
+def test_who_begins_anew_throws_away_what_nobody_else_writes(path):
+    with Store(path, SUITE) as store:
+        with pytest.raises(ValueError, match="another run writes"):
+            Store(path, SUITE, anew=True)
+        assert len(store.all()) == 3
+    with Store(path, tiny(games=4), anew=True) as store:
+        assert store.all() == []
 
 
 def test_what_is_not_there_is_not_read(tmp_path):

@@ -86,28 +86,3 @@ def test_what_an_agent_cannot_be(tmp_path: Path, text: str, value: Any, message:
     with pytest.raises(ValueError, match=f"^scenario 'paper-3x3': {message}$") as error:
         make_scenario("paper-3x3").change(agents=groups)
     assert str(error.value) == line
-
-
-@pytest.mark.parametrize(
-    ("attack", "why"),
-    [
-        ("whitewashing", "calls identities in reserve"),
-        ("sybil:every=2", "calls identities in reserve"),
-        ("silent", "attacks by silence"),
-    ],
-)
-def test_a_ladder_has_no_attack_that_an_action_cannot_say(tmp_path: Path, attack: str, why: str) -> None:
-    line = told(
-        "ladder",
-        "ProviderAttack",
-        "--set",
-        agents(",reserve=1"),
-        "--compromised=sp_1",
-        "--attack",
-        attack,
-        out=tmp_path,
-    )
-    name = attack.partition(":")[0]
-    assert line.startswith(
-        f"sp_1 cannot play {name} in a task: that {why}, and a task's action has quality and ratings"
-    )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import large_run
 import numpy as np
 import pytest
 from command_line import run
@@ -20,18 +21,23 @@ from experiments.benchmark.work import play_cell
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
-SHOWN = {"heatmap": "cells", "curves": "lines", "breakdown": "points", "tradeoff": "points"}
+SHOWN = {"heatmap": "cells", "curves": "lines", "breakdown": "points", "tradeoff": "points", "learners": "points"}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of three models, and its report."""
+    """A run of three models, one of learners whose numbers are drawn, and the report on both."""
     here = tmp_path_factory.mktemp("report")
     suite = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
     with Store(here / "results.sqlite", suite) as store:
         for cell in cells(suite):
             store.add(cell, play_cell(suite, cell))
-    made = run("report", str(here / "results.sqlite"), "--out", str(here / "out"))
+    with Store(here / "learners.sqlite", large_run.learners()) as store:
+        for trial, done in large_run.kept_of_learners(large_run.learners()):
+            store.add(trial, done)
+    made = run(
+        "report", *(str(here / f"{name}.sqlite") for name in ("results", "learners")), "--out", str(here / "out")
+    )
     assert made.exit_code == 0, made.output
     return here
 
@@ -40,8 +46,8 @@ def mean(folder: Path, model: str, attack: str, track: str, share: float, name: 
     """Of what was measured, read from the file of the run by itself."""
     file = sqlite3.connect(folder / "results.sqlite")
     ((found,),) = file.execute(
-        "SELECT measured FROM attacks JOIN cells ON cell = key "
-        "WHERE model = ? AND attack = ? AND track = ? AND share = ?",
+        "SELECT measured FROM attacks JOIN cells ON attacks.cell = key WHERE cells.cell ->> 'model' = ? "
+        "AND attack = ? AND cells.cell ->> 'track' = ? AND cells.cell ->> 'share' = ?",
         (model, attack, track, share),
     )
     file.close()
@@ -79,16 +85,41 @@ def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "<script src" not in page
     assert "<script>alert" not in page
-    assert f"roletrust report {folder / 'results.sqlite'}" in page
+    both = f"{folder / 'results.sqlite'} {folder / 'learners.sqlite'}"
+    assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 7
+    assert page.count(f"<code>roletrust benchmark --suite custom.toml --out {folder}</code>") == 5
+    assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
 
 
-def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
+def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
+    made = run("report", str(folder / "learners.sqlite"), "--out", str(tmp_path / "out"))
+    assert made.exit_code == 0, made.output
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "learners.csv", "learners.png"}
+    for name in ("learners.csv", "learners.png"):
+        assert (tmp_path / "out" / name).read_bytes() == (folder / "out" / name).read_bytes()
+
+
+def test_the_leaderboard_in_markdown_has_the_numbers_of_the_other(folder: Path) -> None:
+    text = (folder / "out" / "leaderboard.md").read_text(encoding="utf-8").splitlines()
+    assert text[0] == "| rank | model | clean | worst | damage | alarms | AUC | holds |"
+    assert f"Made by `roletrust benchmark --suite custom.toml --out {folder}`." in text[-1]
+    for line, row in zip(text[2:-2], lines(folder, "leaderboard"), strict=True):
+        rank, model, clean, worst, *_ = line.strip("| ").split(" | ")
+        assert (rank, model) == (row["rank"], f"`{row['model']}`")
+        for found, name in ((clean, "clean"), (worst, "worst")):
+            assert found == f"{float(row[name]):.3f} ± {float(row[f'{name}_half_95']):.3f}"
+
+
+def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
     with Store(tmp_path / "empty.sqlite", small()):
         pass
     for name, said in (("none.sqlite", "there is no"), ("empty.sqlite", "no attack")):
         refused = run("report", str(tmp_path / name), "--out", str(tmp_path / "out"))
         assert refused.exit_code == 2
         assert said in refused.output
+    refused = run("report", *2 * [str(folder / "results.sqlite")], "--out", str(tmp_path / "out"))
+    assert refused.exit_code == 2
+    assert "both of a suite for robustness; a report is on one of each kind" in " ".join(refused.output.split())
     assert not (tmp_path / "out").exists()
 
 
@@ -132,8 +163,13 @@ def test_in_a_browser_every_figure_has_data_and_every_control_works(page: Any, f
 
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     for name in SHOWN:
-        assert data(name)["model"], name
+        assert data(name)["learner" if name == "learners" else "model"], name
+        assert page.locator(f"#{name} .legend li").count() or name == "heatmap"
         assert page.locator(f"#{name} canvas").count()
+    # First the worst case of each condition.
+    cells = data("heatmap")
+    assert cells["worst"] == [True] * len(cells["model"])
+    assert cells["column"] == cells["condition"]
     # The choice of a condition, and the numbers against the run's.
     page.select_option("#heatmap select", "market, raters 25%")
     cells = data("heatmap")
@@ -143,11 +179,27 @@ def test_in_a_browser_every_figure_has_data_and_every_control_works(page: Any, f
     page.select_option("#curves select >> nth=0", "market, raters 50%")
     page.select_option("#curves select >> nth=1", "bad-mouthing")
     assert set(data("curves")["attack"]) == {"bad-mouthing"}
+    page.select_option("#curves select >> nth=1", "every attack")
+    assert len(set(data("curves")["attack"])) > 10
+    # Learners, by task, against what their trials scored: share 0 is 0.05, and 1 is 0.7.
+    page.select_option("#learners select", "provider")
+    points = data("learners")
+    assert points["share"] == pytest.approx([(score - 0.05) / 0.65 for score in points["score"]], abs=0.05)
+    file = sqlite3.connect(folder / "learners.sqlite")
+    for learner, budget, score in zip(points["learner"], points["budget"], points["score"], strict=True):
+        scored = file.execute("SELECT measured FROM attacks WHERE cell LIKE ?", (f"provider|{learner}|{budget}|%",))
+        assert score == pytest.approx(np.mean([json.loads(found)["score"] for (found,) in scored]), abs=1e-4)
+    file.close()
+    page.uncheck(".chooser[data-who=learner] input[value=SAC]")
+    assert "SAC" not in data("learners")["learner"]
+    assert page.locator("#learners .legend li").count() == 5
+    page.click("#learners-board thead button >> nth=0")
+    assert page.locator("#learners-board tbody td").first.inner_text() == "6"
     # The models of the lower figures.
-    page.uncheck("#models input[value=constant]")
+    page.uncheck(".chooser[data-who=model] input[value=constant]")
     for name in ("curves", "breakdown", "tradeoff"):
         assert set(data(name)["model"]) <= {"mean", "role-trust"}
-    page.click("text=none")
+    page.click(".chooser[data-who=model] [data-choose='0']")
     assert data("breakdown")["model"] == []
     # The numbers as a table, by keyboard.
     page.focus("#heatmap .numbers summary")

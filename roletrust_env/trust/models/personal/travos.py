@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
-from roletrust_env.trust.beta import mass_between, reputation
+from roletrust_env.trust.beta import mass_below, mass_between, reputation
 from roletrust_env.trust.judges import others, published_providers, published_raters
 
 _FLAT = 1 / math.sqrt(12)
@@ -113,8 +113,12 @@ class Travos:
 
     def _accuracy(self, good: Array, bad: Array) -> Array:
         """Rho, how right opinions in each bin were, shape (S, S, bins, ...)."""
-        low, high = self._edges(good[0])
-        return mass_between(low, high, good + 1, bad + 1)
+        xp, a, b = namespace(good), good + 1, bad + 1
+        inner = self._edges(good[0])[0][1:]
+        none = xp.zeros_like(a[:, :, :1, ...])  # is the mass below 0
+        below = xp.concat([none, mass_below(inner, a[:, :, 1:, ...], b[:, :, 1:, ...])], axis=2)
+        until = xp.concat([mass_below(inner, a[:, :, :-1, ...], b[:, :, :-1, ...]), none + 1], axis=2)
+        return xp.clip(until - below, 0.0, 1.0)
 
     def _trust(self, successes: Array, failures: Array, accuracy: Array) -> Array:
         """The judges' trust in the providers, shape (S, P, ...), of rho, shape (S judges, S advisers, P, ...)."""

@@ -1,0 +1,214 @@
+"""`roletrust benchmark`: what goes wrong in a run is one clear line each, and the rest of it is unharmed."""
+
+import csv
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command_line import run
+
+from experiments.benchmark.store import Store
+from experiments.benchmark.suite import load_suite
+
+SUITE = """
+models = ["mean"]
+attacks = ["bad-mouthing"]
+rungs = ["scripted"]
+games = 3
+limit_s = 15
+[scenarios.market]
+preset = "market"
+set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", count = 3, ability = [0.3, 1.0] }] }
+[tracks.honest]
+[tracks.raters]
+roles = ["SR"]
+shares = [0.3]
+"""
+CODE = "from experiments import main; main()"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(SUITE)
+    return tmp_path
+
+
+def benchmark(*options: str) -> tuple[int, list[str]]:
+    """Exit code, and the lines that are printed."""
+    result = run("benchmark", "--suite", "tiny.toml", "--workers", "2", "--out", "out", *options)
+    return result.exit_code, result.output.splitlines()
+
+
+def board(here: Path) -> dict[str, dict[str, str]]:
+    with (here / "out" / "leaderboard.csv").open() as file:
+        return {row["model"]: row for row in csv.DictReader(file)}
+
+
+def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: Path) -> None:
+    (here / "tiny.toml").write_text(SUITE.partition("[tracks.raters]")[0])
+    assert benchmark()[0] == 0
+    alone = board(here)["mean"]
+    said = {
+        "NotANumber": "nan",
+        "TooMuch": "[0, 1]",
+        "Hanging": "given up after 15 seconds",
+        "Raising": "RuntimeError: two lines",
+        "Leaving": "SystemExit: 3",
+        "Dying": "died 3 times",
+    }
+    models = [f"--model=benchmark_cases:{name}" for name in said]
+    code, lines = benchmark("--model=mean", *models, "--force")
+    assert code == 0, lines
+    for name, words in said.items():
+        told = [line for line in lines if line.startswith(f"benchmark_cases:{name}|")]
+        assert len(told) == 1, (name, lines)
+        assert all(words in line for line in told)
+        assert board(here)[f"benchmark_cases:{name}"]["missing"] == "1"
+    assert {**board(here)["mean"], "holds": ""} == {**alone, "holds": ""}
+
+
+def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path) -> None:
+    attacks = [f"--attack=benchmark_cases:{name}" for name in ("NanRater", "WildRater", "BrokenRater")]
+    code, lines = benchmark("--attack=bad-mouthing", *attacks)
+    assert code == 0, lines
+    (told,) = (line for line in lines if line.startswith("mean|market|raters"))
+    for words in ("attack benchmark_cases:NanRater: ", "attack benchmark_cases:WildRater: ", "ZeroDivisionError"):
+        assert words in told
+    assert any(line.endswith("its other 1 attacks count") for line in lines)
+    assert board(here)["mean"]["missing"] == "1"
+    assert float(board(here)["mean"]["worst"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--model", "meen"], "unknown trust model 'meen'; did you mean 'mean'?"),
+        (["--attack", "bad-mouth"], "unknown attacker 'bad-mouth'"),
+        (["--model", "os:system:command=touch hacked"], "'os:system' must make a TrustModel"),
+        (["--attack", "os:system:command=touch hacked"], "'os:system' must make a Policy"),
+        (["--suite", "tidy"], "unknown suite 'tidy'; known:"),
+    ],
+)
+def test_a_name_that_nobody_has_is_refused_before_anything_happens(here: Path, options: list[str], words: str) -> None:
+    code, lines = benchmark(*options)
+    assert code == 2
+    (line,) = lines
+    assert words in line
+    assert sorted(path.name for path in here.iterdir()) == ["tiny.toml"]
+
+
+def other_version(path: Path) -> None:
+    file = sqlite3.connect(path)
+    with file:
+        file.execute("UPDATE facts SET value = '99' WHERE name = 'format'")
+    file.close()
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"), [(truncate, "or it is damaged"), (other_version, "has the format 99; this version reads")]
+)
+def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, spoil: object, words: str) -> None:
+    benchmark()
+    path = here / "out" / "results.sqlite"
+    spoil(path)
+    before = path.read_bytes()
+    code, lines = benchmark()
+    assert (code, len(lines)) == (2, 1)
+    assert words in lines[0]
+    assert path.read_bytes() == before
+    assert benchmark("--force")[0] == 0
+
+
+def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path) -> None:
+    benchmark()
+    path = here / "out" / "results.sqlite"
+    with Store(path) as store:
+        suite = store.suite
+    with Store(path, suite):
+        for options in ([], ["--force"]):
+            code, lines = benchmark(*options)
+            assert (code, len(lines)) == (2, 1)
+            assert "another run writes to" in lines[0]
+    with Store(path) as store:
+        assert len(store.all()) == 2
+
+
+def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Path) -> None:
+    limit = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+    limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (33_000, resource.RLIM_INFINITY)); "
+    options = ["benchmark", "--suite", "tiny.toml", "--workers", "1", "--out", "out"]
+    text = SUITE.replace("games = 3", "games = 60").replace("[0.3]", "[0.3, 0.4, 0.5]")
+    (here / "tiny.toml").write_text(text)
+    full = subprocess.run(
+        [sys.executable, "-c", limit + CODE, *options], env=ENVIRONMENT, capture_output=True, text=True, timeout=300
+    )
+    assert full.returncode == 2, full.stderr
+    assert "Traceback" not in full.stderr
+    (line,) = full.stderr.splitlines()
+    assert "results.sqlite cannot be written" in line
+    assert "make room and go on" in line
+    with Store(here / "out" / "results.sqlite") as store:
+        there = len(store.finished())
+    code, lines = benchmark()
+    assert code == 0, lines
+    assert not there or any(f"{there} of 4 cells are there already" in line for line in lines)
+    assert board(here)["mean"]["missing"] == "0"
+
+
+def children(pid: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if entry.read_text().rpartition(")")[2].split()[1] == str(pid):
+                found.append(int(entry.parent.name))
+        except OSError:  # it has ended
+            continue
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
+def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
+    options = ["benchmark", "--suite", "tiny.toml", "--model", "mean", "--model", "benchmark_cases:Hanging"]
+    (here / "tiny.toml").write_text(SUITE.replace("limit_s = 15", "limit_s = 600"))
+    process = subprocess.Popen(
+        [sys.executable, "-c", CODE, *options, "--out", "out"], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
+    )
+    path, until = here / "out" / "results.sqlite", time.monotonic() + 120
+    while True:  # until the mean is played, and the other hangs
+        assert time.monotonic() < until
+        time.sleep(0.2)
+        try:
+            with Store(path) as store:
+                if len(store.finished()) == 2:
+                    break
+        except ValueError:
+            continue
+    theirs = children(process.pid)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told.splitlines()[-1].startswith("Stopped; what is played is kept")
+    assert theirs
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in theirs):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+
+
+def test_a_suite_of_a_file_names_what_is_installed(here: Path) -> None:
+    (here / "tiny.toml").write_text(SUITE.replace('"mean"', '"benchmark_cases:Raising"'))
+    code, lines = benchmark()
+    assert code == 2
+    assert "which is not installed" in lines[0]
+    assert load_suite("tiny.toml").models == ("benchmark_cases:Raising",)

@@ -1,0 +1,288 @@
+"""`roletrust submit` and `roletrust verify`: what is true is found so, and what is not is told."""
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from benchmark_cases import tiny
+from command_line import run
+
+from experiments.benchmark import verification
+from experiments.benchmark.cells import cells
+from experiments.benchmark.play import MEASURED
+from experiments.benchmark.store import Store
+from experiments.benchmark.submission import Measures, fingerprint
+from experiments.benchmark.suite import load_suite
+from experiments.benchmark.verification import read_submission
+from experiments.benchmark.work import play_cell
+
+SUITE = tiny(rungs=["scripted"])
+
+
+def played(folder: Path, suite: Any = SUITE) -> Path:
+    """The file of a run that is over."""
+    with Store(folder / "results.sqlite", suite) as store:
+        for cell in cells(suite):
+            store.add(cell, play_cell(suite, cell))
+    return folder / "results.sqlite"
+
+
+@pytest.fixture(scope="module")
+def text(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A true submission."""
+    folder = tmp_path_factory.mktemp("true")
+    made = run("submit", str(played(folder)), "--out", str(folder / "true.json"))
+    assert made.exit_code == 0, made.output
+    return (folder / "true.json").read_text()
+
+
+@pytest.fixture
+def verified(tmp_path: Path, text: str) -> Callable[..., tuple[int, str]]:
+    """Verifies the submission as somebody changed it; exit code and what was printed."""
+
+    def verify(change: Callable[[Any], Any] = lambda said: None, *options: str) -> tuple[int, str]:
+        said = json.loads(text)
+        change(said)
+        path = tmp_path / "theirs.json"
+        path.write_text(json.dumps(said))
+        result = run("verify", str(path), *(options or ("--cells", "0")))
+        return result.exit_code, " ".join(result.output.split())
+
+    return verify
+
+
+def test_what_is_true_is_found_so(verified: Callable) -> None:
+    code, told = verified(lambda said: None, "--cells", "100", "--workers", "1")
+    assert code == 0, told
+    assert told.count("the same to the last bit") == len(cells(SUITE)) + 1
+    assert "measured scores of role-trust" in told
+    assert f"{len(cells(SUITE))} of {len(cells(SUITE))} cells played again" in told
+
+
+def test_a_seed_draws_the_same_cells(tmp_path: Path, text: str) -> None:
+    (tmp_path / "true.json").write_text(text)
+    found, _ = read_submission(tmp_path / "true.json")
+    assert verification.sample(found, 2, 7) == verification.sample(found, 2, 7)
+    assert len({tuple(claim.cell for claim in verification.sample(found, 2, seed)) for seed in range(20)}) > 5
+
+
+def test_all_that_is_measured_is_claimed() -> None:
+    assert tuple(Measures.model_fields) == MEASURED
+
+
+def cell(said: Any, track: str = "raters") -> Any:
+    return next(one for one in said["cells"] if one["track"] == track and one["model"] == "mean")
+
+
+def better(said: Any) -> None:
+    """A model that nobody harmed, and all that follows from it."""
+    for one in said["cells"]:
+        for attack in one["attacks"] if one["model"] == "mean" else ():
+            attack["chosen"] = attack["measured"]["utility"]["mean"] = 1.0
+    for name in ("clean", "worst", "open_worst"):
+        said["standings"]["mean"][name]["mean"] = 1.0
+
+
+def other_versions(said: Any) -> None:
+    said["software"]["packages"]["numpy"] = "1.0.0"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda said: said["standings"]["mean"]["worst"].update(mean=0.99), "scores of mean worst: claimed 0.9900"),
+        (lambda said: said.update(suite_sha256="0" * 64), "it has another hash than is said"),
+        (lambda said: said["suite"].update(games=4), "it has another hash than is said"),
+        (lambda said: said["models"]["mean"].update(sha256="0" * 64), "model mean another source than here"),
+        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, of roletrust-env 9"),
+    ],
+)
+def test_what_is_not_as_said_is_told_without_playing(verified: Callable, change: Callable, words: str) -> None:
+    code, told = verified(change)
+    assert words in told
+    assert code == (0 if "of roletrust-env 9" in words else 1)
+
+
+@pytest.mark.parametrize("forgotten", [False, True])
+def test_numbers_that_were_made_up_are_found(verified: Callable, forgotten: bool) -> None:
+    def change(said: Any) -> None:
+        better(said)
+        if forgotten:
+            for one in said["cells"]:
+                del one["attacks"][1:]
+
+    code, told = verified(change, "--cells", "100", "--workers", "1")
+    assert code == 1
+    assert ("left out" if forgotten else "other numbers") in told
+    assert "scores of mean worst case 1.0000" in told  # which goes with the rest of the file
+
+
+def test_on_other_software_means_have_to_be_within_the_intervals(verified: Callable) -> None:
+    def near(said: Any) -> None:
+        other_versions(said)
+        cell(said)["attacks"][0]["measured"]["blind"]["mean"] += 1e-6
+
+    code, told = verified(near, "--cells", "100", "--workers", "1")
+    assert code == 0, told
+    assert "not the same (numpy): numbers must be within the intervals" in told
+
+    def far(said: Any) -> None:
+        near(said)
+        cell(said)["attacks"][0]["measured"]["false_alarms"]["mean"] = 7.0
+
+    code, told = verified(far, "--cells", "100", "--workers", "1")
+    assert code == 1
+    assert "7.0000" in told
+
+
+def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_path: Path) -> None:
+    def change(said: Any) -> None:
+        said["suite"]["name"] = "quick"
+        said["suite_sha256"] = fingerprint(load_suite("quick").model_validate(said["suite"]))
+
+    code, told = verified(change)
+    assert code == 1
+    assert "it is called quick, and is not the one" in told
+
+
+def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
+    path = played(tmp_path)
+    with Store(path, SUITE) as store:
+        first = store.all()[0]
+        store.add(first.cell, first.done._replace(failed="attack on-off: it broke"))
+    refused = run("submit", str(path), "--out", str(tmp_path / "mine.json"))
+    assert refused.exit_code == 2
+    assert "1 of 6 cells failed or are not played" in " ".join(refused.output.split())
+    wanted = run("submit", str(path), "--model", "median", "--out", str(tmp_path / "mine.json"))
+    assert "has no trust model 'median'" in " ".join(wanted.output.split())
+    other = run("submit", str(path), "--model", "role-trust", "--out", str(tmp_path / "mine.json"))
+    assert other.exit_code == 0, other.output
+    assert read_submission(tmp_path / "mine.json")[1].models == ("role-trust",)
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A module of a model that leaves a file behind when it is imported."""
+    (tmp_path / "model_of_mine.py").write_text(
+        "from pathlib import Path\n"
+        "from roletrust_env.trust.models.central.mean import Mean\n"
+        "Path('imported').touch()\n"
+        "class Mine(Mean): pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield "model_of_mine:Mine"
+    sys.modules.pop("model_of_mine", None)
+
+
+def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> None:
+    suite = tiny(rungs=["scripted"], models=[mine], tracks={"honest": {}})
+    path, out = str(played(tmp_path, suite)), str(tmp_path / "mine.json")
+    del sys.modules["model_of_mine"]
+    (tmp_path / "imported").unlink()
+    for command in (["submit", path, "--out", out], ["report", path, "--out", str(tmp_path / "report")]):
+        assert "which is not installed" in " ".join(run(*command).output.split())
+    assert not (tmp_path / "imported").exists()
+    assert run("submit", path, "--model", mine, "--out", out).exit_code == 0  # named by the user
+    del sys.modules["model_of_mine"]
+    (tmp_path / "imported").unlink()
+    refused = run("verify", out)
+    assert (refused.exit_code, "which is not installed" in " ".join(refused.output.split())) == (2, True)
+    assert not (tmp_path / "imported").exists()
+    allowed = run("verify", out, "--allow-code", "--cells", "0")
+    assert allowed.exit_code == 0, allowed.output
+
+
+def renamed(name: str) -> Callable[[Any], None]:
+    """A submission whose model `mean` is called otherwise everywhere."""
+
+    def change(said: Any) -> None:
+        said["suite"]["models"] = [name if one == "mean" else one for one in said["suite"]["models"]]
+        for part in ("models", "standings"):
+            said[part][name] = said[part].pop("mean")
+        for one in said["cells"]:
+            one["model"] = name if one["model"] == "mean" else one["model"]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (renamed("os:system"), "names the trust model 'os:system', which is not installed"),
+        (renamed("os:system:command=touch hacked"), "which is not installed"),
+        (renamed("../../etc/passwd"), "String should match pattern"),
+        (renamed("mean\x1b[2J"), "String should match pattern"),
+        (lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"), "attacks: not those of the suite"),
+        (lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"), "preset is '/etc/passwd"),
+        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "without files"),
+        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "without files"),
+        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9), "too many"),
+        (lambda said: said["suite"].update(seeds=list(range(1000))), "cells: there are 6; the suite has 6000"),
+        (lambda said: said["suite"].update(models="all"), "with its models and attacks by name"),
+        (lambda said: said["suite"].update(kind="learners"), "suite: "),
+        (lambda said: said["suite"].update(tracks=[]), "scenarios and tracks must each have one"),
+        (lambda said: said["suite"].update(tracks={"a": 1}), "neither a scenario nor a track"),
+        (lambda said: said["suite"].update(ghost=1), "there is no field 'ghost'"),
+        (lambda said: said.update(ghost=1), "ghost is 1: Extra inputs are not permitted"),
+        (lambda said: said.update(format=2), "format is 2"),
+        (lambda said: said.update(cells={}), "cells is {}"),
+        (lambda said: said["cells"].pop(), "cells: there are 5; the suite has 6"),
+        (lambda said: said["cells"].__setitem__(0, said["cells"][1]), "cells: not those of the suite"),
+        (lambda said: cell(said)["attacks"][0].update(chosen="0.5"), "chosen is '0.5'"),
+        (lambda said: cell(said)["attacks"][0].update(chosen=True), "chosen is True"),
+        (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), "the JSON holds NaN"),
+        (lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")), "the JSON holds Infinity"),
+        (lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None), "is undefined"),
+        (lambda said: cell(said, "honest").update(attacks=[]), "all are honest there"),
+        (lambda said: said["software"].update(python=["3"] * 10**6), "python is ['3', '3'"),
+    ],
+)
+def test_a_hostile_file_is_one_line(
+    verified: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable, words: str
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("something was run for the sake of a file")
+
+    monkeypatch.setattr(os, "system", never)
+    code, told = verified(change, "--cells", "1")
+    assert code == 2, told
+    assert words in told
+    assert told.startswith("Error: ")
+    assert len(told) < 4000
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
+        (lambda text: "[" * 200_000, "nested too deeply"),
+        (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
+        (lambda text: text.replace('"format": 1', '"format": 1, "format": 1'), "stands twice"),
+        (lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1), "chosen is inf|ghost|x is"),
+        (lambda text: "", "Expecting value"),
+        (lambda text: "\udcff", "utf-8"),
+        (lambda text: "1" * 10_000, "Exceeds the limit"),
+    ],
+)
+def test_a_file_that_is_no_json_is_one_line(tmp_path: Path, text: str, spoil: Callable, words: str) -> None:
+    path = tmp_path / "theirs.json"
+    path.write_bytes(spoil(text).encode("utf-8", "surrogateescape"))
+    with pytest.raises(ValueError, match=words) as error:
+        read_submission(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_too_large_or_none_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verification, "MAX_BYTES", 1000)
+    (tmp_path / "large.json").write_text(" " * 1001)
+    with pytest.raises(ValueError, match="has more than 1000 bytes"):
+        read_submission(tmp_path / "large.json")
+    os.mkfifo(tmp_path / "pipe.json")
+    for name in ("pipe.json", "none.json", "."):
+        with pytest.raises(ValueError, match="there is no file"):
+            read_submission(tmp_path / name)

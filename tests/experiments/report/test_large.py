@@ -1,0 +1,69 @@
+"""A report on a run as large as a whole suite: 24 models, some thirty attacks, 12 conditions, and learners."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import large_run
+import numpy as np
+import pytest
+
+from experiments.benchmark.board import attacked
+from experiments.report.content import Content
+from experiments.report.learners import Learners
+from experiments.report.page import page
+from experiments.report.robustness import Robustness
+
+MEGABYTE = 1_000_000
+SOFTWARE: dict[str, Any] = {"package": {"name": "it", "version": "0"}, "python": "3", "packages": {}}
+
+
+@pytest.fixture(scope="module")
+def content() -> Content:
+    suite, learners = large_run.large(), large_run.learners()
+    path = Path("results.sqlite")
+    return Content(
+        Robustness.of(suite, large_run.kept(suite), SOFTWARE, path),
+        Learners.of(learners, large_run.kept_of_learners(learners), SOFTWARE, path),
+    )
+
+
+def test_the_page_is_no_heavier_than_some_pictures_and_loses_nothing(content: Content) -> None:
+    html = page(content, "roletrust report")
+    data = re.search(r'<script type="application/json" id="told">(.*?)</script>', html)
+    assert data is not None
+    assert len(data[1]) < 3 * MEGABYTE
+    assert len(html) < 4.5 * MEGABYTE  # Bokeh is over a megabyte of it
+    for name, table in content.tables.items():
+        for column, found in json.loads(data[1])["tables"][name].items():
+            told = [found["values"][k] for k in found["at"]] if isinstance(found, dict) else found
+            expected = table.columns()[column]
+            assert len(told) == len(expected)
+            if isinstance(expected[0], float):
+                np.testing.assert_allclose(np.array(told, np.float64), expected, atol=1e-4)
+            elif isinstance(expected[0], str | bool | int):
+                assert told == expected
+
+
+def test_each_model_and_condition_has_one_worst_case(content: Content) -> None:
+    columns = content.tables["heatmap"].columns()
+    cases = [
+        (model, where)
+        for model, where, worst in zip(columns["model"], columns["condition"], columns["worst"], strict=True)
+        if worst
+    ]
+    assert len(cases) == len(set(cases)) == 24 * 8
+    assert content.robustness is not None
+    assert content.robustness.conditions == list(dict.fromkeys(columns["condition"]))
+    assert content.robustness.conditions[0] == "market, raters 10%"
+
+
+def test_a_long_game_is_told_in_few_points_that_keep_its_mean(content: Content) -> None:
+    """Points of the two rounds that each stands for; of the last one, alone, if it is."""
+    one = attacked(large_run.kept(large_run.large(models=["role-trust"]))[:1])[0]
+    told = content.tables["curves"].columns()
+    place = next(k for k, model in enumerate(told["model"]) if model == one.model and told["attack"][k] == one.attack)
+    assert told["rounds"][place] == [2.5 + 2 * k for k in range(29)] + [60.0]
+    expected = [np.mean(one.by_round[k : k + 2]) for k in range(0, 59, 2)]
+    np.testing.assert_allclose(told["utility"][place], expected, atol=1e-12)
