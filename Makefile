@@ -5,7 +5,8 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-live test-clients setup format pictures costs better-model benchmark findings ladder zoo clean
+.PHONY: run test test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+	benchmark findings ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -18,6 +19,7 @@ test: setup
 	$(BIN)/pytest -n 2
 	$(BIN)/pytest -n 2 -m extras
 	$(BIN)/pytest -m live
+	$(BIN)/pytest -m ros2
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
@@ -26,6 +28,10 @@ test-extras: setup
 # Teams of processes on DDS, one after the other; `make test` has it, too.
 test-live: setup
 	$(BIN)/pytest -m live
+
+# A peer of ROS 2 in an environment of its own, which is made first; `make test` has it, too.
+test-ros2: setup
+	$(BIN)/pytest -m ros2
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup
@@ -59,6 +65,11 @@ benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
 	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --out $(OUT)/standard/report
 	cp $(OUT)/standard/report/leaderboard.png $(OUT)/standard/report/leaderboard.csv $(OUT)/standard/report/leaderboard.md docs/
+
+# The table of what the live system's manager takes; on a quiet machine, some minutes.
+live-load: setup
+	$(BIN)/roletrust live load --out $(OUT)/live-load
+	cp $(OUT)/live-load/live-load.md docs/
 
 # The leaderboard of what the parts of wary role-trust are worth; a few minutes.
 better-model: setup

@@ -229,3 +229,6 @@ while not (writer.readers and reader.writers):
 print("met")
 """
     assert live.python(heard) == "met\n"
+    assert "roletrust live demo" in live.roletrust("live", "--help")
+    live.roletrust("live", "demo", "--speed", 4, "--out", "team")
+    assert (live.folder / "team" / "figure.png").exists()

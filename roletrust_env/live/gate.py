@@ -31,6 +31,7 @@ class Ratings(NamedTuple):
 class Reason(StrEnum):
     """Why something was refused: of a whole message down to its signature, of single ratings from there on."""
 
+    FLOOD = "too many messages"
     GARBAGE = "garbage"
     ELSEWHERE = "on the topic of another"
     UNKNOWN_RATER = "unknown rater"
@@ -93,10 +94,10 @@ class Gate:
         self._clock, self._keyring, self._last = clock, keyring, dict(since or {})
         self.refused: Counter[tuple[str, Reason]] = Counter()
 
-    def refuse(self, rater: str, reason: Reason) -> None:
+    def refuse(self, rater: str, reason: Reason, count: int = 1) -> None:
         """Count something that is refused, such as a message that cannot be read."""
         known = rater in self._last if self._keyring is None else rater in self._keyring
-        self.refused[rater if known else "", reason] += 1
+        self.refused[rater if known else "", reason] += count
 
     def admit(self, ratings: Ratings, providers: Collection[str], now: int) -> dict[str, float]:
         """The ratings of a message that may count, by provider; none of a message that is refused.

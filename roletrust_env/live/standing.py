@@ -81,7 +81,7 @@ class Standing:
 
     def take(self, rows: Rows) -> None:
         """Play one round."""
-        ratings = np.full(self.team.peers.shape, np.nan)
+        ratings = np.full((len(self._rated), len(self._provided)), np.nan)
         for name, row in rows.items():
             ratings[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
         mask = ~np.isnan(ratings)

@@ -3,6 +3,7 @@
 import typer
 
 from experiments.commands.live.demo import demo
+from experiments.commands.live.load import load
 from experiments.commands.live.nodes import assess, cam, keys, manager
 from experiments.commands.live.recordings import record, recover, replay, scenario
 from experiments.commands.live.view import view
@@ -36,3 +37,4 @@ live.command("record")(record)
 live.command("replay")(replay)
 live.command("recover")(recover)
 live.command("scenario")(scenario)
+live.command("load")(load)

@@ -10,12 +10,14 @@ from experiments.commands.live.options import Keys, Network, Scenario, Speed, St
 from experiments.naming import parse_attacks, parse_trust_model
 from roletrust_env import Cast, Game, Policy, make_scenario
 from roletrust_env import Scenario as Rules
+from roletrust_env.game.policy import Channel
 from roletrust_env.world.roster import Roster
 
 if TYPE_CHECKING:
     from roletrust_env.live.nodes.running import Timeline
 
 _PAPER = "paper-3x3"
+_NOWHERE = {"treatment", "presence"}  # channels that no node has: a topic is the same to all, a name is of one process
 
 Attack = Annotated[
     str | None,
@@ -61,7 +63,7 @@ def cam(
 
     rules = make_scenario(scenario)
     timeline = _timeline(rules, speed, start)
-    policy = _policy(rules, name, attack)
+    policy = _policy(rules, name, attack, "quality")
     run_cam(name, rules, timeline=timeline, policy=policy, frames=frames, loop=loop, seed=seed, network=network)
 
 
@@ -84,12 +86,15 @@ def assess(
 
     [dim]# one that rates 0.2 whatever it sees[/]
     [cyan]roletrust live assess sr_2 --attack bad-mouthing:level=0.2[/]
+
+    [dim]# one that was trained, see `roletrust zoo`[/]
+    [cyan]roletrust live assess sr_2 --attack learned:path=agents/zoo/rater-3x3[/]
     """
     require_live()
     from roletrust_env.live.nodes.assess import run_assess
 
     rules = make_scenario(scenario)
-    timeline, policy = _timeline(rules, speed, start), _policy(rules, name, attack)
+    timeline, policy = _timeline(rules, speed, start), _policy(rules, name, attack, "ratings", "silence")
     run_assess(name, rules, timeline=timeline, policy=policy, keys=keys, seed=seed, network=network)
 
 
@@ -165,9 +170,14 @@ def _timeline(rules: Rules, speed: float, start: int | None) -> "Timeline":
     return Timeline.aligned(period) if start is None else Timeline(start, period)
 
 
-def _policy(rules: Rules, name: str, attack: str | None) -> Policy | None:
+def _policy(rules: Rules, name: str, attack: str | None, *channels: Channel) -> Policy | None:
+    """The policy of a node that has these channels."""
     if attack is None:
         return None
     policies = parse_attacks([f"{name}={attack}"], rules)
     Cast(Game(rules), policies)  # refuses what the agent cannot play
+    attacks = policies[name].attacks
+    if not attacks & set(channels) or attacks & _NOWHERE:
+        needed, there = ", ".join(sorted(attacks)), " and ".join(channels)
+        raise ValueError(f"{name} cannot play {attack}: that attacks by {needed}, and this node has {there}")
     return policies[name]

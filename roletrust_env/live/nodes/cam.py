@@ -5,10 +5,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView
-from roletrust_env.live.nodes.running import Bulletin, Timeline, running
+from roletrust_env.live.nodes.running import Bulletin, Reviews, Timeline, running
 from roletrust_env.live.nodes.topics import IMAGES
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -38,7 +39,7 @@ def run_cam(
         name: of the provider, one of the scenario's.
         scenario: how long it lasts, and when the target moves fast.
         timeline: when its rounds begin.
-        policy: how it serves; None serves well. It sees its trust, and no ratings.
+        policy: how it serves; None serves well. It sees its trust, and the ratings of it since its last service.
         frames: see `open_frames`.
         loop: see `open_frames`.
         seed: of the sensor noise of bad service, and of policies that play at random.
@@ -54,16 +55,18 @@ def run_cam(
     duration_s = scenario.max_cycles * period_s
     source = open_frames(frames, duration_s=duration_s, period_s=period_s, loop=loop)
     strength = Perturbations(scenario, np.zeros(()))
-    seller = _Seller(name, roster.n_raters, policy or Policy(), seed + place)
+    seller = _Seller(policy or Policy(), seed + place)
     cv2.setNumThreads(1)
     node = Node("cam", f"/{name}", network=network)
     images, bulletin = node.writer(f"/{name}{IMAGES}", messages.IMAGE), Bulletin(node, scenario.initial_trust)
+    reviews = Reviews(node, name, roster.rater_names)
     with running() as on:
         for round in range(max(0, timeline.round(time.time_ns())), scenario.max_cycles):
             on.sleep_until(timeline.begin(round) - timeline.period // 2)  # a picture is ready when its moment comes
             bulletin.hear()
             true = source.frame(place, round * period_s, float(strength.strength(np.asarray(round))))
-            shown = degrade(true, seller.quality(round, bulletin.top(name)), (seed, place, round))
+            quality = seller.quality(round, bulletin.top(name), *reviews.hear())
+            shown = degrade(true, quality, (seed, place, round))
             done, jpeg = cv2.imencode(".jpg", shown[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
             if not done:
                 raise FramesError(f"a frame of {name} cannot be made a JPEG")
@@ -76,15 +79,14 @@ def run_cam(
 class _Seller:
     """Chooses the quality of a provider's services, round by round."""
 
-    def __init__(self, name: str, raters: int, policy: Policy, seed: int) -> None:
+    def __init__(self, policy: Policy, seed: int) -> None:
         self._policy, self._random = policy, Random(np.random.default_rng(seed))
         self._memory = policy.begin(self._random, ())
-        self._nothing = np.zeros(raters)
         self._last = np.zeros(())
 
-    def quality(self, round: int, trust: float) -> float:
-        """The quality of the service in a round."""
-        nobody = self._nothing > 0
-        view = ProviderView(np.asarray(round), np.asarray(trust), np.ones(()), self._last, self._nothing, nobody)
-        self._last, self._memory = self._policy.quality(view, self._memory, self._random)
+    def quality(self, round: int, trust: float, ratings: NDArray[np.float64], rated: NDArray[np.bool_]) -> float:
+        """The quality of the service in a round, after these ratings of the last ones, (S,) each."""
+        view = ProviderView(np.asarray(round), np.asarray(trust), np.ones(()), self._last, ratings, rated)
+        quality, self._memory = self._policy.quality(view, self._memory, self._random)
+        self._last = np.asarray(quality)
         return float(self._last)

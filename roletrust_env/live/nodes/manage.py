@@ -1,5 +1,6 @@
 """The trust manager as a process: hears every rater, and publishes trust."""
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -14,14 +15,16 @@ from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST,
 from roletrust_env.live.rounds import Patience
 from roletrust_env.live.standing import Team
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Reader, Writer
+from roletrust_env.live.wire.dds import Node, Quota, Reader, Writer
 from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_env.live.wire.recording import Recorded
 from roletrust_env.trust import TrustModel
 
 _DEPTH = 200  # messages of a rater that are kept while the manager is busy
+_MOST = 10  # messages that a rater may send in a period; there is one to send
 _MEETING_S = 1.0  # in which nodes of one machine find each other
 _DIAGNOSED_S = 1.0  # between two reports on what was refused
+_ANOTHER = f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID"
 
 
 def run_manager(
@@ -53,24 +56,30 @@ def run_manager(
     time.sleep(_MEETING_S)
     found = node.discover()
     if any(other.topic == TRUST for other in found):
-        raise ValueError(f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID")
+        raise ValueError(_ANOTHER)
     manager = Manager(model, journal, patience=Patience(period), team=team, keyring=keyring)
     if keyring is None:
         tell("manager: WITHOUT KEYS: whoever is on this network may rate in anybody's name")
     if manager.next_round:
         tell(f"manager: goes on with round {manager.next_round} of {journal}")
     office, raters = _Office(node), dict[str, Reader]()
+    most = math.ceil(_MOST * SECOND / period)
     with running() as on:
         while on:
             for topic, kind in (*found, *node.discover()):
                 if (name := owner(topic, RATINGS)) and kind == messages.RATINGS and name not in raters:
-                    raters[name] = node.reader(topic, messages.RATINGS, depth=_DEPTH)
+                    raters[name] = node.reader(topic, messages.RATINGS, depth=_DEPTH, quota=Quota(most))
+                elif topic == TRUST and office.is_second:
+                    raise ValueError(_ANOTHER)
                 elif camera := owner(topic, IMAGES):
                     manager.meet(camera)
             found = []
             for name, reader in raters.items():
                 for raw in reader.take():
                     office.publish(hear_raw(manager, name, raw, time.time_ns()))
+                if reader.cut_off:
+                    manager.gate.refuse(name, Reason.FLOOD, reader.cut_off)
+                    reader.cut_off = 0
             office.publish(manager.tick(time.time_ns()))
             office.diagnose(manager)
             node.wait(period / SECOND / 20)
@@ -120,6 +129,11 @@ class _Office:
         self._diagnostics = node.writer(DIAGNOSTICS, messages.DIAGNOSTICS)
         self._numbers: dict[str, Writer] = {}
         self._diagnosed = 0.0
+
+    @property
+    def is_second(self) -> bool:
+        """Whether another manager publishes trust, too, and is to go on: of two that begin at once, one does."""
+        return self._node.writers_of(TRUST)[:1] != [self._trust.guid]
 
     def publish(self, entries: list[Entry]) -> None:
         """Publish the trust after some rounds."""

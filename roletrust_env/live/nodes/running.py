@@ -3,10 +3,13 @@
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
-from roletrust_env.live.nodes.topics import TRUST
+import numpy as np
+from numpy.typing import NDArray
+
+from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 
@@ -94,3 +97,29 @@ class Bulletin:
     def top(self, provider: str) -> float:
         """The trust of a provider."""
         return self._top.get(provider, self._initial)
+
+
+class Reviews:
+    """The ratings of a provider, as it overhears them: whoever is on the network may.
+
+    Args:
+        node: that hears them.
+        provider: whom they are of.
+        raters: whose they are; others are not heard.
+    """
+
+    def __init__(self, node: Node, provider: str, raters: tuple[str, ...]) -> None:
+        self._provider, self._raters = provider, raters
+        self._readers = [node.reader(f"/{rater}{RATINGS}", messages.RATINGS) for rater in raters]
+
+    def hear(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """The newest of each rater since the last time, 0 where there is none, and where there is one, (S,) each."""
+        ratings, rated = np.zeros(len(self._raters)), np.zeros(len(self._raters), bool)
+        for place, reader in enumerate(self._readers):
+            for raw in reader.take():
+                with suppress(ValueError, KeyError):  # what cannot be read, or is not of this provider
+                    said = messages.read_ratings(raw)
+                    rating = dict(zip(said.providers, said.values, strict=True))[self._provider]
+                    rated[place] = 0 <= rating <= 1
+                    ratings[place] = rating if rated[place] else 0.0
+        return ratings, rated

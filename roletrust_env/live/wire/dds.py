@@ -4,6 +4,8 @@ Messages are bytes here (CDR, see `messages`), so that what is signed, sent and 
 """
 
 import os
+import time
+from collections import Counter
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -54,25 +56,62 @@ class Writer:
         self._writer.write(self._carrier.wrap(raw))
 
     @property
+    def guid(self) -> str:
+        """By which it is known."""
+        return str(self._writer.guid)
+
+    @property
     def readers(self) -> int:
         """How many readers it has now."""
         return int(self._writer.get_publication_matched_status().current_count)
 
 
 class Reader:
-    """Hears messages of one topic."""
+    """Hears messages of one topic.
 
-    def __init__(self, reader: Any) -> None:
-        self._reader = reader
+    Attributes:
+        cut_off: messages that were thrown away, since somebody sent too many.
+    """
+
+    def __init__(self, reader: Any, quota: "Quota | None" = None) -> None:
+        self._reader, self._quota = reader, quota
+        self.cut_off = 0
 
     def take(self) -> list[bytes]:
         """What came since the last time, as CDR, in order of arrival."""
-        return [sample.raw for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, InvalidSample)]
+        samples = [sample for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, InvalidSample)]
+        if self._quota is not None:
+            now = time.monotonic()
+            kept = [one for one in samples if self._quota.admits(one.sample_info.publication_handle, now)]
+            self.cut_off += len(samples) - len(kept)
+            samples = kept
+        return [sample.raw for sample in samples]
 
     @property
     def writers(self) -> int:
         """How many writers it has now."""
         return int(self._reader.get_subscription_matched_status().current_count)
+
+
+class Quota:
+    """How many messages a writer may send; one that sends more is not heard until it sends fewer.
+
+    Args:
+        most: messages in a second.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._second = most, 0
+        self._counts: Counter[int] = Counter()
+        self._over: frozenset[int] = frozenset()
+
+    def admits(self, writer: int, now: float) -> bool:
+        """Whether a message is heard that comes from a writer at a time, seconds."""
+        if int(now) != self._second:
+            self._over = frozenset(one for one, count in self._counts.items() if count > self._most)
+            self._second, self._counts = int(now), Counter()
+        self._counts[writer] += 1
+        return writer not in self._over and self._counts[writer] <= self._most
 
 
 class Publication(NamedTuple):
@@ -124,18 +163,23 @@ class Node:
         self._introduce()
         return Writer(writer, carrier)
 
-    def reader(self, topic: str, kind: str, *, depth: int = 10) -> Reader:
-        """A reader of a topic. Arguments as for `writer`."""
+    def reader(self, topic: str, kind: str, *, depth: int = 10, quota: Quota | None = None) -> Reader:
+        """A reader of a topic, with a quota for each of its writers if one is given. Arguments as for `writer`."""
         made, _ = self._topic("rt" + topic, kind)
         reader = DataReader(self._participant, made, _qos(kind, depth))
         self._attach(reader)
         self._gids["reader"].append(reader.guid)
         self._introduce()
-        return Reader(reader)
+        return Reader(reader, quota)
 
     def wait(self, seconds: float) -> None:
         """Sleep until there is something to take or discover, or the time is over."""
         self._waitset.wait(max(0, int(seconds * 1000)) * _MILLISECOND)
+
+    def writers_of(self, topic: str) -> list[str]:
+        """All writers of a topic that are known now, also of this node, by their GUIDs; the least first."""
+        known = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication).read(_AT_ONCE)
+        return sorted(str(sample.key) for sample in known if sample.topic_name == "rt" + topic)
 
     def discover(self) -> list[Publication]:
         """What is published since the last time, also by this node, and by others a second time."""

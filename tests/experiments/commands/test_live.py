@@ -31,6 +31,7 @@ def test_keys_are_made_once(tmp_path):
         (["cam", "sp_9"], "there is no provider 'sp_9'; the scenario has sp_0, sp_1, sp_2"),
         (["cam", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
         (["cam", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
+        (["cam", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
         (["assess", "sr_9"], "there is no rater 'sr_9'"),
         (["assess", "sr_0", "--keys", "nowhere"], "there is no private key nowhere/sr_0.key"),
         (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),

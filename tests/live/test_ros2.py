@@ -1,0 +1,105 @@
+"""A team with a rater of ROS 2: it sees ours as its own, and is to the manager what ours are. `make test-ros2`."""
+
+import json
+import os
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros2_home import ros2_home
+
+from baselines import BadMouthing
+from experiments.commands.live.processes import Processes
+from roletrust_env import make_scenario
+from roletrust_env.live.journal import read_journal
+from roletrust_env.live.nodes.assess import run_assess
+from roletrust_env.live.nodes.cam import run_cam
+from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.nodes.running import Timeline
+from roletrust_env.live.standing import Team
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.keys import make_keys
+from roletrust_env.trust import make_trust_model
+from roletrust_env.world.group import AgentGroup
+from roletrust_env.world.roster import Roster
+
+pytestmark = pytest.mark.ros2
+
+PERIOD, ROUNDS, LEVEL = 500_000_000, 40, 0.2
+SR, SP = AgentGroup(role="SR", count=4, noise=0.005), AgentGroup(role="SP", count=3)
+RULES = make_scenario("paper-3x3").change(agents=(SR, SP), perturbations=(), max_cycles=2000)
+TEAM = Team(Roster.of(RULES).rater_names, Roster.of(RULES).provider_names)
+OURS, THEIRS = "sr_2", "sr_3"
+PEER = Path(__file__).parent / "clients" / "ros2.py"
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """The rounds of a team, and what its rater of ROS 2 reports."""
+    home, folder, domain = ros2_home(), tmp_path_factory.mktemp("ros2"), 100 + os.getpid() % 100
+    make_keys(folder, TEAM.raters)
+    journal, report = folder / "journal", folder / "report.json"
+    with pytest.MonkeyPatch.context() as patch, Processes() as nodes:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.delenv("CYCLONEDDS_URI", raising=False)
+        model = make_trust_model("role-trust")
+        nodes.start("manager", run_manager, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
+        for name in TEAM.raters[:-1]:
+            policy = BadMouthing(level=LEVEL) if name == OURS else None
+            nodes.start(name, run_assess, name=name, scenario=RULES, policy=policy, keys=folder)
+        for name in TEAM.providers:
+            nodes.start(name, run_cam, name=name, scenario=RULES)
+        nodes.ready()
+        command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, ROUNDS, report]
+        peer = subprocess.Popen([*map(str, command)], env=home.environment(domain))
+        nodes.begin("manager")
+        nodes.begin(*TEAM.raters[:-1], *TEAM.providers, timeline=Timeline.aligned(PERIOD))
+        assert peer.wait(300) == 0
+        nodes.check()
+    return list(read_journal(journal)), json.loads(report.read_text()), home
+
+
+def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
+    _, report, home = played
+    around = report["around"]
+    nodes = {"/manager", *(f"/{name}/assess" for name in TEAM.raters)}
+    assert nodes <= around["nodes"].keys()
+    assert around["nodes"]["/manager"]["/trust"] == around["topics"]["/trust"] == [messages.TRUST]
+    assert around["nodes"]["/manager"]["/diagnostics"] == [messages.DIAGNOSTICS]
+    assert around["nodes"]["/manager"]["/sr_0/tor"] == [messages.NUMBER]
+    assert around["nodes"]["/sr_0/assess"] == {"/sr_0/ratings": [messages.RATINGS]}
+    for topic, kind in (("/trust", messages.TRUST), ("/sr_0/ratings", messages.RATINGS)):
+        described = home.messages / "share" / f"{kind}.json"
+        hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}
+        assert around["hashes"][topic] == [hashes[kind]]
+    assert around["hashes"]["/sr_3/ratings"] == around["hashes"]["/sr_0/ratings"]  # theirs and ours
+
+
+def test_it_receives_trust_and_pictures_without_loss(played):
+    entries, report, _ = played
+    rounds = [trust[0] for trust in report["trust"]]
+    assert rounds == list(range(rounds[0], rounds[-1] + 1))
+    assert len(rounds) == ROUNDS
+    kept = {entry.round: entry.trust for entry in entries}
+    for number, raters, tor, providers, top in report["trust"]:
+        assert (raters, providers) == (list(TEAM.raters), list(TEAM.providers))
+        assert (tuple(tor), tuple(top)) == (kept[number].tor, kept[number].top)
+    assert len(report["numbers"]) == len(rounds)
+    for camera in TEAM.providers:
+        stamps = [stamp for stamp, *_ in report["images"][camera]]
+        assert {after - before for before, after in pairwise(stamps)} == {PERIOD}
+        assert len(stamps) > 0.8 * ROUNDS
+        assert {(start, kind) for _, start, kind in report["images"][camera]} == {("ffd8", "jpeg")}
+
+
+def test_it_moves_trust_as_our_own_does(played):
+    entries, *_ = played
+    assert all(set(entry.rows.get(THEIRS, [LEVEL])) == {LEVEL} for entry in entries)
+    both = [OURS in entry.rows and THEIRS in entry.rows for entry in entries]
+    assert np.mean(both[both.index(True) :]) > 0.9
+    tor = np.array([entry.trust.tor for entry in entries])
+    ours, theirs = TEAM.raters.index(OURS), TEAM.raters.index(THEIRS)
+    np.testing.assert_allclose(tor[:, theirs], tor[:, ours], rtol=0, atol=1e-9 if all(both) else 0.1)
+    assert tor[-1, theirs] < tor[-1, 0] - 0.1
