@@ -35,7 +35,9 @@ class Board:
         self.tor = self.top = self.of.__getitem__
 
 
-@pytest.mark.parametrize("policy", [BadMouthing(level=0.2), learned(path=str(ZOO / "rater-3x3")), Policy()], ids=repr)
+@pytest.mark.parametrize(
+    "policy", [BadMouthing(level=0.2), learned(path=str(ZOO / "rater-3x3")), Policy()], ids=["lie", "learned", "honest"]
+)
 def test_a_rater_says_on_the_wire_what_it_says_in_the_game(policy):
     game = Game(RULES, "role-trust")
     history = record(Cast(game, {"sr_2": policy}), game.random(seed=0))
