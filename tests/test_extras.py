@@ -2,8 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +17,10 @@ pytestmark = pytest.mark.extras
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
-COMMANDS = ("benchmark", "figures", "ladder", "list", "live", "play", "report", "speed", "train", "zoo")
+COMMANDS = (
+    *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
+    *("submit", "train", "verify", "zoo"),
+)
 TINY = """
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
@@ -213,6 +218,26 @@ def test_report(fresh: Callable[..., Environment]) -> None:
     page = (alone.folder / "page" / "report.html").read_text(encoding="utf-8")
     assert "roletrust benchmark --suite tiny.toml --out played" in page
     assert (alone.folder / "page" / "leaderboard.md").stat().st_size
+
+
+def test_ray(fresh: Callable[..., Environment]) -> None:
+    alone = fresh("ray")
+    (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
+    address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"
+    options = [f"--port={address.split(':')[1]}", "--node-ip-address=127.0.0.1", "--num-cpus=2", "--block"]
+    options += ["--include-dashboard=false", "--disable-usage-stats", "--object-store-memory=100000000"]
+    around = {**os.environ, "PATH": f"{alone.path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    started = [alone.path / "bin" / "ray", "start", "--head", *options]
+    head = subprocess.Popen(started, env=around, stdout=subprocess.DEVNULL, start_new_session=True)
+    try:
+        time.sleep(20)
+        alone.roletrust("benchmark", "--suite", "tiny.toml", "--ray", address, "--out", "there")
+    finally:
+        os.killpg(head.pid, signal.SIGTERM)
+        head.wait(timeout=60)
+    alone.roletrust("benchmark", "--suite", "tiny.toml", "--out", "here")
+    there, here = ((alone.folder / name / "leaderboard.csv").read_bytes() for name in ("there", "here"))
+    assert there == here
 
 
 def test_live(fresh: Callable[..., Environment]) -> None:
