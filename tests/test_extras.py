@@ -34,6 +34,12 @@ set = { max_cycles = 6 }
 roles = ["SR"]
 shares = [0.3]
 """
+HELPS = f"""
+from typer.testing import CliRunner
+from experiments.cli import app
+for command in {COMMANDS}:
+    assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
+"""
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
 
@@ -160,8 +166,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
-    for command in COMMANDS:
-        assert "Examples" in cli.roletrust(command, "--help")
+    cli.python(HELPS)
     listed = cli.roletrust("list")
     assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2, "--video")
@@ -255,5 +260,5 @@ print("met")
 """
     assert live.python(heard) == "met\n"
     assert "roletrust live demo" in live.roletrust("live", "--help")
-    live.roletrust("live", "demo", "--speed", 4, "--out", "team")
+    live.roletrust("live", "demo", "--seconds", 12, "--speed", 2, "--no-view", "--out", "team")
     assert (live.folder / "team" / "figure.png").exists()
