@@ -5,21 +5,30 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+.PHONY: run docs test test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
 	benchmark findings ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
 	$(BIN)/roletrust speed --quick --out $(OUT)/speed
 
+# The site, in build/site/index.html, offline; tutorials run when their text changes, and pictures are drawn when code does.
+docs: setup
+	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
+
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
+	$(MAKE) test-site
 	$(BIN)/pytest -n 2 -m extras
 	$(BIN)/pytest -m live
 	$(BIN)/pytest -m ros2
+
+# The whole site, in a browser; `make test` has it, too.
+test-site: docs
+	$(BIN)/pytest -m site
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup

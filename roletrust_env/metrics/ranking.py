@@ -47,7 +47,7 @@ def spearman(trust: Floats, quality: Floats) -> Score:
 
 
 def absolute_error(trust: Floats, quality: Floats) -> Score:
-    """The mean over providers of |trust - quality|. Arguments as for `spearman`."""
+    """The mean over providers of `|trust - quality|`. Arguments as for `spearman`."""
     error = mean_where(abs(trust - quality), axis=0)
     return Score.where(~np.isnan(error), error, "no provider has a trust")
 
