@@ -32,6 +32,11 @@ def blocks(page: Path, *languages: str) -> list[str]:
     return [text for language, text in found if language in languages]
 
 
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+
+
 def cells(page: Path) -> list[str]:
     """The cells of a tutorial, without what is said of their pictures."""
     return [re.sub(r"\A---\n.*?\n---\n", "", cell, flags=re.DOTALL) for cell in blocks(page, "{code-cell}")]

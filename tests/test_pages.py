@@ -4,7 +4,7 @@ import re
 import tomllib
 
 import pytest
-from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, refused, run
+from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
 
 named = pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(HOUSE)))
 tutorials = pytest.mark.parametrize("page", [page for page in TUTORIALS if cells(page)], ids=lambda page: page.stem)
@@ -38,7 +38,7 @@ def test_its_toml_is_toml(page):
 
 @named
 def test_its_links_lead_somewhere(page):
-    for target in _LINK.findall(page.read_text()):
+    for target in _LINK.findall(prose(page)):
         path, _, anchor = target.partition("#")
         if "://" in target or path.startswith("reference/"):
             continue
@@ -49,7 +49,7 @@ def test_its_links_lead_somewhere(page):
 
 @named
 def test_its_pictures_are_described(page):
-    assert "![](" not in page.read_text()
+    assert "![](" not in prose(page)
 
 
 @tutorials
@@ -78,7 +78,7 @@ def test_a_tutorial_writes_what_can_be_read(page):
         ("roletrust play --attack sr_2=bad-mouting", "attack sr_2=bad-mouting"),
         ("roletrust benchmark --suite standrd", "suite standrd"),
         ("roletrust live demonstrate", "demonstrate"),
-        ("roletrust train RaterAttack --steps few", "few"),
+        ("roletrust train RaterAttack --steps few", "valid integer"),
         ("make tests", "no targets"),
         ("pip install -e '.[everything]'", "no extras"),
         ("python -m experiments.clients torchlr", "torchlr"),
