@@ -19,4 +19,4 @@ class Arrows(SphinxDirective):
         for start, end in _ARROW.findall("\n".join(self.content)):
             found.setdefault(start, []).append(end)
         rows = [f"| `{start}` | {', '.join(f'`{end}`' for end in ends)} |" for start, ends in found.items()]
-        return self.parse_text_to_nodes("\n".join(["| imports | from |", "| --- | --- |", *rows]))
+        return self.parse_text_to_nodes("\n".join(["| who | imports from |", "| --- | --- |", *rows]))
