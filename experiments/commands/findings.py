@@ -25,7 +25,7 @@ def findings(
         typer.Option(metavar="NAME", help=f"One of {_NAMES}; repeat for more; all if left out.", show_default=False),
     ] = None,
     games: Annotated[
-        int, typer.Option(min=2, help="Games of which means are taken; a quarter of them for breaking.")
+        int, typer.Option(min=2, help="Games of which means are taken; a quarter of them, but 6, for breaking.")
     ] = 48,
     seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
     quick: Annotated[

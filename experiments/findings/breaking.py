@@ -21,6 +21,9 @@ _ROUNDS = 30
 _FEWER = 4
 """Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
 
+_LEAST = 6
+"""Games: of less, intervals are so wide that nothing is shown."""
+
 _LEFT = 0.5
 """A model is broken where less than this part is left of what going by trust brings while nobody lies."""
 
@@ -118,7 +121,7 @@ def _suite(asked: Asked) -> Suite:
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
         tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=asked.some(_SHARES))},
         rungs=("scripted",),
-        games=max(2, asked.games // _FEWER),
+        games=max(_LEAST, asked.games // _FEWER),
         seeds=(asked.seed,),
         limit_s=PATIENCE_S,
     )

@@ -106,7 +106,7 @@ def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
 def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     """A line for each series."""
     for one in panel.series:
-        value, low, high = np.array(one.values, float).T
+        value, low, high = np.array(one.values, float).reshape(-1, 3).T
         at = np.array(one.at, float)
         if one.known:
             axes.plot(at, value, label=one.label, zorder=1.5, **looks[one.label])
@@ -132,7 +132,7 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
     """A row for each name, and in it a mark for each series."""
     names = _names(panel)
     for k, one in enumerate(panel.series):
-        value, low, high = np.array(one.values, float).T
+        value, low, high = np.array(one.values, float).reshape(-1, 3).T
         places = [names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART for name in one.at]
         look = {**looks[one.label], "linestyle": ""}
         axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)

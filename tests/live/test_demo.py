@@ -44,19 +44,23 @@ def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
     The simulation sees the same scene through the same detector, with other noise on its links and without JPEG.
     """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    options = ["--attack", attack, "--seconds", str(seconds), "--speed", str(speed), "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
-    assert done.exit_code == 0, done.output
-    results = json.loads((tmp_path / "results.json").read_text())
+    for attempt in range(3):  # a round that this machine was too busy for says nothing of trust
+        out = tmp_path / str(attempt)
+        options = ["--attack", attack, "--seconds", str(seconds), "--speed", str(speed / 2**attempt), "--out", str(out)]
+        done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
+        assert done.exit_code == 0, done.output
+        results = json.loads((out / "results.json").read_text())
+        if not results["partial_rounds"]:
+            break
     assert {claim["figure"] for claim in results["claims"]} == {figure}
     assert [claim for claim in results["claims"] if not claim["ok"]] == []
     for claim, simulated in zip(results["claims"], results["claims_simulated"], strict=True):
         if claim["what"].startswith("steady"):
             assert claim["values"] == pytest.approx(simulated["values"], abs=0.06)
-    entries = list(read_journal(tmp_path / "journal.jsonl"))
+    entries = list(read_journal(out / "journal.jsonl"))
     assert len(entries) == results["rounds"] > 0.9 * seconds / 0.5
-    assert replayed(make_trust_model("role-trust"), tmp_path / "journal.jsonl").trust == entries[-1].trust
-    assert imageio.imread(tmp_path / "figure.png").shape[1] > 1500
-    live, simulated = (np.genfromtxt(tmp_path / name, delimiter=",", names=True) for name in results["files"][:2])
+    assert replayed(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
+    assert imageio.imread(out / "figure.png").shape[1] > 1500
+    live, simulated = (np.genfromtxt(out / name, delimiter=",", names=True) for name in results["files"][:2])
     assert len(simulated) == seconds / 0.5
     assert live.dtype.names == simulated.dtype.names

@@ -28,10 +28,11 @@ from roletrust_env.world.roster import Roster
 pytestmark = pytest.mark.ros2
 
 PERIOD, ROUNDS, LEVEL = 500_000_000, 40, 0.2
-SR, SP = AgentGroup(role="SR", count=4, noise=0.005), AgentGroup(role="SP", count=3)
+SR, SP = AgentGroup(role="SR", count=5, noise=0.005), AgentGroup(role="SP", count=3)
 RULES = make_scenario("paper-3x3").change(agents=(SR, SP), perturbations=(), max_cycles=2000)
 TEAM = Team(Roster.of(RULES).rater_names, Roster.of(RULES).provider_names)
-OURS, THEIRS = "sr_2", "sr_3"
+OURS, THEIRS = "sr_2", "sr_4"
+MEMORY = 8
 PEER = Path(__file__).parent / "clients" / "ros2.py"
 
 
@@ -74,19 +75,21 @@ def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
         described = home.messages / "share" / f"{kind}.json"
         hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}
         assert around["hashes"][topic] == [hashes[kind]]
-    assert around["hashes"]["/sr_3/ratings"] == around["hashes"]["/sr_0/ratings"]  # theirs and ours
+    assert around["hashes"][f"/{THEIRS}/ratings"] == around["hashes"]["/sr_0/ratings"]  # theirs and ours
 
 
 def test_it_receives_trust_and_pictures_without_loss(played):
     entries, report, _ = played
     rounds = [trust[0] for trust in report["trust"]]
     assert rounds == list(range(rounds[0], rounds[-1] + 1))
-    assert len(rounds) == ROUNDS
+    assert len(rounds) >= ROUNDS
     kept = {entry.round: entry.trust for entry in entries}
     for number, raters, tor, providers, top in report["trust"]:
         assert (raters, providers) == (list(TEAM.raters), list(TEAM.providers))
         assert (tuple(tor), tuple(top)) == (kept[number].tor, kept[number].top)
-    assert len(report["numbers"]) == len(rounds)
+    mine, said = [entry.trust.tor[TEAM.raters.index(THEIRS)] for entry in entries], report["numbers"]
+    assert len(said) >= ROUNDS
+    assert any(mine[start : start + len(said)] == said for start in range(len(mine)))
     for camera in TEAM.providers:
         stamps = [stamp for stamp, *_ in report["images"][camera]]
         assert {after - before for before, after in pairwise(stamps)} == {PERIOD}
@@ -101,5 +104,7 @@ def test_it_moves_trust_as_our_own_does(played):
     assert np.mean(both[both.index(True) :]) > 0.9
     tor = np.array([entry.trust.tor for entry in entries])
     ours, theirs = TEAM.raters.index(OURS), TEAM.raters.index(THEIRS)
-    np.testing.assert_allclose(tor[:, theirs], tor[:, ours], rtol=0, atol=1e-9 if all(both) else 0.1)
+    long = [k for k in range(MEMORY, len(both)) if all(both[k - MEMORY : k + 1])]  # that one was missed is forgotten
+    assert len(long) > ROUNDS / 4
+    np.testing.assert_allclose(tor[long, theirs], tor[long, ours], rtol=0, atol=0.01)
     assert tor[-1, theirs] < tor[-1, 0] - 0.1

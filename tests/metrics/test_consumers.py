@@ -48,8 +48,8 @@ def test_metrics_take_recorded_games() -> None:
 def test_nobody_goes_to_who_is_absent() -> None:
     trust = np.array([[np.nan, 0.0], [np.nan, 0.0]])[:, :, None]
     quality = np.array([[1.0, 0.5], [1.0, 0.5]])[:, :, None]
-    assert utility(trust, quality).value == 0.5
-    assert utility(np.full_like(trust, np.nan), quality).value == 0
+    assert utility(trust, quality).value == 1  # of those that there were to go to, it is the best
+    assert utility(np.full_like(trust, np.nan), quality).why == "no provider ever served well"
 
 
 def test_who_is_not_there_has_no_trust() -> None:

@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,17 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="the jobs are command
 
 def shell(command: str) -> tuple[list[str]]:
     return (["sh", "-c", command],)
+
+
+def ends(pid: int) -> bool:
+    """Whether it is gone, or will be as soon as whoever inherited it looks."""
+    for _ in range(100):
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
 
 
 def test_what_takes_too_long_is_stopped_with_all_that_it_has_started(tmp_path: Path) -> None:
@@ -36,8 +48,7 @@ def test_what_takes_too_long_is_stopped_with_all_that_it_has_started(tmp_path: P
     assert began == ["first", "late", "raises", "ends", "last"]
     assert (tmp_path / "first").exists()
     assert (tmp_path / "last").exists()
-    with pytest.raises(ProcessLookupError):
-        os.kill(int((tmp_path / "late").read_text()), 0)
+    assert ends(int((tmp_path / "late").read_text()))
 
 
 def test_what_is_compiled_ahead_is_found_in_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -99,7 +99,7 @@ def main(name, key, level, rounds, report):
     rclpy.init()
     node = Assess(name, Path(key), float(level))
     end = time.monotonic() + PATIENCE_S
-    while len(node.trust) < int(rounds) and time.monotonic() < end:
+    while min(len(node.trust), len(node.numbers)) < int(rounds) and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
     found = {"around": node.around(), "images": node.images, "trust": node.trust, "numbers": node.numbers}
     Path(report).write_text(json.dumps(found), encoding="utf-8")
