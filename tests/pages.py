@@ -3,8 +3,6 @@
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import typer
@@ -50,19 +48,9 @@ def written_file(page: Path, name: str) -> str:
 def run(page: Path) -> dict:
     """What is defined after the Python blocks of a page ran, one after the other."""
     names = {"__name__": page.stem}
-    with _registered_nothing():
-        for block in blocks(page, "python"):
-            exec(compile(block, page.name, "exec"), names)
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), names)
     return names
-
-
-@contextmanager
-def _registered_nothing() -> Iterator[None]:
-    """What is registered meanwhile is forgotten."""
-    kept = [(registry, dict(registry._factories)) for registry in (trust_models, baselines.registry)]
-    yield
-    for registry, factories in kept:
-        registry._factories = factories
 
 
 def commands(page: Path) -> list[str]:

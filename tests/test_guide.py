@@ -16,12 +16,12 @@ from roletrust_env.game.rollout import record
 GUIDE, TUTORIALS = HOUSE / "docs/guide", HOUSE / "docs/tutorials"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def games():
     return run(GUIDE / "games.md")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def extended():
     return run(GUIDE / "extend.md")
 

@@ -7,7 +7,7 @@ README = HOUSE / "README.md"
 SHORT = 160  # lines that a newcomer reads in five minutes, a table among them
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def said():
     return run(README)
 
