@@ -54,7 +54,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
-# The pictures of the README.
+# The pictures of the README and the guide.
 pictures: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
@@ -69,7 +69,7 @@ costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
 
-# The standard suite's leaderboard, table and picture of the README; about an hour on two cores, and more on a busy machine.
+# The standard suite's leaderboard, of which the README has the table; about an hour on two cores, and more on a busy machine.
 benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
 	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --out $(OUT)/standard/report

@@ -21,6 +21,7 @@ default_role = "py:obj"  # `Policy.quality` in a docstring leads to it
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
+myst_fence_as_directive = ["mermaid"]
 
 # Tutorials run when their text changes; `-D nb_execution_mode=off` shows them without what they print.
 nb_execution_mode = "cache"

@@ -58,7 +58,9 @@ def list_command(
             "told: what a command knows of the game it plays[/]"
         )
     if kind is not Kind.SCENARIOS:
-        console.print("[dim]Your own: package.module:Class in place of a name, or an entry point (see the README).[/]")
+        console.print(
+            "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
+        )
 
 
 def _scenario_table(entries: Mapping[str, Entry]) -> Table:

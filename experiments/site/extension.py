@@ -9,6 +9,7 @@ from sphinx.application import Sphinx
 from sphinx.config import Config
 
 from experiments.site import docstrings
+from experiments.site.arrows import Arrows
 from experiments.site.pages import write_pages
 
 
@@ -17,6 +18,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
     `site_quick` makes the same pages with pictures of shorter games, for tests.
     """
+    app.add_directive("mermaid", Arrows)
     app.add_config_value("site_quick", False, "env", (bool,))
     app.connect("config-inited", _begin, priority=700)  # before it is seen whether there are the folders it names
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
@@ -29,4 +31,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
 def _begin(app: Sphinx, config: Config) -> None:
     # Tutorials call `roletrust` of the environment that builds the site, whether it is activated or not.
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # tables have room, and no colours of a terminal
     write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)
