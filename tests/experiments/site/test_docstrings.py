@@ -25,6 +25,14 @@ def test_sections_are_left_alone():
     assert read(text) == text.splitlines()
 
 
+def test_attributes_of_data_are_parameters():
+    lines = ["Attributes:", "    error: how far."]
+    readable(None, "class", "it", Travos, None, lines)
+    assert lines[0] == "Args:"
+    readable(None, "class", "it", Game, None, lines := ["Attributes:", "    model: a model."])
+    assert lines[0] == "Attributes:"
+
+
 def test_of_a_page_in_markdown_the_first_paragraph_stays():
     assert read("A game.\n\n## Description\n\nLong.") == ["A game.", ""]
 
