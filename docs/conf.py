@@ -15,9 +15,11 @@ extensions = [
     "experiments.site.extension",
 ]
 exclude_patterns = ["leaderboard.md"]  # a table that a page includes
+smartquotes = False
+highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it
 
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 myst_fence_as_directive = ["mermaid"]
 

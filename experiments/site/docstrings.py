@@ -7,6 +7,7 @@ import ast
 import inspect
 import re
 import textwrap
+from dataclasses import is_dataclass
 from typing import Any
 
 from docutils import nodes
@@ -20,9 +21,13 @@ MARKDOWN = "## "
 
 
 def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Formulas stand indented after an empty line, as in Markdown; reStructuredText wants to be told so."""
+    """Formulas stand indented after an empty line, as in Markdown; reStructuredText wants to be told so.
+
+    Attributes of data are what it is made of, and so are shown as parameters.
+    """
     page = next((at for at, line in enumerate(lines) if line.startswith(MARKDOWN)), len(lines))
-    lines[:] = _with_formulas(lines[:page])
+    made_of_them = is_dataclass(thing) or hasattr(thing, "_fields")
+    lines[:] = ["Args:" if made_of_them and line == "Attributes:" else line for line in _with_formulas(lines[:page])]
 
 
 def _with_formulas(lines: list[str]) -> list[str]:

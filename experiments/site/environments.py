@@ -33,12 +33,12 @@ class Described(NamedTuple):
 def described() -> dict[str, Described]:
     """Every environment by its id."""
     game = parallel_env()
-    spaces = {f"action space of {agent}": repr(game.action_space(agent)) for agent in ("sp_0", "sr_0")}
-    spaces |= {f"observation space of {agent}": repr(game.observation_space(agent)) for agent in ("sp_0", "sr_0")}
+    spaces = {f"Action space of {agent}": repr(game.action_space(agent)) for agent in ("sp_0", "sr_0")}
+    spaces |= {f"Observation space of {agent}": repr(game.observation_space(agent)) for agent in ("sp_0", "sr_0")}
     made = {
-        "all at once": "roletrust_env.parallel_env()",
-        "agent by agent": "roletrust_env.env()",
-        "by name": f'pettingzoo.make("parallel", "{_GAME}")',
+        "All at once": "roletrust_env.parallel_env()",
+        "Agent by agent": "roletrust_env.env()",
+        "By name": f'pettingzoo.make("parallel", "{_GAME}")',
     }
     return {_GAME: _described(RoleTrustParallelEnv, {**made, **spaces}), **{name: _task(name) for name in TASKS}}
 
@@ -51,11 +51,11 @@ def attack_tasks() -> Described:
 def _task(identity: str) -> Described:
     task = gymnasium.make(identity)
     facts = {
-        "one game": f'gymnasium.make("{identity}")',
-        "many": f'gymnasium.make_vec("{identity}", num_envs=1024)',
-        "action space": repr(task.action_space),
-        "observation space": repr(task.observation_space),
-        "rounds": str(task.spec.max_episode_steps if task.spec else None),
+        "One game": f'gymnasium.make("{identity}")',
+        "A batch": f'gymnasium.make_vec("{identity}", num_envs=1024)',
+        "Action space": repr(task.action_space),
+        "Observation space": repr(task.observation_space),
+        "Rounds": str(task.spec.max_episode_steps if task.spec else None),
     }
     return _described(TASKS[identity], facts)
 

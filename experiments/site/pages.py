@@ -9,14 +9,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import baselines
 from experiments.commands.catalogue import Entry, all_attackers, all_models, all_scenarios, unfit, where_searched
-from experiments.commands.models import ATTACKS, ROUNDS, SCENARIO
+from experiments.commands.models import ROUNDS, SCENARIO
 from experiments.results.files import write_text
 from experiments.results.scenarios import as_toml
 from experiments.site.commands import everything, roletrust
 from experiments.site.drawn import Drawn, draw
 from experiments.site.environments import attack_tasks, described
 from experiments.site.films import file_name
-from experiments.site.pictures import GAMES, MODEL, how_shown
+from experiments.site.pictures import CARD, GAMES, MODEL, how_shown
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 
@@ -84,7 +84,8 @@ def _models(entries: Mapping[str, Entry], drawn: Drawn) -> Pages:
         f"models/{name}.md": _page("model.md", name=name, entry=entry, code=_code(models.factory(name)), **shared)
         for name, entry in entries.items()
     }
-    index = _page("models.md", families=families, said=_FAMILIES, attack=next(iter(ATTACKS)), **shared)
+    cards = {name: next(one for one in drawn.models[name] if one.title == CARD) for name in entries}
+    index = _page("models.md", families=families, said=_FAMILIES, attack=CARD, cards=cards, **shared)
     return {**pages, "models/index.md": index}
 
 
