@@ -3,7 +3,6 @@
 from experiments.commands.catalogue import all_attackers, all_models
 from experiments.site import drawn
 from experiments.site.drawn import draw
-from experiments.site.films import films
 from experiments.site.pictures import how_shown
 
 
@@ -41,9 +40,3 @@ def test_every_attack_is_seated_where_it_attacks():
     assert how_shown("collusion", entries["collusion"]).who == "4 of 10 raters, 2 of 10 providers"
     assert how_shown("sybil", entries["sybil"]).texts == ("sp_10=sybil:reserve=3",)
     assert how_shown("learned", entries["learned"]).scenario.name == "paper-3x3"
-
-
-def test_films(tmp_path):
-    for name, film in films(tmp_path, quick=True).items():
-        assert name in film.words
-        assert (tmp_path / f"{film.name}.mp4").stat().st_size > 1000
