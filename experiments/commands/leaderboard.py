@@ -21,7 +21,7 @@ def leaderboard_table(suite: Suite, rows: Sequence[Standing]) -> Table:
     """For the screen."""
     table = number_table(f"Leaderboard, suite {suite.name}", _CAPTION, *_COLUMNS[:-1])
     table.add_column(_COLUMNS[-1], justify="right", no_wrap=True)
-    table.columns[0].no_wrap = True
+    table.columns[0].overflow = "fold"  # where it is narrow, a name goes on in the next line and no number is cut
     for row in rows:
         table.add_row(f"{row.rank:2} {escape(row.model)}", *_cells(row, "±"))
     return table

@@ -5,12 +5,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from myst_nb.core import render
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
 from experiments.site import docstrings
 from experiments.site.arrows import Arrows
 from experiments.site.pages import write_pages
+from experiments.site.streams import whole_streams
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
@@ -19,6 +21,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     `site_quick` makes the same pages with pictures of shorter games, for tests.
     """
     app.add_directive("mermaid", Arrows)
+    render.coalesce_streams = whole_streams
     app.add_config_value("site_quick", False, "env", (bool,))
     app.connect("config-inited", _begin, priority=700)  # before it is seen whether there are the folders it names
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
