@@ -22,25 +22,25 @@ test: setup
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
 	$(MAKE) test-site
-	$(BIN)/pytest -n 2 -m extras
-	$(BIN)/pytest -m live
-	$(BIN)/pytest -m ros2
+	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/experiments/benchmark
+	$(BIN)/pytest -m live tests/live
+	$(BIN)/pytest -m ros2 tests/live
 
 # The whole site, in a browser; `make test` has it, too.
 test-site: docs
-	$(BIN)/pytest -m site
+	$(BIN)/pytest -m site tests/experiments/site
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
-	$(BIN)/pytest -n 2 -m extras
+	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/experiments/benchmark
 
 # Teams of processes on DDS, one after the other; `make test` has it, too.
 test-live: setup
-	$(BIN)/pytest -m live
+	$(BIN)/pytest -m live tests/live
 
 # A peer of ROS 2 in an environment of its own, which is made first; `make test` has it, too.
 test-ros2: setup
-	$(BIN)/pytest -m ros2
+	$(BIN)/pytest -m ros2 tests/live
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup

@@ -2,8 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +17,10 @@ pytestmark = pytest.mark.extras
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
-COMMANDS = ("benchmark", "figures", "ladder", "list", "live", "play", "report", "speed", "train", "zoo")
+COMMANDS = (
+    *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
+    *("submit", "train", "verify", "zoo"),
+)
 TINY = """
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
@@ -28,6 +33,12 @@ set = { max_cycles = 6 }
 [tracks.raters]
 roles = ["SR"]
 shares = [0.3]
+"""
+HELPS = f"""
+from typer.testing import CliRunner
+from experiments.cli import app
+for command in {COMMANDS}:
+    assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
 """
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
@@ -155,8 +166,7 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
-    for command in COMMANDS:
-        assert "Examples" in cli.roletrust(command, "--help")
+    cli.python(HELPS)
     listed = cli.roletrust("list")
     assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
     assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2, "--video")
@@ -215,6 +225,26 @@ def test_report(fresh: Callable[..., Environment]) -> None:
     assert (alone.folder / "page" / "leaderboard.md").stat().st_size
 
 
+def test_ray(fresh: Callable[..., Environment]) -> None:
+    alone = fresh("ray")
+    (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
+    address = f"127.0.0.1:{20_000 + os.getpid() % 10_000}"
+    options = [f"--port={address.split(':')[1]}", "--node-ip-address=127.0.0.1", "--num-cpus=2", "--block"]
+    options += ["--include-dashboard=false", "--disable-usage-stats", "--object-store-memory=100000000"]
+    around = {**os.environ, "PATH": f"{alone.path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    started = [alone.path / "bin" / "ray", "start", "--head", *options]
+    head = subprocess.Popen(started, env=around, stdout=subprocess.DEVNULL, start_new_session=True)
+    try:
+        time.sleep(20)
+        alone.roletrust("benchmark", "--suite", "tiny.toml", "--ray", address, "--out", "there")
+    finally:
+        os.killpg(head.pid, signal.SIGTERM)
+        head.wait(timeout=60)
+    alone.roletrust("benchmark", "--suite", "tiny.toml", "--out", "here")
+    there, here = ((alone.folder / name / "leaderboard.csv").read_bytes() for name in ("there", "here"))
+    assert there == here
+
+
 def test_live(fresh: Callable[..., Environment]) -> None:
     live = fresh("live")
     assert "Made in keys: sr_0, sr_1, sr_2" in live.roletrust("live", "keys", "keys")
@@ -230,5 +260,5 @@ print("met")
 """
     assert live.python(heard) == "met\n"
     assert "roletrust live demo" in live.roletrust("live", "--help")
-    live.roletrust("live", "demo", "--speed", 4, "--out", "team")
+    live.roletrust("live", "demo", "--seconds", 12, "--speed", 2, "--no-view", "--out", "team")
     assert (live.folder / "team" / "figure.png").exists()

@@ -89,10 +89,10 @@ def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[s
     groups: dict[tuple[float, float], list[str]] = {}
     for model in sorted(breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)):
         groups.setdefault(breaks[model][1:], []).append(model)
-    parts = "; ".join(f"{_between(*ends)} {', '.join(names)}" for ends, names in groups.items())
+    parts = "; ".join(f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items())
     text = (
-        "It depends on the model: what going by trust is worth falls to half, under the worst script, with a share of "
-        f"liars of {parts or 'no model'}"
+        "It depends on the model: under the worst script the worth of going by trust falls to half where, of the raters, "
+        f"{parts or 'nobody lies'}"
     )
     if worthless:
         text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"

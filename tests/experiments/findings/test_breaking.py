@@ -28,11 +28,11 @@ def test_a_model_that_recovers_has_broken_all_the_same():
 def test_one_that_never_breaks_is_said_to_hold():
     found = breaking(over(0.5, 0.4, 0.3))
     assert found == Break(1.0, 0.2, 1.0)
-    assert "over 20% (if at all) rock" in sentence({"rock": found}, set(), {})
+    assert "over 20% (if at all) lie with rock" in sentence({"rock": found}, set(), {})
 
 
 def test_the_sentence_names_every_model_once_and_why_some_are_not_measured():
     breaks = {"b": Break(0.25, 0.2, 0.3), "a": Break(0.22, 0.2, 0.3), "c": Break(0.45, 0.4, 0.5)}
     words = sentence(breaks, {"constant"}, {"mine": "returned NaN"})
-    assert "20% to 30% a, b; 40% to 50% c" in words
+    assert "20% to 30% lie with a, b; 40% to 50% lie with c" in words
     assert words.endswith("; nothing to lose without liars: constant; not measured: mine (returned NaN).")
