@@ -56,6 +56,8 @@ def as_written(
         if names and names[0].arg in ("self", "cls"):
             (node.args.posonlyargs or node.args.args).pop(0)
         return f"({ast.unparse(node.args)})", ast.unparse(node.returns) if node.returns else ""
+    if getattr(thing, "_is_protocol", False):
+        return "", ""
     if what == "class" and signature:
         try:
             parameters = inspect.signature(thing).parameters.values()

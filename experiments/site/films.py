@@ -59,7 +59,8 @@ def films(folder: Path, *, quick: bool) -> dict[str, Film]:
             policies = parse_attacks(staged.attacks, rules)
             name = file_name(identity)
             write_video(folder / f"{name}.mp4", Game(rules), policies, 0, progress)
-            words = f"A game of {identity} in {rules.name}: {', '.join(policies)} marked, {attacks_in_words(policies)}."
+            attack = f"{attacks_in_words(policies)} by {', '.join(policies)}, marked"
+            words = f"A game of {identity} in {rules.name}: {attack}; everybody else is honest."
             found[identity] = Film(name, words)
     return found
 

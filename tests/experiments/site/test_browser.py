@@ -1,8 +1,11 @@
-"""The whole site in a real browser, from disk, as `make docs` has built it: `make test-site`."""
+"""The whole site in a real browser, as `make docs` has built it: `make test-site`."""
 
 import os
 import shutil
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -50,29 +53,40 @@ def browser() -> Iterator[Any]:
         found.close()
 
 
-@pytest.fixture(autouse=True)
-def built() -> None:
+@pytest.fixture(scope="module")
+def home() -> Iterator[str]:
+    """Where the site is served. From disk a search has no excerpts, for browsers read no files."""
     assert (WHOLE / "index.html").is_file(), "there is no site; make docs builds it"
+    with ThreadingHTTPServer(("localhost", 0), partial(_Quiet, directory=str(WHOLE))) as server:
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://localhost:{server.server_port}/"
+        server.shutdown()
 
 
-def opened(browser: Any, view: str, wrong: list[str]) -> Any:
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+def opened(browser: Any, home: str, view: str, wrong: list[str]) -> Any:
     """A window; what its console complains of, and what is asked of others, is added to what is wrong."""
     width, colours = VIEWS[view]
     window = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=colours)
     window.on("pageerror", lambda error: wrong.append(f"{window.url}: {error}"))
     window.on("console", lambda said: wrong.append(f"{window.url}: {said.text}") if said.type == "error" else None)
     window.on(
-        "request", lambda asked: None if asked.url.startswith(("file:", "data:", "blob:")) else wrong.append(asked.url)
+        "request", lambda asked: None if asked.url.startswith((home, "data:", "blob:")) else wrong.append(asked.url)
     )
     return window
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_every_page_is_readable_without_errors(browser: Any, view: str) -> None:
+def test_every_page_is_readable_without_errors(browser: Any, home: str, view: str) -> None:
     wrong: list[str] = []
-    window, shots = opened(browser, view, wrong), os.environ.get("SCREENSHOTS")
+    window, shots = opened(browser, home, view, wrong), os.environ.get("SCREENSHOTS")
     for page in pages(WHOLE):
-        window.goto(page.as_uri())
+        window.goto(home + str(page.relative_to(WHOLE)))
         if window.evaluate("document.documentElement.scrollWidth > innerWidth"):
             wrong.append(f"{page}: wider than {VIEWS[view][0]} px")
         wrong += [f"{page}: faint: {text}" for text in window.evaluate(_FAINT)[:3]]
@@ -86,10 +100,10 @@ def test_every_page_is_readable_without_errors(browser: Any, view: str) -> None:
 
 
 @pytest.mark.parametrize(("word", "page"), [("EigenTrust", "models/eigentrust"), ("RaterAttack", "rater-attack-v0")])
-def test_search_finds(browser: Any, word: str, page: str) -> None:
+def test_search_finds(browser: Any, home: str, word: str, page: str) -> None:
     wrong: list[str] = []
-    window = opened(browser, "light", wrong)
-    window.goto((WHOLE / "index.html").as_uri())
+    window = opened(browser, home, "light", wrong)
+    window.goto(home)
     window.fill("input[name=q]", word)
     window.press("input[name=q]", "Enter")
     window.wait_for_selector(".search-summary >> text=/found|matching/", timeout=60_000)
