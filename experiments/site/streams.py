@@ -1,6 +1,7 @@
 """What a tutorial's cell printed, as it printed it."""
 
 from collections.abc import Sequence
+from copy import copy
 
 from nbformat import NotebookNode
 
@@ -18,6 +19,6 @@ def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
         elif output["name"] in streams:
             streams[output["name"]]["text"] += output["text"]
         else:
-            streams[output["name"]] = NotebookNode(output)
+            streams[output["name"]] = copy(output)
             found.append(streams[output["name"]])
     return found
