@@ -68,7 +68,7 @@ class Standing(NamedTuple):
     Attributes:
         rank: from 1.
         model: its name.
-        clean: utility while everybody is honest.
+        clean: utility while everybody is honest, the mean over the tracks on which nobody is compromised.
         worst: utility in the worst case, the mean over the conditions.
         open_worst: the same where rungs that know more count, too.
         damage: what the honest lost of their trust in the worst case.

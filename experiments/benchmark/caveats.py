@@ -17,23 +17,33 @@ _SAME = 1e-9
 
 def caveats(suite: Suite, kept: Sequence[Kept], attacks: Sequence[Attacked], models: Sequence[str]) -> list[str]:
     """A line for everything that limits what the numbers say."""
-    return [*_of_models(suite, attacks, models), *_of_searches(attacks), *_of_cells(kept)]
+    return [
+        *_of_models(suite, attacks, models),
+        *_of_searches(attacks),
+        *_of_rungs(kept),
+        *_of_conditions(suite, attacks),
+        *_of_cells(kept),
+    ]
 
 
 def _of_models(suite: Suite, attacks: Sequence[Attacked], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
     played = {one.model for one in attacks}  # one that hangs or ends Python has not, and must not here
+    jump = []
     for name in models:
         if name not in played:
             continue
         model = parse_trust_model(name, scenario)
         if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
-            yield f"{name}: trust jumps, so the white-box planner could not attack it"
+            jump.append(name)
         if is_random(Game(scenario, model)):
             yield f"{name}: it plays at random, so that other runs find other numbers"
         calm = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
         if calm and all(ignores_ratings(one) for one in calm):
             yield f"{name}: whoever goes by it does no better than by going blindly; it ignores ratings, or all but"
+    if jump:
+        them = "them" if jump[1:] else "it"
+        yield f"{', '.join(jump)}: trust jumps, so the white-box planner could not attack {them}"
 
 
 def ignores_ratings(calm: Attacked) -> bool:
@@ -68,8 +78,32 @@ def _of_searches(attacks: Sequence[Attacked]) -> Iterator[str]:
             yield f"{rung} never beat the scripts; with a larger budget it might"
 
 
+def _of_rungs(kept: Sequence[Kept]) -> Iterator[str]:
+    """Searches and learners that did not play at all; of the planner, see the models."""
+    for rung in dict.fromkeys(cell.rung for cell, _ in kept if cell.rung not in OPEN):
+        whys = [done.unsuitable for cell, done in kept if cell.rung == rung]
+        if all(whys):
+            yield f"{rung} attacked nothing: {whys[0]}"
+
+
+def _of_conditions(suite: Suite, attacks: Sequence[Attacked]) -> Iterator[str]:
+    """Conditions in which none of the attacks has a place, so that they do not count."""
+    played = {(one.condition.track, one.condition.share) for one in attacks}
+    for name, track in suite.tracks.items():
+        idle = [share for share in track.shares if (name, share) not in played]
+        if attacks and idle:
+            shares = ", ".join(f"{share:g}" for share in idle)
+            yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"
+
+
 def _of_cells(kept: Sequence[Kept]) -> Iterator[str]:
+    """What failed, a line for each model and reason."""
+    found: dict[tuple[str, str], list[str]] = {}
     for cell, done in kept:
         if done.failed:
             left = f"; its other {len(done.rows)} attacks count" if done.rows else ""
-            yield f"{cell.model}, {cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}: {done.failed}{left}"
+            place = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}"
+            found.setdefault((cell.model, f"{done.failed}{left}"), []).append(place)
+    for (model, why), places in found.items():
+        more = f" and {len(places) - 1} cells more" if places[1:] else ""
+        yield f"{model}, {places[0]}{more}: {why}"

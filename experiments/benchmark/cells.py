@@ -1,9 +1,11 @@
 """The cells of a suite: what is played apart from all else, and can be played anywhere and in any order."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import baselines
 from experiments.benchmark.suite import Suite, Track
+from experiments.naming import named_factory
 from roletrust_env import Policy, Scenario
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -64,6 +66,13 @@ def attacks(suite: Suite) -> list[str]:
         if isinstance(kind, type) and issubclass(kind, Policy):
             found.append(name)
     return found
+
+
+def named(suite: Suite) -> dict[str, Callable[..., Any]]:
+    """What makes the models and the attacks of a suite, by what they are."""
+    made: dict[str, Callable[..., Any]] = {}
+    made |= {f"trust model {name}": named_factory(trust_models, name) for name in models(suite)}
+    return made | {f"attack {name}": named_factory(baselines.registry, name) for name in attacks(suite)}
 
 
 class Place(NamedTuple):

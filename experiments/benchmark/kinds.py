@@ -6,7 +6,8 @@ Pools and the store know no more of a suite than this.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from experiments.benchmark.cells import Cell, cells
+from experiments.benchmark.cells import Cell, cells, named
+from experiments.benchmark.learners import contestants
 from experiments.benchmark.learners.suite import LearnersSuite, Trial, trials
 from experiments.benchmark.learners.work import play_trial
 from experiments.benchmark.suite import Suite
@@ -24,14 +25,19 @@ class Kind(NamedTuple):
         cell: makes a cell of its fields, by their names.
         cells: all cells of a suite.
         play: plays a cell of a suite.
+        named: what makes all that a suite names, and others may write and change.
     """
 
     cell: Callable[..., AnyCell]
     cells: Callable[[Any], list[Any]]
     play: Callable[[Any, Any], Done]
+    named: Callable[[Any], dict[str, Callable[..., Any]]]
 
 
-_KINDS = {"robustness": Kind(Cell, cells, play_cell), "learners": Kind(Trial, trials, play_trial)}
+_KINDS = {
+    "robustness": Kind(Cell, cells, play_cell, named),
+    "learners": Kind(Trial, trials, play_trial, contestants.named),
+}
 
 
 def kind_of(suite: AnySuite) -> Kind:

@@ -3,7 +3,8 @@
 import hashlib
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
@@ -45,6 +46,15 @@ def source_of(factory: Callable[..., Any]) -> Source:
     package, number = _package(_top(factory.__module__))
     made_by = f"{factory.__module__}.{getattr(factory, '__qualname__', type(factory).__qualname__)}"
     return Source(made_by=made_by, package=package, version=number, sha256=digest.hexdigest())
+
+
+def hashes(named: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
+    """The hash of the source of each, by its name; of those that stand in files."""
+    found = {}
+    for name, factory in named.items():
+        with suppress(ValueError):
+            found[name] = source_of(factory).sha256
+    return found
 
 
 def _text(module: str) -> bytes:

@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from experiments.benchmark.kinds import AnyCell, AnySuite, kind_of
+from experiments.benchmark.sources import hashes
 from experiments.benchmark.suite import read_suite
 from experiments.benchmark.terms import Done, Row
 from experiments.results.files import software
@@ -55,7 +56,7 @@ class Store:
 
     Raises:
         ValueError: there is nothing to read, or it is damaged, of another format, of another suite or of other
-            software, or another run writes to it.
+            software or source, or another run writes to it.
         OSError: it cannot be written.
     """
 
@@ -63,6 +64,8 @@ class Store:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
+        if suite is None and path.is_dir():
+            raise ValueError(f"{path} is a folder; name the results.sqlite in it")
         if suite is None and not path.is_file():
             raise ValueError(f"there is no {path}; `roletrust benchmark` makes it")
         try:
@@ -78,6 +81,7 @@ class Store:
                 facts = self._facts()
             self.suite = read_suite(facts["suite"], str(path))
             self.software: dict[str, Any] = facts["software"]
+            self._sources: dict[str, str] = facts.get("sources", {})
             if suite is not None:
                 self._check(suite)
                 with _explained(path):
@@ -164,6 +168,24 @@ class Store:
             )
         if self.software != software():
             raise ValueError(f"{self.path} was made with other versions of the software; begin anew with --force")
+        self.check_sources(suite)
+
+    def check_sources(self, suite: AnySuite) -> None:
+        """See that what was played is what is here.
+
+        Args:
+            suite: all that it names is imported.
+
+        Raises:
+            ValueError: a model, an attack or a learner has another source now.
+        """
+        here = hashes(kind_of(suite).named(suite))
+        changed = [name for name, found in here.items() if self._sources.get(name, found) != found]
+        if changed:
+            raise ValueError(
+                f"{self.path} was played with another source of {', '.join(changed)}; give another --out, or begin "
+                "anew with --force"
+            )
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
@@ -203,7 +225,8 @@ def _remove(path: Path) -> None:
 
 def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     """Make the tables of a new file, all or none."""
-    facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software()}
+    sources = hashes(kind_of(suite).named(suite))
+    facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 

@@ -179,6 +179,7 @@ def submitted(store: Store, names: Sequence[str] = (), *, allow_code: bool = Fal
     if not allow_code:
         check_installed(trust_models, [name for name in suite.models if name not in names])
         check_installed(baselines.registry, suite.attacks)
+    store.check_sources(suite)
     found = {cell.key: Kept(cell, done) for cell, done in store.all() if cell.model in suite.models}
     every = cells(suite)
     if bad := [cell.key for cell in every if cell.key not in found or found[cell.key].done.failed]:

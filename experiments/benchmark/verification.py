@@ -144,7 +144,9 @@ def check_all(found: Submission, suite: Suite, kept: Sequence[Kept], same: bool)
     def fits(name: str, theirs: Score, mine: Score) -> bool:
         return theirs == mine if same else _within(theirs, mine)
 
-    return _check_scores("measured scores of", found.standings, scores(suite, kept), fits)
+    by_key = {one.cell.key: one for one in kept}
+    in_order = [by_key[cell.key] for cell in cells(suite)]  # sums depend on it in their last bits
+    return _check_scores("measured scores of", found.standings, scores(suite, in_order), fits)
 
 
 def _suite(found: Submission) -> Suite:
@@ -226,8 +228,8 @@ def _check_sources(what: str, theirs: Mapping[str, Source], mine: Mapping[str, S
         excused = said.package == here.package != "" and said.version != here.version
         words = f"other source, of {said.package} {said.version}; here is {here.version}"
         checks.append(Check(f"{what} {name}", excused, words if excused else "another source than here"))
-    same = len(theirs) - len(checks)
-    return [Check(f"{what}s", True, f"{same} of {len(theirs)} have the same source as here"), *checks]
+    same, ok = len(theirs) - len(checks), all(check.ok for check in checks)
+    return [Check(f"{what}s", ok, f"{same} of {len(theirs)} have the same source as here"), *checks]
 
 
 def _check_scores(

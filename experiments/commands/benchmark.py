@@ -89,7 +89,8 @@ def benchmark(
     is what it plays in games that it has not seen. Written: [green]learners.csv learners.png[/].
 
     Results are kept as they come, in [green]results.sqlite[/]; killed at any moment, the same command goes on.
-    Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes pages to look at.
+    Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes pages to look at. Where a
+    cell failed, the others count, and the exit code is 1.
 
     [bold]Examples[/]
 
@@ -122,6 +123,8 @@ def benchmark(
         tell_learners(asked, kept, out)
     else:
         _tell(asked, kept, out)
+    if any(done.failed for _, done in kept):
+        raise typer.Exit(1)
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[Kept]:

@@ -11,8 +11,9 @@ from experiments.commands.console import number_table
 from experiments.results.measures import Estimate
 
 _CAPTION = (
-    "utility of who goes by trust, ± half the 95% interval over the games; worst: over all attacks, chosen on other "
-    "games. damage, AUC: in the worst case. alarms: false ones, all honest. holds: how sure the rank is"
+    "utility of who goes by trust, ± half the 95% interval over the games; clean: everybody honest, disturbed or not; "
+    "worst: over all attacks, chosen on other games. damage, AUC: in the worst case. alarms: honest agents with trust "
+    "below 0.5 where clean. holds: probability of the same rank in new games"
 )
 _COLUMNS = ("clean", "worst", "damage", "alarms", "AUC", "holds")
 
@@ -21,9 +22,9 @@ def leaderboard_table(suite: Suite, rows: Sequence[Standing]) -> Table:
     """For the screen."""
     table = number_table(f"Leaderboard, suite {suite.name}", _CAPTION, *_COLUMNS[:-1])
     table.add_column(_COLUMNS[-1], justify="right", no_wrap=True)
-    table.columns[0].no_wrap = True
+    table.columns[0].overflow = "fold"  # a terminal of 80 columns has room for all numbers
     for row in rows:
-        table.add_row(f"{row.rank:2} {escape(row.model)}", *_cells(row, "±"))
+        table.add_row(f"{row.rank:2} {escape(row.model)}", *(cell.replace("0.", ".") for cell in _cells(row, "±")))
     return table
 
 
@@ -41,7 +42,7 @@ def _cells(row: Standing, between: str) -> list[str]:
     sure = [_words(estimate, between) for estimate in (row.clean, row.worst)]
     rest = [_words(estimate) for estimate in (row.damage, row.false_alarms, row.detection)]
     holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
-    return [*sure, *rest, f"{row.missing} cells failed or missing" if row.missing else holds]
+    return [*sure, *rest, f"{row.missing} failed or missing" if row.missing else holds]
 
 
 def _words(estimate: Estimate, between: str = "") -> str:

@@ -91,8 +91,8 @@ def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[s
         groups.setdefault(breaks[model][1:], []).append(model)
     parts = "; ".join(f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items())
     text = (
-        "It depends on the model: under the worst script the worth of going by trust falls to half where, of the raters, "
-        f"{parts or 'nobody lies'}"
+        "It depends on the model: under the worst script the worth of going by trust falls to half where, of the "
+        f"raters, {parts or 'nobody lies'}"
     )
     if worthless:
         text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"

@@ -1,6 +1,7 @@
 """The figures of the report as pictures for papers and slides: the best models, in the first condition of each."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,10 @@ def pictures(content: Content) -> dict[str, Figure]:
 
 def _of_models(told: Robustness) -> dict[str, Figure]:
     styles = dict(list(looks(told.order).items())[:_LINES])
+    heat = partial(_heat, lowest=_lowest(told))
     return {
         "leaderboard": _leaderboard(told.standings),
-        "heatmap": _panels(told.tables["heatmap"], _heat, told.order, (10.4, 0.3 * len(told.order) + 2.2)),
+        "heatmap": _panels(told.tables["heatmap"], heat, told.order, (10.4, 0.3 * len(told.order) + 2.2)),
         "curves": _panels(told.tables["curves"], _curves, styles, (8.4, 3.2)),
         "breakdown": _panels(told.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
         "tradeoff": _panels(told.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
@@ -73,7 +75,14 @@ def _panels(table: Table, draw: Any, how: Any, size: tuple[float, float]) -> Fig
     return figure
 
 
-def _heat(axes: Axes, rows: Sequence[Mapping[str, Any]], order: Sequence[str]) -> None:
+def _lowest(told: Robustness) -> float:
+    """The least utility of all, where the colours of every panel begin."""
+    table = told.tables["heatmap"]
+    place = table.header.index("utility")
+    return float(np.nanmin([row[place] for row in table.rows], initial=1.0))
+
+
+def _heat(axes: Axes, rows: Sequence[Mapping[str, Any]], order: Sequence[str], lowest: float) -> None:
     attacks, models = list(dict.fromkeys(row["attack"] for row in rows)), list(order)
     left = np.full((len(models), len(attacks)), np.nan)
     for row in rows:
@@ -81,7 +90,7 @@ def _heat(axes: Axes, rows: Sequence[Mapping[str, Any]], order: Sequence[str]) -
         left[place] = row["utility"]
         if row["worst"]:
             axes.plot(place[1], place[0], "o", color="white", mec="black", ms=5)
-    shown = axes.imshow(left, cmap="cividis", vmax=1, aspect="auto", interpolation="none")
+    shown = axes.imshow(left, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
     axes.set_xticks(range(len(attacks)), attacks, rotation=60, ha="right", rotation_mode="anchor", fontsize=8.5)
     axes.set_yticks(range(len(models)), models, fontsize=8.5)
     axes.figure.colorbar(shown, ax=axes, label="utility", pad=0.01)
@@ -115,7 +124,9 @@ def _tradeoff(axes: Axes, rows: Sequence[Mapping[str, Any]], styles: Mapping[str
         mine = [row for row in rows if row["model"] == model]
         if mine:
             points = [row["auc"] for row in mine], [row["damage"] for row in mine]
-            axes.scatter(*points, color=look.colour, marker=_MARKS[look.mark], s=30, alpha=0.75, label=model)
+            sizes = [90 if row["worst"] else 22 for row in mine]
+            axes.scatter(*points, color=look.colour, marker=_MARKS[look.mark], s=sizes, alpha=0.75, label=model)
+    axes.axvline(0.5, color=QUIET, linestyle="--", lw=1)  # chance
     axes.set_xlim(-0.03, 1.03)
     axes.set_xlabel("detectability (AUC)", color=INK)
     axes.set_ylabel("damage", color=INK)

@@ -1,11 +1,20 @@
 """Who takes part in the learners' benchmark, by name."""
 
+from collections.abc import Callable
+from typing import Any
+
 from agents.ladder.known import HonestPlay
 from agents.ladder.rungs import Rung
 from experiments.benchmark.battery import SEARCHING, searching
 from experiments.benchmark.learners.learner import Entered, registry
-from experiments.benchmark.learners.suite import FOOT, TOPS
-from experiments.naming import parse_named
+from experiments.benchmark.learners.suite import FOOT, TOPS, LearnersSuite
+from experiments.naming import named_factory, parse_named
+
+
+def named(suite: LearnersSuite) -> dict[str, Callable[..., Any]]:
+    """What makes the learners of a suite that are no part of it, by what they are."""
+    others = [name for name in suite.learners if name != FOOT and name not in (*TOPS, *SEARCHING)]
+    return {f"learner {name}": named_factory(registry, name) for name in others}
 
 
 def contestant(name: str, task_id: str) -> Rung:

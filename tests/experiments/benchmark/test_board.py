@@ -139,3 +139,19 @@ def test_searches_that_never_beat_the_scripts_are_told() -> None:
     assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attacked(weak), []))
     strong = [weak[0], kept("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
     assert not caveats(SUITE, strong, attacked(strong), [])
+
+
+def test_searches_that_could_not_play_and_conditions_without_attack_are_told() -> None:
+    idle = Kept(Cell("mean", "market", "raters", 0.5, "random search", 0), Done((), 1.0, unsuitable="too few rounds"))
+    assert "random search attacked nothing: too few rounds" in caveats(SUITE, [RUN[1], idle], attacked([RUN[1]]), [])
+    assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attacked(RUN), []))
+    (told,) = (line for line in caveats(SUITE, RUN[:1], attacked(RUN[:1]), []) if "no attack" in line)
+    assert told == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
+
+
+def test_cells_that_fail_alike_are_one_line() -> None:
+    bad = [
+        Kept(Cell("mine", "market", "raters", share, "scripted", 0), Done((), 1.0, failed="NaN"))
+        for share in (0.1, 0.3, 0.5)
+    ]
+    assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 cells more: NaN"]

@@ -9,6 +9,7 @@ import sys
 import pytest
 from benchmark_cases import results, tiny
 
+from experiments.benchmark import store as store_file
 from experiments.benchmark.cells import cells
 from experiments.benchmark.store import Store
 from experiments.benchmark.work import Done, Row
@@ -48,6 +49,21 @@ def test_what_was_kept_comes_back(path):
         assert [kept.done for kept in store.all()] == [DONE] * 3
         assert {kept.cell for kept in store.all()} == set(cells(SUITE)[:3])
         assert store.suite == SUITE
+
+
+def test_what_was_played_with_another_source_is_not_gone_on_with(path, monkeypatch):
+    monkeypatch.setattr(store_file, "hashes", lambda named: dict.fromkeys(named, "0" * 64))
+    name = cells(SUITE)[0].model
+    assert f"another source of trust model {name}, " in refused(path, SUITE)
+    with Store(path) as store:  # to look at it is no harm
+        assert len(store.all()) == 3
+    with Store(path, SUITE, anew=True) as store:
+        assert not store.all()
+    Store(path, SUITE).close()
+
+
+def test_a_folder_is_said_to_be_one(tmp_path):
+    assert "is a folder; name the results.sqlite in it" in refused(tmp_path)
 
 
 def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):

@@ -99,3 +99,13 @@ def test_a_file_that_is_no_suite_is_refused(tmp_path: Path) -> None:
         load_suite(tmp_path / "none.toml")
     with pytest.raises(ValueError, match=r"unknown suite 'brief'; known: .*quick"):
         load_suite("brief")
+
+
+@pytest.mark.parametrize("name", ["quick", "standard"])
+@pytest.mark.parametrize("rung", ["random search", "CMA-ES"])
+def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, rung: str) -> None:
+    suite = load_suite(name)
+    if rung in suite.rungs:
+        for stage in suite.scenarios:
+            done = play_cell(suite, Cell("mean", stage, "raters", 0.3, rung, 0))
+            assert done.rows, done.unsuitable

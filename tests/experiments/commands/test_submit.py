@@ -14,7 +14,7 @@ from command_line import run
 from experiments.benchmark import verification
 from experiments.benchmark.cells import cells
 from experiments.benchmark.play import MEASURED
-from experiments.benchmark.store import Store
+from experiments.benchmark.store import Kept, Store
 from experiments.benchmark.submission import Measures, fingerprint
 from experiments.benchmark.suite import load_suite
 from experiments.benchmark.verification import read_submission
@@ -61,6 +61,14 @@ def test_what_is_true_is_found_so(verified: Callable) -> None:
     assert told.count("the same to the last bit") == len(cells(SUITE)) + 1
     assert "measured scores of role-trust" in told
     assert f"{len(cells(SUITE))} of {len(cells(SUITE))} cells played again" in told
+
+
+def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -> None:
+    """Sums of floats depend on the order in their last bits."""
+    (tmp_path / "true.json").write_text(text)
+    found, suite = read_submission(tmp_path / "true.json")
+    kept = [Kept(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
+    assert all(check.ok for check in verification.check_all(found, suite, kept, same=True))
 
 
 def test_a_seed_draws_the_same_cells(tmp_path: Path, text: str) -> None:
