@@ -130,10 +130,11 @@ def panel_figure(panel: Panel, title: str) -> Figure:
 def in_words(panel: Panel) -> str:
     """What a panel shows, for who cannot see it."""
     start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
-    told = [
-        f"{trust} of {_WORDS[trust, whose]} {values[max(start - 1, 0)]:.2f} before, {values[stop - 1]:.2f} at its end"
-        for (trust, whose), values in panel.lines.items()
-    ]
+    told = []
+    for (trust, whose), values in panel.lines.items():
+        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
+        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
     return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 
 

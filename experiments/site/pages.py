@@ -145,14 +145,16 @@ def _cell(text: object) -> str:
     return re.sub(r"\s+", " ", str(text)).replace("|", "\\|")
 
 
+_TEMPLATES = Environment(
+    loader=PackageLoader("experiments.site", "template"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+    autoescape=False,  # it is Markdown
+)
+_TEMPLATES.filters |= {"cell": _cell, "file_name": file_name, "unfit": unfit, "where_searched": where_searched}
+
+
 def _page(template: str, **facts: Any) -> str:
-    environment = Environment(
-        loader=PackageLoader("experiments.site", "template"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # it is Markdown
-    )
-    environment.filters |= {"cell": _cell, "file_name": file_name, "unfit": unfit, "where_searched": where_searched}
-    return environment.get_template(template).render(**facts)
+    return _TEMPLATES.get_template(template).render(**facts)

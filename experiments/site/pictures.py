@@ -77,7 +77,7 @@ def model_pictures(folder: Path, names: Iterable[str], *, quick: bool) -> dict[s
             for title, policies in attacks.items():
                 cast, file = Cast(Game(rules, name), policies), f"{name}-{list(ATTACKS).index(title)}.svg"
                 words = _draw(folder / file, cast, title, progress)
-                found[name].append(Picture(file, title, f"Trust over time in {name} while {title}: {words}."))
+                found[name].append(Picture(file, title, f"Trust over time in {name}, {title}: {words}."))
     return found
 
 
@@ -99,7 +99,7 @@ def how_shown(name: str, entry: Entry) -> Shown:
     parameters, channels = entry["parameters"], set(entry["channels"] or ())
     if entry["channels"] is None:  # only what was learned knows what it does
         trio = make_scenario("paper-3x3").change(max_cycles=ROUNDS)
-        return Shown(trio, (f"sp_2={name}:path=provider-3x3",), "1 of 3 providers, learned")
+        return Shown(trio, (f"sp_2={name}:path=provider-3x3",), "1 of 3 providers")
     if "presence" in channels:
         stranger = AgentGroup(role="SP", reserve=_RESERVE)
         texts = (f"sp_10={name}:reserve={_RESERVE}",)

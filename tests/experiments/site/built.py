@@ -43,9 +43,9 @@ def parsed(page: Path) -> BeautifulSoup:
 
 
 def text(page: Path) -> str:
-    """What is to be read in the middle of a page."""
+    """What is to be read in the middle of a page, with single spaces."""
     article = parsed(page).find("article")
-    return "" if article is None else article.get_text(" ")
+    return "" if article is None else " ".join(article.get_text(" ").split())
 
 
 def targets(page: Path) -> list[str]:

@@ -29,8 +29,8 @@ def test_words_say_what_is_seen(tmp_path, monkeypatch):
     monkeypatch.setattr(drawn, "films", lambda folder, quick: {})
     found = draw(tmp_path, some(all_models(), "mean", "constant"), some(all_attackers(), "bad-mouthing"), quick=True)
     (mean,), (constant,) = found.models["mean"], found.models["constant"]
-    assert "from 15 s to 45 s; ToP of honest providers 1.00 before, 0.60 at its end" in mean.words
-    assert "ToP of honest providers 0.50 before, 0.50 at its end" in constant.words
+    assert "from 15 s to 45 s; ToP of honest providers 1.00 before, 0.60 to 0.80 in it" in mean.words
+    assert "ToP of honest providers 0.50 before, 0.50 to 0.50 in it" in constant.words
 
 
 def test_every_attack_is_seated_where_it_attacks():
