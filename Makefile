@@ -5,21 +5,30 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run test test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+.PHONY: run docs test test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
 	benchmark findings ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
 	$(BIN)/roletrust speed --quick --out $(OUT)/speed
 
+# The site, in build/site/index.html, offline; tutorials run when their text changes, and pictures are drawn when code does.
+docs: setup
+	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
+
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
+	$(MAKE) test-site
 	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/experiments/benchmark
 	$(BIN)/pytest -m live tests/live
 	$(BIN)/pytest -m ros2 tests/live
+
+# The whole site, in a browser; `make test` has it, too.
+test-site: docs
+	$(BIN)/pytest -m site tests/experiments/site
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
@@ -45,7 +54,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
-# The pictures of the README.
+# The pictures of the README and the guide.
 pictures: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
@@ -60,7 +69,7 @@ costs: setup
 	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
 
-# The standard suite's leaderboard, table and picture of the README; about an hour on two cores, and more on a busy machine.
+# The standard suite's leaderboard, of which the README has the table; about an hour on two cores, and more on a busy machine.
 benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
 	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --out $(OUT)/standard/report

@@ -1,4 +1,4 @@
-"""The rooms of the house: who imports whom, as `pyproject.toml` has it and as the README draws it."""
+"""The rooms of the house: who imports whom, as `pyproject.toml` has it and as the documentation draws it."""
 
 import re
 import subprocess
@@ -11,7 +11,7 @@ import pytest
 
 HOUSE = Path(__file__).parent.parent
 FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
-README = (HOUSE / "README.md").read_text(encoding="utf-8")
+PAGE = (HOUSE / "docs/how/structure.md").read_text(encoding="utf-8")
 LONGEST = 350  # lines of a file that is read in one sitting
 
 
@@ -47,8 +47,8 @@ def reduced(arrows: dict[str, set[str]]) -> set[tuple[str, str]]:
 
 
 def drawn() -> set[tuple[str, str]]:
-    """The arrows of the README's picture."""
-    picture = re.search(r"```mermaid\n(.*?)```", README, flags=re.DOTALL)
+    """The arrows of the picture."""
+    picture = re.search(r"```mermaid\n(.*?)```", PAGE, flags=re.DOTALL)
     assert picture is not None
     return set(re.findall(r"^ *([\w/.]+) --> ([\w/.]+)$", picture[1], flags=re.MULTILINE))
 
@@ -67,8 +67,8 @@ def test_the_picture_of_the_rooms_is_that_of_the_imports():
     assert drawn() == reduced(arrows())
 
 
-def test_the_readme_names_every_room():
-    tree = re.search(r"## The structure\n+(.*?)\n+An arrow", README, flags=re.DOTALL)
+def test_the_tree_names_every_room():
+    tree = re.search(r"```text\n(.*?)```", PAGE, flags=re.DOTALL)
     assert tree is not None
     for name in sorted(set(arrows()) | {below for found in arrows().values() for below in found}):
         assert f"{name.rpartition('/')[2]}" in tree[1]

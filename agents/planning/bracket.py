@@ -24,8 +24,8 @@ p G[n] - max(0, p - v[n]). With (2), the score of a game is at most
 where k is 1, and 1 / lam in the last round: every E[n] is now chosen for itself, between 0 and 1 - (1 - lam)^n. What
 is maximised is linear but for two kinks, so that four points decide. The price is the one with the lowest bound.
 
-Proof of (1). Let e = 1 - x, m = 1 - l, q = sqrt(e). On [-1, 1], s(y) >= 1 - |y|, and s falls with |y|.
-If m >= e / 2, then |e - m| <= m, so s(e - m) >= s(m), and the left side less the right side is at least
+Proof of (1). Let e = 1 - x, m = 1 - l, q = sqrt(e). On [-1, 1], s(y) >= 1 - abs(y), and s falls with abs(y).
+If m >= e / 2, then abs(e - m) <= m, so s(e - m) >= s(m), and the left side less the right side is at least
 2 q + s(e) - 1 - s(m) (1 - (1 - e) s(e)) >= 2 q + (2 - e) s(e) - 2 >= 2 q + (2 - e) (1 - e) - 2 = q (1 - q)^2 (2 + q).
 If m < e / 2, then 0 <= e - m <= e, so s(e - m) >= s(e), and it is at least 2 q + s(e) + (1 - e) s(e)^2 - 2. By
 s(e) >= 1 - e that is at least (1 - q)^2 ((1 - q) (1 + q)^3 - 1), which is not negative up to e = 0.7. Beyond, with

@@ -75,6 +75,25 @@ def all_attackers() -> dict[str, Entry]:
     return _entries(baselines.registry, entry)
 
 
+def unfit(entry: Entry) -> list[str]:
+    """What a trust model is not fit for, in a few words each."""
+    lacks = [] if entry["rates_raters"] else ["no trust in raters"]
+    lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
+    return lacks + ([] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"])
+
+
+def where_searched(parameter: Mapping[str, Any]) -> str:
+    """Where searches look for a parameter of an attacker, in words; empty if nowhere."""
+    match parameter["searched"]:
+        case {"low": low, "high": high}:
+            return f"{low:g} to {high:g}"
+        case {"options": options}:
+            return " | ".join(map(str, options))
+        case "victims" | "identities" as whom:
+            return str(whom)
+    return "told" if parameter["told"] else ""
+
+
 def _entries(registry: Registry[Any], entry: Callable[[str], Entry]) -> dict[str, Entry]:
     found = {}
     for name in registry.names():

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.results.claims import Claim
@@ -18,10 +18,18 @@ console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar(where: Console = console) -> Progress:
-    """A progress bar for rounds, that leaves no trace when done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=where, transient=True)
+def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = ()) -> Progress:
+    """A progress bar that leaves no trace when done.
+
+    There is none where it would be printed over and over instead of moving: in a file, a pipe or a notebook, which may
+    all ask for colours by `FORCE_COLOR`.
+
+    Args:
+        where: it is shown.
+        columns: of it; by default those that count rounds.
+    """
+    usual = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*(columns or usual), console=where, transient=True, disable=not where.file.isatty())
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -9,14 +9,14 @@ import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from agents.ladder.known import HonestPlay, learned_rungs
 from agents.ladder.players import Scripted
 from agents.ladder.rungs import Arguments, Finding, Rung, UnsuitableError, exact_task, find
 from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, Scripts
-from experiments.commands.console import console
+from experiments.commands.console import console, progress_bar
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
     ScenarioOption,
@@ -177,7 +177,7 @@ def climb(
     """
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     found, missing = [], {}
-    with Progress(*columns, console=console, transient=True) as progress:
+    with progress_bar(columns=columns) as progress:
         for rungs in zip(*ladders, strict=True):
             job = progress.add_task(rungs[0].name, total=budget * len(rungs))
             tell = lambda rounds, job=job: progress.advance(job, rounds)  # noqa: E731

@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from experiments.commands.catalogue import Entry, all_attackers, all_models, all_scenarios
+from experiments.commands.catalogue import Entry, all_attackers, all_models, all_scenarios, unfit, where_searched
 from experiments.commands.console import console, print_json
 
 
@@ -58,7 +58,9 @@ def list_command(
             "told: what a command knows of the game it plays[/]"
         )
     if kind is not Kind.SCENARIOS:
-        console.print("[dim]Your own: package.module:Class in place of a name, or an entry point (see the README).[/]")
+        console.print(
+            "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
+        )
 
 
 def _scenario_table(entries: Mapping[str, Entry]) -> Table:
@@ -77,15 +79,12 @@ def _model_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Trust models", "parameters = defaults, allowed values")
     for name, entry in _readable(entries, table):
         origin = ", ".join(part for part in (entry["family"], entry["source"]) if part)
-        lacks = [] if entry["rates_raters"] else ["no trust in raters"]
-        lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
-        lacks += [] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"]
-        unfit = [f"unfit: {'; '.join(lacks)}"] if lacks else []
+        lacks = [f"unfit: {'; '.join(unfit(entry))}"] if unfit(entry) else []
         lines = [
             f"{_given(key, parameter)}  [dim]{escape(parameter['allowed'])}[/]"
             for key, parameter in entry["parameters"].items()
         ]
-        table.add_row(name, _described(entry, origin, *unfit), "\n".join(lines))
+        table.add_row(name, _described(entry, origin, *lacks), "\n".join(lines))
     return table
 
 
@@ -93,7 +92,7 @@ def _attacker_table(entries: Mapping[str, Entry]) -> Table:
     table = _table("Attackers", "parameters = defaults, where searched")
     for name, entry in _readable(entries, table):
         channels = [f"by {' and '.join(entry['channels'])}"] if entry["channels"] else []
-        where = {key: _searched(parameter) for key, parameter in entry["parameters"].items()}
+        where = {key: where_searched(parameter) for key, parameter in entry["parameters"].items()}
         given = {key: _given(key, parameter) for key, parameter in entry["parameters"].items()}
         lines = [f"{given[key]}  [dim]{escape(said)}[/]" for key, said in where.items() if said]
         lines.append(", ".join(given[key] for key, said in where.items() if not said))
@@ -117,18 +116,6 @@ def _described(entry: Entry, *more: str) -> str:
 
 def _given(name: str, parameter: Mapping[str, Any]) -> str:
     return escape(name if parameter["required"] else f"{name}={parameter['default']}")
-
-
-def _searched(parameter: Mapping[str, Any]) -> str:
-    """Where searches look for a parameter, in words."""
-    match parameter["searched"]:
-        case {"low": low, "high": high}:
-            return f"{low:g} to {high:g}"
-        case {"options": options}:
-            return " | ".join(map(str, options))
-        case "victims" | "identities" as whom:
-            return str(whom)
-    return "told" if parameter["told"] else ""
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -18,17 +18,20 @@ from experiments.results.files import (
 )
 from experiments.results.games import all_kept_bytes
 from experiments.results.machine import check_memory
-from experiments.results.measures import attack_rounds
-from experiments.results.recording import record
 from roletrust_env import Cast, Game, make_scenario
 from roletrust_env.trust import Traits, trust_models
 
+SCENARIO, ROUNDS = "crowd-10x10", 120
+"""In which models are compared, and for how long."""
+
 _WINDOW = "start=30,stop=90"
-_ATTACKS = {
+ATTACKS = {
     "one provider is on-off": [f"sp_0=on-off:period=20,{_WINDOW}"],
     "4 of 10 raters bad-mouth": [f"sr_[0-3]=bad-mouthing:level=0,{_WINDOW}"],
     "a ring: 4 raters, 2 providers": [f"sr_[0-3]=collusion:{_WINDOW}", f"sp_[01]=collusion:{_WINDOW}"],
 }
+"""The attacks, as behind `--attack`, by what they are called on the page."""
+
 _HEADER = ("trust_model", "attack", "trust", "whose", "time_s", "mean")
 
 
@@ -57,10 +60,10 @@ def models(
     [dim]# one model, as it is and with more memory[/]
     [cyan]roletrust models --trust-model beta --trust-model beta:keep=0.99 --out results/beta[/]
     """
-    from experiments.plots.models import Panel, mean_lines, models_figure
+    from experiments.plots.models import Panel, models_figure, play_panel
 
-    rules = make_scenario("crowd-10x10").change(max_cycles=120)
-    attacks = {name: parse_attacks(texts, rules) for name, texts in _ATTACKS.items()}
+    rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
+    attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
     names = list(dict.fromkeys(trust_model or trust_models()))
     played = {name: Game(rules, parse_trust_model(name, rules)) for name in names}
     one, *_ = played.values()
@@ -71,10 +74,8 @@ def models(
         pages = progress.add_task("Trust models under attacks", total=len(names) * len(attacks))
         for name, game in played.items():
             for attack, attackers in attacks.items():
-                curves = record(Cast(game, attackers), seed, progress, f"{name}, {attack}", games=games)
-                lines = mean_lines(game.roster, curves, list(attackers), game.model.rates_raters)
-                start, stop = (r * rules.period_s for r in attack_rounds(attackers, rules.max_cycles))
-                panels[name][attack] = Panel(curves.time_s, lines, (start, stop))
+                label = f"{name}, {attack}"
+                panels[name][attack] = play_panel(Cast(game, attackers), seed, progress, label, games=games)
                 progress.advance(pages)
     families = {name: Traits.of(game.model).family for name, game in played.items()}
     note = f"shaded: the attack is on; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"

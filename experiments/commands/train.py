@@ -1,6 +1,5 @@
 """`roletrust train`: an attacker that learns, in a folder from which it goes on if it was interrupted."""
 
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from experiments.commands.console import console, errors
+from experiments.commands.console import console, errors, progress_bar
 from experiments.commands.extras import require
 from experiments.commands.task_options import (
     ScenarioOption,
@@ -230,14 +229,14 @@ def _model_card(text: str, rules: Scenario) -> "ModelCard":
 
 def _bar() -> Progress:
     """A progress bar that shows the score."""
-    columns: Sequence[Any] = (
+    columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(),
         TextColumn("score [bold]{task.fields[score]}"),
     )
-    return Progress(*columns, console=console, transient=True)
+    return progress_bar(columns=columns)
 
 
 def _show(progress: Progress, job: Any, report: "Report") -> None:

@@ -1,20 +1,25 @@
 """Every trust model under the same attacks: a row for each model, a column for each attack, small and alike."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from rich.progress import Progress
 
 from experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
 from experiments.results.confidence import Floats
-from experiments.results.recording import Curves
+from experiments.results.measures import attack_rounds
+from experiments.results.recording import Curves, record
+from roletrust_env import Cast
 from roletrust_env.metrics.score import mean_where
 from roletrust_env.world.roster import Roster
 
 _ROW, _HEAD = 0.82, 1.5  # inches
+_SMALL = 3.6, 2.7
 _COLOURS = {"honest": HONEST[0], "attackers": ATTACKER}
 _TRUSTS: dict[str, tuple[Any, float]] = {"ToP": ("-", 1.7), "ToR": (DASHES[2], 1.5)}
 _WORDS = {
@@ -38,6 +43,15 @@ class Panel(NamedTuple):
     time_s: Floats
     lines: Mapping[tuple[str, str], Floats]
     attacked: tuple[float, float]
+
+
+def play_panel(cast: Cast, seed: int, progress: Progress, label: str, *, games: int) -> Panel:
+    """Play games of one model under one attack; see `record`."""
+    game = cast.game
+    curves = record(cast, seed, progress, label, games=games)
+    lines = mean_lines(game.roster, curves, cast.attackers, game.model.rates_raters)
+    start, stop = (r * game.scenario.period_s for r in attack_rounds(cast.policies, game.scenario.max_cycles))
+    return Panel(curves.time_s, lines, (start, stop))
 
 
 def mean_lines(
@@ -76,14 +90,7 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
     grid = figure.subplots(len(panels), len(attacks), sharex=True, sharey=True, squeeze=False)
     for row, (model, by_attack) in zip(grid, panels.items(), strict=True):
         for axes, attack in zip(row, attacks, strict=True):
-            panel = by_attack[attack]
-            tidy(axes, "")
-            axes.tick_params(labelsize=8)
-            shade(axes, [panel.attacked], ATTACKED)
-            for (trust, whose), values in panel.lines.items():
-                dashes, width = _TRUSTS[trust]
-                axes.plot(panel.time_s, values, color=_COLOURS[whose], linestyle=dashes, linewidth=width)
-            axes.set_xlim(0, panel.time_s[-1])
+            _draw(axes, by_attack[attack])
         row[0].set_ylabel(model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold")
         row[0].annotate(
             families[model],
@@ -100,14 +107,50 @@ def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[s
         axes.set_title(attack, color=INK, fontsize=10)
     for axes in grid[-1]:
         axes.set_xlabel("time (s)", color=INK, fontsize=9)
-    figure.legend(handles=_keys(panels), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
+    shown = [panel for by_attack in panels.values() for panel in by_attack.values()]
+    figure.legend(handles=_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
     figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
 
 
-def _keys(panels: Mapping[str, Mapping[str, Panel]]) -> list[Line2D]:
+def panel_figure(panel: Panel, title: str) -> Figure:
+    """One panel by itself, small."""
+    figure = Figure(figsize=_SMALL, layout="constrained")
+    axes = figure.subplots()
+    _draw(axes, panel)
+    axes.set_title(title, color=INK, fontsize=10)
+    axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    axes.set_ylabel("trust", color=INK, fontsize=9)
+    figure.legend(
+        handles=_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
+    )
+    return figure
+
+
+def in_words(panel: Panel) -> str:
+    """What a panel shows, for who cannot see it."""
+    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
+    told = []
+    for (trust, whose), values in panel.lines.items():
+        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
+        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
+    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    tidy(axes, "")
+    axes.tick_params(labelsize=8)
+    shade(axes, [panel.attacked], ATTACKED)
+    for (trust, whose), values in panel.lines.items():
+        dashes, width = _TRUSTS[trust]
+        axes.plot(panel.time_s, values, color=_COLOURS[whose], linestyle=dashes, linewidth=width)
+    axes.set_xlim(0, panel.time_s[-1])
+
+
+def _keys(panels: Iterable[Panel]) -> list[Line2D]:
     """A line for each kind of line that there is."""
-    shown = {key for by_attack in panels.values() for panel in by_attack.values() for key in panel.lines}
+    shown = {key for panel in panels for key in panel.lines}
     return [
         Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{_WORDS[trust, whose]}, {trust}")
         for whose, colour in _COLOURS.items()

@@ -50,7 +50,7 @@ class Claim(NamedTuple):
 
 def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
     """The claims on Figure 3, in which provider 3 attacks."""
-    on = (curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s)
+    on = _some((curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s), "under the attack")
     top = curves.top[on, :, 0]
     victim, others = float(top[:, 2].min()), [float(top[:, j].min()) for j in (0, 1)]
     return [
@@ -62,7 +62,7 @@ def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Cla
 
 def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
     """The claims on Figure 4, in which rater 3 attacks."""
-    steady = steady_under(curves.time_s, scenario, attack)
+    steady = _some(steady_under(curves.time_s, scenario, attack), "steadily under the attack")
     tor = curves.tor[steady, :, 0].mean(axis=0).tolist()
     top = curves.top[steady, :, 0].max(axis=0).tolist()
     honest, liar = tor[:2], tor[2]
@@ -109,13 +109,13 @@ def spans(time_s: npt.NDArray[np.float64], mask: Mask) -> str:
 
 def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
     """The claims that both figures share: all is well at first, and every camera suffers from the fast target."""
-    calm = calm_before(curves.time_s, scenario, attack)
+    calm = _some(calm_before(curves.time_s, scenario, attack), "calmly before the attack")
     low = float(min(curves.tor[calm].min(), curves.top[calm].min()))
     claims = [Claim(figure, _CALM, "-", "> 0.9", _words([low]), [low], low > 0.9)]
     for blow in scenario.perturbations:
         start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s
-        before = (curves.time_s > start - 2) & (curves.time_s <= start)
-        during = (curves.time_s > start) & (curves.time_s <= stop)
+        before = _some((curves.time_s > start - 2) & (curves.time_s <= start), f"just before {start:g} s")
+        during = _some((curves.time_s > start) & (curves.time_s <= stop), f"from {start:g} to {stop:g} s")
         high, low_each = curves.top[before, :, 0].mean(axis=0), curves.top[during, :, 0].min(axis=0)
         least = int((high - low_each).argmin())
         level, dip = float(high[least]), float(low_each[least])
@@ -131,6 +131,17 @@ def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> 
             )
         )
     return claims
+
+
+def _some(moments: Mask, when: str) -> Mask:
+    """The moments themselves.
+
+    Raises:
+        ValueError: there are none, such as on a machine too slow for the rounds.
+    """
+    if not moments.any():
+        raise ValueError(f"no round {when}: too few rounds to hold against what the paper says")
+    return moments
 
 
 def _perturbed(time_s: npt.NDArray[np.float64], scenario: Scenario) -> Mask:

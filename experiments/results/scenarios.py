@@ -17,6 +17,12 @@ def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) ->
         scenario: its groups of agents are of one agent each, where they have names.
         names: what each group is called elsewhere, for people.
     """
+    with replacing(path) as temporary:
+        temporary.write_text(as_toml(scenario, names), encoding="utf-8")
+
+
+def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
+    """What `write_scenario` writes."""
     data = scenario.model_dump(mode="json", exclude_defaults=True)
     if "access" in data:
         data["access"] = {"kind": scenario.access.kind, **data["access"]}
@@ -31,8 +37,7 @@ def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) ->
             lines.append(f"{field} = {_toml(value)}")
     for heading, comment, table in tables:
         lines += ["", heading + comment, *(f"{key} = {_toml(value)}" for key, value in table.items())]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 def _toml(value: Any) -> str:

@@ -26,7 +26,14 @@ def utility(trust: Floats, offered: Floats) -> Score:
 
 
 def blind_utility(trust: Floats, offered: Floats) -> Score:
-    """The same of a consumer that goes to any provider, each as likely: what trust has to beat. See `utility`."""
+    """The same of a consumer that goes to any provider, each as likely: what trust has to beat.
+
+        utility = sum over rounds t of mean offered[t] / sum over rounds t of max offered[t]
+
+    Args:
+        trust: as for `utility`; it says who could have been chosen.
+        offered: as for `utility`.
+    """
     bought = _bought(trust, offered)
     return share_of_best(bought.blind, bought.best)
 
@@ -52,6 +59,13 @@ def _bought(trust: Floats, offered: Floats) -> Bought:
 
 
 def share_of_best(got: Floats, best: Floats) -> Score:
-    """What consumers got over the best that there was: sums over the rounds, which are axis 0. See `utility`."""
+    """What consumers got over the best that there was, see `utility`.
+
+        share = sum over rounds t of got[t] / sum over rounds t of best[t]
+
+    Args:
+        got: the quality that they got, (T, ...).
+        best: the best that there was, (T, ...).
+    """
     most = best.sum(axis=0)
     return Score.where(most > 0, ratio(got.sum(axis=0), most), "no provider ever served well")

@@ -27,6 +27,8 @@ class Classified(NamedTuple):
 def auc(trust: Floats, attackers: Sequence[int]) -> Score:
     """Area under the ROC curve: the chance that an attacker has less trust than an honest agent, ties counting half.
 
+        auc = (pairs with trust[attacker] < trust[honest] + half of those with equal trust) / pairs
+
     That is the statistic of Mann and Whitney (1947) over the number of pairs (Hanley and McNeil 1982).
 
     Args:
@@ -43,6 +45,11 @@ def auc(trust: Floats, attackers: Sequence[int]) -> Score:
 
 def classified(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) -> Classified:
     """Whom a threshold takes for an attacker: who has less trust.
+
+    With TP attackers and FP honest agents under the threshold, and FN attackers and TN honest agents not under it:
+
+        mcc       = (TP TN - FP FN) / sqrt((TP + FP) (TP + FN) (TN + FP) (TN + FN))
+        precision = TP / (TP + FP),   recall = TP / (TP + FN),   false_alarms = FP / (FP + TN)
 
     Args:
         trust: of each agent, (N, ...); NaN where one is absent.
@@ -68,6 +75,9 @@ def rounds_to_detection(trust: Floats, attackers: Sequence[int], start: int = 0,
 
     They are, once some threshold has all of them below it and at most a share `alarms` of the honest.
 
+        rounds = min {r >= 0: share of the honest k with trust[start + r, k] <= max over attackers of trust[start + r]
+                      is at most alarms}
+
     Args:
         trust: (T, N, ...), NaN where an agent is absent.
         attackers: places of the attackers.
@@ -89,6 +99,8 @@ def rounds_to_detection(trust: Floats, attackers: Sequence[int], start: int = 0,
 
 def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -> Score:
     """The share of rounds and honest agents in which trust is under the threshold, as under a perturbation.
+
+        share = mean over rounds t and honest agents k of [trust[t, k] < threshold]
 
     Args:
         trust: (T, N, ...), NaN where an agent is absent.

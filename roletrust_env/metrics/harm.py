@@ -62,6 +62,8 @@ def recovery(trust: Floats, twin: Floats, agents: Sequence[int], stop: int, with
 def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike) -> Score:
     """What attackers gained for each unit of trust that they lost: damage done, or profit made, over trust lost.
 
+        return = gained / lost
+
     Args:
         gained: the damage to the honest, or the attackers' profit beyond that of honest play: a score, or shape (...).
         lost: the mean trust that the attackers lost, likewise, see `damage`.
@@ -73,6 +75,8 @@ def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike)
 
 def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> Worst:
     """The worst case over attacks, after RobustBench (Croce et al. 2021): the highest mean damage.
+
+        exploitability = max over attacks of the mean over games of damage
 
     Args:
         damages: the damage by each attack, by name: a score, one number, or one for each game.

@@ -36,6 +36,8 @@ def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -
 def spearman(trust: Floats, quality: Floats) -> Score:
     """Rank correlation of Spearman (1904): Pearson's of the ranks, tied ones sharing their mean rank.
 
+        rho = cov(rank of trust, rank of quality) / (std(rank of trust) std(rank of quality))
+
     Args:
         trust: of the providers, (P, ...), NaN where one has none.
         quality: their true quality, (P, ...), as for `kendall_tau`.
@@ -47,13 +49,22 @@ def spearman(trust: Floats, quality: Floats) -> Score:
 
 
 def absolute_error(trust: Floats, quality: Floats) -> Score:
-    """The mean over providers of |trust - quality|. Arguments as for `spearman`."""
+    """How far trust is from quality.
+
+        error = mean over providers j of |trust[j] - quality[j]|
+
+    Args:
+        trust: of the providers, (P, ...), NaN where one has none.
+        quality: their true quality, (P, ...), as for `kendall_tau`.
+    """
     error = mean_where(abs(trust - quality), axis=0)
     return Score.where(~np.isnan(error), error, "no provider has a trust")
 
 
 def coverage(rated: Flags) -> Score:
     """The share of providers of whom there is any rating, so that their trust is more than a beginning.
+
+        coverage = providers j with a rating[t, i, j] in any round t by any rater i / providers
 
     Args:
         rated: where ratings arrived, (T, S, P, ...), boolean.

@@ -85,11 +85,11 @@ def test_an_unknown_client_is_refused(capsys):
     assert "'torchlr'" in capsys.readouterr().err
 
 
-def test_every_client_has_a_file_and_a_word_in_the_readme():
-    readme = (HOUSE / "README.md").read_text().lower()
+def test_every_client_has_a_file_and_a_word_in_the_guide():
+    guide = (HOUSE / "docs/guide/frameworks.md").read_text().lower()
     folder = HOUSE / "experiments" / "clients"
     assert {path.stem for path in folder.glob("*.py")} == {*CLIENTS, "__init__", "__main__", "games", "inside"}
-    assert all(name in readme for name in CLIENTS)
+    assert all(name in guide for name in CLIENTS)
 
 
 @pytest.mark.parametrize("check", ["wrappers", "vectors"])

@@ -61,7 +61,7 @@ class Fire:
         witness:      the newest rating that each k gave j, w = max(credibility, 0) exp(-dt / l)
         T           = sum of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
 
-    Each time that i and k rate a provider in the same round, k gets a credibility rating of 1 - |v_k - v_i| if that
+    Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 - |v_k - v_i|` if that
     difference is below `tolerance`, else of -1; its credibility is sum w v / sum w over all of these. Published are
     trust and credibility moved to [0, 1].
 

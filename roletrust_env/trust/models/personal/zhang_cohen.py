@@ -48,9 +48,9 @@ class ZhangCohen:
         T       = C-weighted mean of opinions, then the usual smoothing
 
     Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and agree to the share
-    1 - |f - g|: with f of a success and 1 - f of a failure each, that is what both hold. Read into it: the others' mean
-    is that of the same round, and a rating with no other beside it counts in neither; opinions are the ratings of the
-    round, the judge's own among them with C = 1; the rounds are smoothed where the paper has sums that forget.
+    `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what both hold. Read into it: the others'
+    mean is that of the same round, and a rating with no other beside it counts in neither; opinions are the ratings of
+    the round, the judge's own among them with C = 1; the rounds are smoothed where the paper has sums that forget.
 
     Attributes:
         lam: weight of the newest round in the trust of a provider, in [0.5, 1).

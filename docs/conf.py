@@ -1,0 +1,54 @@
+"""How `make docs` builds the site. Nothing is fetched; `reference/` is written by `experiments/site` at each build."""
+
+from pathlib import Path
+
+from roletrust_env import __version__
+
+project, author, release = "RoleTrust", "The RoleTrust authors", __version__
+copyright = "the RoleTrust authors, MIT licence"
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "experiments.site.extension",
+]
+exclude_patterns = ["leaderboard.md"]  # a table that a page includes
+smartquotes = False
+highlight_language = "none"  # formulas are no code
+default_role = "py:obj"  # `Policy.quality` in a docstring leads to it
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_heading_anchors = 3
+myst_fence_as_directive = ["mermaid"]
+
+# Tutorials run when their text changes; `-D nb_execution_mode=off` shows them without what they print.
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(Path(__file__).parent.parent / "build" / "notebooks")
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_merge_streams = True
+
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
+html_theme = "furo"
+html_title = f"RoleTrust {release}"
+html_static_path = ["_static", "reference/films"]
+html_css_files = ["site.css"]
+html_favicon = "_static/icon.svg"
+html_use_index = False  # there is a search
+html_domain_indices = False
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {
+    # Blues that colour-blind people tell from the text, readable on white and on black.
+    "light_css_variables": {"color-brand-primary": "#00578a", "color-brand-content": "#00578a"},
+    "dark_css_variables": {"color-brand-primary": "#56b4e9", "color-brand-content": "#56b4e9"},
+}

@@ -1,0 +1,97 @@
+"""How docstrings of this project become pages: formulas stay as they are, names in backticks lead to what they name.
+
+Autodoc calls these functions; their arguments are those of its events.
+"""
+
+import ast
+import inspect
+import re
+import textwrap
+from dataclasses import is_dataclass
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util.nodes import make_refnode
+
+MARKDOWN = "## "
+"""How headings begin in docstrings that are in Markdown, as Gymnasium has them; such a docstring is a page."""
+
+
+def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Formulas stand indented after an empty line, as in Markdown; reStructuredText wants to be told so.
+
+    Attributes of data are what it is made of, and so are shown as parameters.
+    """
+    page = next((at for at, line in enumerate(lines) if line.startswith(MARKDOWN)), len(lines))
+    made_of_them = is_dataclass(thing) or hasattr(thing, "_fields")
+    lines[:] = ["Args:" if made_of_them and line == "Attributes:" else line for line in _with_formulas(lines[:page])]
+
+
+def _with_formulas(lines: list[str]) -> list[str]:
+    found: list[str] = []
+    inside = False
+    for before, line in zip(["", *lines], lines, strict=False):
+        indented = line.startswith("    ")
+        if line and not indented:
+            inside = re.fullmatch(r"[A-Z]\w*:", line) is not None  # a section, such as Args
+        elif indented and not before and not inside:
+            found += ["::", ""]
+            inside = True
+        found.append(line)
+    return found
+
+
+def as_written(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str | None, returns: str | None
+) -> tuple[str, str] | None:
+    """Types of functions as the source has them, short; of classes names and defaults, as ranges have tables."""
+    if what in ("function", "method"):
+        node = _definition(thing)
+        if node is None:
+            return None
+        names = [*node.args.posonlyargs, *node.args.args]
+        if names and names[0].arg in ("self", "cls"):
+            (node.args.posonlyargs or node.args.args).pop(0)
+        return f"({ast.unparse(node.args)})", ast.unparse(node.returns) if node.returns else ""
+    if getattr(thing, "_is_protocol", False):
+        return "", ""
+    if what == "class" and signature:
+        try:
+            parameters = inspect.signature(thing).parameters.values()
+        except (TypeError, ValueError):
+            return None
+        bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in parameters]
+        return str(inspect.Signature(bare)), ""
+    return None
+
+
+def _definition(thing: Any) -> ast.FunctionDef | None:
+    """The function in the source."""
+    try:
+        source = textwrap.dedent(inspect.getsource(inspect.unwrap(thing)))
+    except (OSError, TypeError):
+        return None
+    node = ast.parse(source).body[0]
+    return node if isinstance(node, ast.FunctionDef) else None
+
+
+def skipped(app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
+    """Fields of a NamedTuple have nothing to say but their places."""
+    return True if type(thing).__name__ == "_tuplegetter" or name.startswith("model_") else None
+
+
+def found_by_its_last_names(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, text: nodes.TextElement
+) -> nodes.reference | None:
+    """What `Policy.quality` in a docstring of another module leads to: the only thing whose name ends so."""
+    if node.get("refdomain") != "py":
+        return None
+    found = env.domains.python_domain.find_obj(env, None, None, node["reftarget"], None, 1)  # type: ignore[arg-type]
+    places = {(entry.docname, entry.node_id) for _, entry in found}
+    if len(places) != 1:
+        return None
+    (page, place), *_ = places
+    return make_refnode(app.builder, node["refdoc"], page, place, text, node["reftarget"])

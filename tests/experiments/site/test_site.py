@@ -1,0 +1,114 @@
+"""The site, built quickly: all that is registered has its page, links land, pictures are described."""
+
+import importlib
+
+import gymnasium
+import pytest
+import typer
+from built import HOUSE, broken, build_quickly, fetched, pages, parsed, text
+from sphinx.util.inventory import InventoryFile
+
+import baselines
+import roletrust_env
+from experiments.cli import app
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    return build_quickly(tmp_path_factory.mktemp("site"))
+
+
+@pytest.mark.parametrize(
+    ("folder", "names"), [("models", roletrust_env.trust_models()), ("attacks", baselines.attackers())]
+)
+def test_the_catalogue_has_all_that_is_registered(site, folder, names):
+    index = text(site / "reference" / folder / "index.html")
+    for name, described in names.items():
+        said = text(site / "reference" / folder / f"{name}.html")
+        assert name in index
+        if not described.startswith("from "):  # of a plug-in only that
+            assert described.partition("`")[0].strip()[:40] in said, name
+
+
+def test_a_model_has_formula_source_parameters_and_a_picture(site):
+    page = site / "reference" / "models" / "travos.html"
+    said = text(page)
+    for part in ("Teacy et al. (2006)", "S^2 P", "mu' = 1/2 + rho (mu - 1/2)", "threshold 0.95 [0, 1]", "bins 5 whole"):
+        assert part in said
+    picture = parsed(page).find("article").find("img")
+    assert (page.parent / picture["src"]).is_file()
+    assert "ToP of honest providers" in picture["alt"]
+
+
+def test_an_attack_says_who_plays_it_and_where_it_is_searched(site):
+    said = text(site / "reference" / "attacks" / "bad-mouthing.html")
+    for part in ("--attack sr_[0-3]=bad-mouthing:start=30,stop=90", "constant | relative", "victims"):
+        assert part in said
+
+
+def test_every_scenario_is_told_with_its_file(site):
+    said = text(site / "reference" / "scenarios.html")
+    for name, description in roletrust_env.scenarios().items():
+        assert f'name = "{name}"' in said
+        assert description in said
+
+
+def test_every_environment_has_a_page_with_a_film(site):
+    ids = ["RoleTrust-v0", *(name for name in gymnasium.registry if name.startswith("RoleTrust/"))]
+    found = {
+        parsed(page).find("h1").get_text().rstrip("¶#"): page for page in (site / "reference/environments").iterdir()
+    }
+    assert set(ids) <= set(found)
+    for identity in ids:
+        film = parsed(found[identity]).find("video")
+        assert (found[identity].parent / film.find("source")["src"]).stat().st_size > 1000
+        assert identity in film["aria-label"]
+        for heading in ("Description", "Action Space", "Observation Space", "Rewards", "Episode End"):
+            assert heading in text(found[identity])
+
+
+def test_every_command_and_option_is_told(site):
+    def told(command, words, page):
+        said = text(page)
+        assert " ".join(words) in said
+        for parameter in command.params:
+            assert all(word in said for word in parameter.opts), (words, parameter.opts)
+        for name, one in getattr(command, "commands", {}).items():
+            told(one, [*words, name], page)
+
+    for name, command in typer.main.get_command(app).commands.items():
+        told(command, ["roletrust", name], site / "reference" / "commands" / f"{name}.html")
+        assert f"roletrust {name}" in text(site / "reference" / "commands" / "index.html")
+
+
+@pytest.mark.parametrize(
+    "module", ["roletrust_env", "roletrust_env.trust", "roletrust_env.metrics", "roletrust_env.world", "agents.learned"]
+)
+def test_the_api_has_all_that_is_public(site, module):
+    inventory = InventoryFile.loads((site / "objects.inv").read_bytes(), uri="").data
+    told = {name for kind, names in inventory.items() if kind.startswith("py:") for name in names}
+    last = {name.rpartition(".")[2] for name in told}
+    assert set(importlib.import_module(module).__all__) <= last
+
+
+def test_what_stands_in_docs_is_on_the_site(site):
+    for page in HOUSE.glob("docs/**/*.md"):
+        if "reference" not in page.parts and page.name != "leaderboard.md":
+            assert (site / page.relative_to(HOUSE / "docs").with_suffix(".html")).is_file()
+
+
+def test_links_land_and_nothing_is_fetched(site):
+    assert {page.name: wrong for page in pages(site) if (wrong := broken(page))} == {}
+    assert {page.name: asked for page in pages(site) if (asked := fetched(page))} == {}
+
+
+def test_pictures_are_described(site):
+    bare = {page.name: tag for page in pages(site) for tag in parsed(page).find_all("img") if not tag.get("alt")}
+    assert bare == {}
+
+
+def test_no_docstring_is_left_as_it_was_typed(site):
+    """Headings and literals of another markup would be read as text."""
+    for page in pages(site):
+        for part in parsed(page).select("article p, article dd"):
+            assert not part.get_text().lstrip().startswith(("## ", "| ---", ".. ")), page

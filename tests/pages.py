@@ -1,0 +1,119 @@
+"""The pages that people write: their blocks, the commands in them, and how both are tried."""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import typer
+
+import baselines
+from experiments.benchmark.suite import suites
+from experiments.cli import app
+from experiments.clients.__main__ import CLIENTS
+from experiments.findings.questions import QUESTIONS
+from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.world.presets import scenarios
+
+HOUSE = Path(__file__).parent.parent
+TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))
+WRITTEN = [HOUSE / "README.md", HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "docs").glob("*.md"))]
+WRITTEN += [*sorted((HOUSE / "docs/how").glob("*.md")), *sorted((HOUSE / "docs/guide").glob("*.md")), *TUTORIALS]
+
+_SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "ls", "source")
+_OWN = re.compile(r"\w+:[A-Z]\w*")  # a class of the reader's own
+
+
+def blocks(page: Path, *languages: str) -> list[str]:
+    """The fenced blocks of some languages."""
+    found = re.findall(r"^```(\S+)\n(.*?)^```$", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return [text for language, text in found if language in languages]
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+
+
+def cells(page: Path) -> list[str]:
+    """The cells of a tutorial, without what is said of their pictures."""
+    return [re.sub(r"\A---\n.*?\n---\n", "", cell, flags=re.DOTALL) for cell in blocks(page, "{code-cell}")]
+
+
+def written_file(page: Path, name: str) -> str:
+    """What a tutorial writes to a file."""
+    return next(cell for cell in cells(page) if cell.startswith(f"%%writefile {name}\n")).partition("\n")[2]
+
+
+def run(page: Path) -> dict:
+    """What is defined after the Python blocks of a page ran, one after the other."""
+    names = {"__name__": page.stem}
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), names)
+    return names
+
+
+def commands(page: Path) -> list[str]:
+    """The lines for a shell: of fenced blocks, of cells, and of indented blocks that call one of our commands."""
+    shell = [*blocks(page, "bash"), *(cell.partition("\n")[2] for cell in cells(page) if cell.startswith("%%bash\n"))]
+    lines = [line for block in shell for line in block.replace("\\\n", " ").splitlines()]
+    lines += re.findall(r"^ {4}((?:roletrust|make|pip) .*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return [line.strip() for line in lines if line.strip()]
+
+
+def refused(line: str) -> str:
+    """What is wrong with a line for a shell; empty if all that it names is there."""
+    program, *words = shlex.split(line, comments=True)
+    if program == "roletrust":
+        return _refused_by_us(words)
+    if program == "make":
+        missing = [
+            word for word in words if not re.search(rf"^{word}:", (HOUSE / "Makefile").read_text(), re.MULTILINE)
+        ]
+        return f"no targets {missing}" if missing else ""
+    if program == "pip":
+        known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        missing = [word for word in words for extra in re.findall(r"\[(.*)\]", word) if extra not in known]
+        return f"no extras {missing}" if missing else ""
+    if words[:2] == ["-m", "experiments.clients"]:
+        return "" if set(words[2:]) <= set(CLIENTS) else f"no such clients: {words[2:]}"
+    return "" if program in _SHELL else f"unknown program {program}"
+
+
+def _refused_by_us(words: list[str]) -> str:
+    command, context, name = typer.main.get_command(app), None, "roletrust"
+    try:
+        while True:
+            context = command.make_context(name, list(words), parent=context)
+            if not hasattr(command, "resolve_command"):
+                break
+            name, command, words = command.resolve_command(context, [*context._protected_args, *context.args])
+    except Exception as error:  # whatever the parser raises
+        return f"{type(error).__name__}: {error}"
+    known = {
+        "trust_model": trust_models.names(),
+        "model": [*trust_models.names(), "all"],
+        "attack": baselines.registry.names(),
+        "scenario": list(scenarios()),
+        "suite": list(suites()),
+        "question": list(QUESTIONS),
+    }
+    given = ((key, value) for key in known for value in _several(context.params.get(key)))
+    wrong = [f"{key} {value}" for key, value in given if not _is_known(value, known[key])]
+    return f"unknown: {', '.join(wrong)}" if wrong else ""
+
+
+def _several(value: object) -> list[str]:
+    return [str(part) for part in (value if isinstance(value, list | tuple) else [value] if value else [])]
+
+
+def _is_known(value: str, names: list[str]) -> bool:
+    """Whether a value names what there is, behind an agent or before parameters, or something of the reader's own."""
+    named = value.partition("=")[2] if "=" in value.partition(":")[0] else value
+    return named.partition(":")[0] in names or named.endswith((".toml", ".yaml")) or _OWN.match(named) is not None
+
+
+def anchors(page: Path) -> set[str]:
+    """The headings of a page as GitHub and MyST link to them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}

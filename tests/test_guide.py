@@ -1,0 +1,91 @@
+"""What the guide and the tutorials say that their code does, it does."""
+
+import types
+
+import numpy as np
+import pytest
+from pages import HOUSE, blocks, run, written_file
+
+from agents.ladder.rungs import find
+from baselines import BadMouthing
+from experiments.benchmark.learners.learner import Entered, Learner
+from experiments.benchmark.learners.suite import Task
+from roletrust_env import Cast, Game, load_scenario, make_scenario
+from roletrust_env.game.rollout import record
+
+GUIDE, TUTORIALS = HOUSE / "docs/guide", HOUSE / "docs/tutorials"
+
+
+@pytest.fixture
+def games():
+    return run(GUIDE / "games.md")
+
+
+@pytest.fixture
+def extended():
+    return run(GUIDE / "extend.md")
+
+
+def imported(page, name):
+    """A module that a tutorial writes."""
+    module = types.ModuleType(name)
+    exec(compile(written_file(TUTORIALS / page, f"{name}.py"), name, "exec"), vars(module))
+    return module
+
+
+def test_the_batch_shows_the_closed_form(games):
+    np.testing.assert_allclose(games["history"].tor[-1, :, 0], 1 - np.sqrt([1 / 6, 1 / 6, 1 / 3]), atol=1e-6)
+
+
+def test_tensors_show_the_same(games):
+    np.testing.assert_allclose(games["history_of_tensors"].tor, games["history"].tor, atol=1e-5)
+
+
+def test_the_attacker_plays(extended):
+    top = record(extended["fading"], extended["game"].random(seed=0)).top
+    assert top[-1, 0] < 0.7 < top[-1, 1]
+
+
+def test_the_scenario_is_valid(tmp_path):
+    path = tmp_path / "drones.toml"
+    path.write_text(next(block for block in blocks(GUIDE / "extend.md", "toml") if "max_cycles" in block))
+    assert load_scenario(path).name == "drones"
+
+
+def test_the_learned_attacker_sells_bad_service_on_good_trust():
+    sold = run(GUIDE / "tasks.md")["sold"]
+    assert (sold.top * (1 - sold.quality))[:, 2].mean() > 0.2
+
+
+def test_the_wrappers_are_what_it_says():
+    said = run(GUIDE / "frameworks.md")
+    assert (said["clipped"].action_space.low == -1).all()
+    assert said["numbered"].action_space.n == 5**3
+    assert said["constant"].possible_agents == list(said["constant"].reset(seed=0)[0])
+    assert (said["population"].action_space("sp_0").low == -1).all()
+
+
+def test_the_first_rounds_are_those_worked_out_by_hand():
+    history = run(HOUSE / "docs/how/round.md")["history"]
+    assert history.rated.any(axis=(1, 2)).tolist() == [False, True, True]
+    np.testing.assert_allclose(history.tor[:, 0], [0.5, 0.75, 0.875])
+    np.testing.assert_allclose(history.top[:, 0], [0.5, 0.625, 0.75])
+
+
+def test_your_model_resists_a_liar_better_than_the_mean():
+    model = imported("your-model.md", "mymodel").WeightedMean
+    liar = {"sr_0": BadMouthing(level=0.0)}
+    plays = [Game(make_scenario("crowd-10x10"), kind) for kind in (model(), model(power=0.0))]
+    defended, undefended = (record(Cast(game, liar), game.random(seed=0)).top[-1].mean() for game in plays)
+    assert defended > undefended + 0.05
+
+
+def test_your_learner_learns():
+    """With a few thousand rounds it lies far better than after its first update."""
+    task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
+    rung = Entered(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
+    rounds = {"seed": 0, "games": 2, "tell": lambda rounds: None}
+    begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
+    assert isinstance(rung.learner, Learner)
+    assert learned.rounds == 12_800
+    assert learned.scores.mean() > begun.scores.mean() + 0.05
