@@ -29,6 +29,8 @@ set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", cou
 roles = ["SR"]
 shares = [0.3]
 """
+HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+"""What a shell starts in the background does not hear an interrupt."""
 CODE = "from experiments import main; main()"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
@@ -182,7 +184,10 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
     options = ["benchmark", "--suite", "tiny.toml", "--model", "mean", "--model", "benchmark_cases:Hanging"]
     (here / "tiny.toml").write_text(SUITE.replace("limit_s = 15", "limit_s = 600"))
     process = subprocess.Popen(
-        [sys.executable, "-c", CODE, *options, "--out", "out"], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", HEARS + CODE, *options, "--out", "out"],
+        env=ENVIRONMENT,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     path, until = here / "out" / "results.sqlite", time.monotonic() + 120
     while True:  # until the mean is played, and the other hangs

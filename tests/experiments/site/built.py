@@ -18,8 +18,9 @@ WHOLE = HOUSE / "build" / "site"
 def build_quickly(folder: Path) -> Path:
     """Build all pages in a folder, with few pictures, and without running the tutorials; a warning is an error."""
     shutil.copytree(HOUSE / "docs", folder / "docs", ignore=shutil.ignore_patterns("reference"))
-    for outside in (*HOUSE.glob("*.md"), HOUSE / "experiments"):  # of which pages show parts
-        (folder / outside.name).symlink_to(outside)
+    for outside in HOUSE.glob("*.md"):  # of which pages show parts
+        shutil.copy(outside, folder)
+    (folder / "experiments").symlink_to(HOUSE / "experiments")
     quick = ["-D", "site_quick=1", "-D", "nb_execution_mode=off"]
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", *quick, "-d", str(folder / "doctrees")]
     done = subprocess.run(
