@@ -1,6 +1,7 @@
 """`roletrust figures --recording`: the paper's figures from what a live team said."""
 
 import statistics
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -29,11 +30,17 @@ def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
     from roletrust_env.live.wire import messages
     from roletrust_env.live.wire.recording import read_recording
 
-    rounds = [messages.read_trust(one.raw) for one in read_recording(recording) if one.kind == messages.TRUST]
-    if len(rounds) < 2:
-        raise ValueError(f"{recording} holds {len(rounds)} rounds of trust; there must be two")
+    rounds = []
+    for one in read_recording(recording):
+        if one.kind == messages.TRUST:
+            with suppress(ValueError):  # whoever sent what cannot be read was not the manager
+                rounds.append(messages.read_trust(one.raw))
     gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
-    period = round(statistics.median(gaps))
+    period = round(statistics.median(gaps)) if gaps else 0
+    if period <= 0 or not (rounds[-1].tor and rounds[-1].top):
+        raise ValueError(
+            f"{recording} holds {len(rounds)} rounds of trust; there must be two, one after the other, of somebody"
+        )
     start = rounds[0].stamp - rounds[0].round * period
     prepare_folder(out)
     if attack is None:

@@ -45,9 +45,10 @@ class Observed:
 
 
 class _Said(NamedTuple):
-    """A message of a rater: the stamp that it is about, and whom it rates."""
+    """A message of a rater: when it came, the stamp that it is about, and whom it rates."""
 
     rater: str
+    time: int
     stamp: int
     providers: tuple[str, ...]
 
@@ -63,12 +64,15 @@ def observe(recording: Iterable[Recorded], keyring: Keyring | None = None) -> Ob
         ValueError: there are not two rounds of ratings in it.
     """
     heard = [_slim(one) for one in recording if owner(one.topic, RATINGS) or owner(one.topic, IMAGES)]
-    said = [one for one in map(_said, heard) if one is not None]
+    claimed = [read for one in heard if (read := _said(one, keyring)) is not None]
+    period = _period(claimed)
+    said = [one for one in claimed if abs(one.stamp - one.time) <= Patience(period).tolerance]
+    if not any(one.providers for one in said):
+        raise ValueError("the recording holds no rating that came about when its service was")
     cameras = {name: [one.time for one in heard if owner(one.topic, IMAGES) == name] for name in _cameras(heard)}
     team = Team(
         _in_order(one.rater for one in said), _in_order([*cameras, *(name for one in said for name in one.providers)])
     )
-    period = _period(said)
     start = min(one.stamp for one in said)
     count = 1 + round((max(one.stamp for one in said) - start) / period)
     place = _Places(team, start, period, count)
@@ -103,7 +107,8 @@ def _slim(one: Recorded) -> Recorded:
     return one._replace(raw=b"") if one.kind == messages.IMAGE else one
 
 
-def _said(one: Recorded) -> _Said | None:
+def _said(one: Recorded, keyring: Keyring | None) -> _Said | None:
+    """What a message says, and None if it says nothing, or is not of whom it says."""
     name = owner(one.topic, RATINGS)
     if name is None or one.kind != messages.RATINGS:
         return None
@@ -111,7 +116,8 @@ def _said(one: Recorded) -> _Said | None:
         read = messages.read_ratings(one.raw)
     except ValueError:
         return None
-    return _Said(name, read.stamp, tuple(read.providers)) if read.rater == name else None
+    known = keyring is None or (name in keyring and keyring.verifies(name, read.signed, read.signature))
+    return _Said(name, one.time, read.stamp, tuple(read.providers)) if read.rater == name and known else None
 
 
 def _cameras(heard: Iterable[Recorded]) -> set[str]:

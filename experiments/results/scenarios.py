@@ -15,7 +15,7 @@ def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) ->
     Args:
         path: of the file.
         scenario: its groups of agents are of one agent each, where they have names.
-        names: what each group is called elsewhere, for people.
+        names: what each group is called elsewhere, for people; they may be anything.
     """
     with replacing(path) as temporary:
         temporary.write_text(as_toml(scenario, names), encoding="utf-8")
@@ -31,13 +31,18 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
         if isinstance(value, Mapping):
             tables.append((f"[{field}]", "", value))
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            called = [f"  # {name}" for name in names] if field == "agents" else []
+            called = [f"  # {readable(name)}" for name in names] if field == "agents" else []
             tables += [(f"[[{field}]]", called[k] if called else "", item) for k, item in enumerate(value)]
         else:
             lines.append(f"{field} = {_toml(value)}")
     for heading, comment, table in tables:
         lines += ["", heading + comment, *(f"{key} = {_toml(value)}" for key, value in table.items())]
     return "\n".join(lines) + "\n"
+
+
+def readable(name: str) -> str:
+    """A name from elsewhere, without the signs that end lines or move a terminal's cursor."""
+    return name if name.isprintable() else ascii(name)
 
 
 def _toml(value: Any) -> str:

@@ -49,7 +49,8 @@ class Page:
         self._matches = _Matches()
         sheet = InlineStyleSheet(css=(_TEMPLATE / "parts.css").read_text(encoding="utf-8"))
         self._told = {
-            name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0) for name in Told._fields
+            name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0, disable_math=True)
+            for name in Told._fields  # a name from the network may look like TeX
         }
         self.roots: list[Any] = [self._tor.figure, self._top.figure, self._matches.figure, *self._told.values()]
         self.refresh()

@@ -1,6 +1,7 @@
 """The server of the page, for this machine only."""
 
 import os
+import socket
 from collections.abc import Callable, Collection
 from functools import partial
 
@@ -14,6 +15,7 @@ from experiments.view.page import make_page
 from roletrust_env.live.nodes.running import running
 from roletrust_env.live.nodes.watch import Watcher
 
+_HERE = "127.0.0.1"
 _LOOKED_MS = 100  # between two looks at whether it is to end
 _YIELDS = 10  # to the robots, as `nice` has it
 
@@ -25,13 +27,31 @@ def serve(board: Board, port: int) -> Server:
         ValueError: the port is taken.
     """
     application = Application(FunctionHandler(partial(make_page, board)))
-    origins = [f"localhost:{port}", f"127.0.0.1:{port}"]
+    origins = [f"localhost:{port}", f"{_HERE}:{port}"]
     try:
-        server = Server({"/": application}, port=port, address="127.0.0.1", allow_websocket_origin=origins)
+        server = Server({"/": application}, port=port, address=_HERE, allow_websocket_origin=origins)
     except OSError as error:
-        raise ValueError(f"port {port} cannot be had: {error}; give another with --port") from None
+        raise _taken(port, error) from None
     server.start()
     return server
+
+
+def check_port(port: int) -> None:
+    """See before the work whether the page can have a port.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            probe.bind((_HERE, port))
+        except OSError as error:
+            raise _taken(port, error) from None
+
+
+def _taken(port: int, error: OSError) -> ValueError:
+    return ValueError(f"port {port} cannot be had: {error}; give another with --port")
 
 
 def run_view(

@@ -85,15 +85,18 @@ class Journal:
             raise
 
     def _begin(self, header: dict[str, Any]) -> None:
-        whole = _whole(self.path)
-        os.ftruncate(self._file, whole)
-        if whole == 0:
+        with self.path.open("rb") as file:
+            first = file.readline()
+        if _line(header).startswith(first) and not first.endswith(b"\n"):  # new, or killed at once
+            os.ftruncate(self._file, 0)
             self._write(header)
             return
-        with self.path.open(encoding="utf-8") as file:
-            found = _parsed(self.path, file.readline())
+        found = _parsed(self.path, first)
+        if found.get("journal") != _VERSION:
+            raise ValueError(f"{self.path} is no journal of version {_VERSION}")
         if found != header:
             raise ValueError(f"{self.path} is the journal of something else: {_difference(found, header)}")
+        os.ftruncate(self._file, _whole(self.path))
         for entry in self.entries():
             self._team, self._rounds = entry.team, entry.round + 1
 
@@ -131,7 +134,7 @@ class Journal:
         self.close()
 
     def _write(self, data: dict[str, Any]) -> None:
-        line = (json.dumps(data, allow_nan=False) + "\n").encode()
+        line = _line(data)
         while line:  # a disk that is nearly full takes a part
             line = line[os.write(self._file, line) :]
         os.fsync(self._file)
@@ -141,24 +144,45 @@ def read_journal(path: Path) -> Iterator[Entry]:
     """The rounds of a journal, also of one that a manager is writing.
 
     Raises:
-        ValueError: the file is no journal.
+        ValueError: the file is no journal, or a line of it is damaged or lost.
         OSError: it cannot be read.
     """
-    team = Team()
-    with path.open(encoding="utf-8") as file:
+    team, rounds = Team(), 0
+    with path.open("rb") as file:
         header = _parsed(path, file.readline())
         if header.get("journal") != _VERSION:
             raise ValueError(f"{path} is no journal of version {_VERSION}")
         for line in file:
-            if not line.endswith("\n"):
+            if not line.endswith(b"\n"):
                 return
             said = _parsed(path, line)
-            if "round" not in said:
-                team = Team(tuple(said["raters"]), tuple(said["providers"]))
-                continue
-            trust = Trust(*(tuple(said[name]) for name in Trust._fields))
-            when = said["round"], said["stamp"], said["closed"]
-            yield Entry(*when, team, said["ratings"], tuple(said["missing"]), trust)
+            try:
+                if "round" not in said:
+                    team = Team(tuple(said["raters"]), tuple(said["providers"]))
+                    continue
+                entry = _entry(said, team)
+            except (KeyError, TypeError, ValueError):
+                raise _damaged(path, line) from None
+            if entry.round != rounds:
+                raise ValueError(f"{path} is damaged: round {entry.round} stands where round {rounds} should be")
+            yield entry
+            rounds += 1
+
+
+def _entry(said: dict[str, Any], team: Team) -> Entry:
+    """A round of its line.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    trust, rows = Trust(*(tuple(said[name]) for name in Trust._fields)), said["ratings"]
+    when = int(said["round"]), int(said["stamp"]), int(said["closed"])
+    sizes = len(team.raters), len(team.providers)
+    if sizes != (len(trust.tor), len(trust.top)) or not set(rows) <= set(team.raters):
+        raise ValueError("it is of another team")
+    if any(len(row) > len(team.providers) for row in rows.values()):
+        raise ValueError("it is of more providers")
+    return Entry(*when, team, rows, tuple(said["missing"]), trust)
 
 
 def _lock(file: int, path: Path) -> None:
@@ -183,14 +207,22 @@ def _whole(path: Path) -> int:
     return at + tail.rfind(b"\n") + 1
 
 
-def _parsed(path: Path, line: str) -> dict[str, Any]:
+def _line(data: dict[str, Any]) -> bytes:
+    return (json.dumps(data, allow_nan=False) + "\n").encode()
+
+
+def _parsed(path: Path, line: bytes) -> dict[str, Any]:
     try:
         said = json.loads(line)
-    except json.JSONDecodeError:
+    except ValueError:  # neither JSON nor, perhaps, text
         said = None
     if not isinstance(said, dict):
-        raise ValueError(f"{path} is no journal: {line[:60].rstrip()!r} is none of its lines")
+        raise _damaged(path, line)
     return said
+
+
+def _damaged(path: Path, line: bytes) -> ValueError:
+    return ValueError(f"{path} is no journal: {line[:60].decode(errors='replace').rstrip()!r} is none of its lines")
 
 
 def _difference(found: dict[str, Any], header: dict[str, Any]) -> str:

@@ -9,8 +9,6 @@ from roletrust_env.live.rounds import Patience, Round, Rounds
 from roletrust_env.live.standing import Standing, Team, Trust
 from roletrust_env.trust import TrustModel
 
-_TOLERANCE = 4  # periods that a stamp may be off
-
 
 class Manager:
     """Turns the ratings that arrive into trust, round by round.
@@ -54,7 +52,7 @@ class Manager:
             self._team = last.team.joined(self._team.raters, self._team.providers)
             self._providers |= set(last.team.providers)
         self._standing = replayed(model, journal) if last is not None else None
-        clock = Clock(tolerance=_TOLERANCE * patience.period, least=patience.apart)
+        clock = Clock(tolerance=patience.tolerance, least=patience.apart)
         self.gate = Gate(clock, keyring, since)
         self.rounds: Rounds[dict[str, float]] = Rounds(
             patience, self._team.raters, None if last is None else last.stamp

@@ -29,6 +29,11 @@ class Patience:
         """Messages whose stamps lie further apart are not of one round, nanoseconds: half a period."""
         return self.period // 2
 
+    @property
+    def tolerance(self) -> int:
+        """How far the stamp of a message may be from the time of its arrival, nanoseconds: four periods."""
+        return 4 * self.period
+
 
 class Round(NamedTuple, Generic[Item]):
     """Messages that belong together.
@@ -87,7 +92,7 @@ class Rounds(Generic[Item]):
         if not self._heard:
             self._heard = dict.fromkeys(self._expected, now)
             self._seat(self._expected)
-        self._heard[name] = now
+        self._heard[name] = max(now, stamp)  # who is ahead is not silent before its round
         closed = [] if name in self._names else self._wait_for((*self._names, name))
         if self._is_closed(stamp):
             self.unused[name] += 1

@@ -104,6 +104,43 @@ def test_two_managers_with_one_journal(tmp_path):
     manager(tmp_path / "journal")
 
 
+@pytest.mark.parametrize(
+    "text", [b"{}", b"[1, 2]", b"my only copy", b'{"journal": 2', b"\xff\xfe\n\xff", b"dear diary\nit rains", b"{}\n{}"]
+)
+def test_a_file_of_something_else_is_left_as_it_is(text, tmp_path):
+    (tmp_path / "mine").write_bytes(text)
+    with pytest.raises(ValueError, match="mine is no journal"):
+        manager(tmp_path / "mine")
+    assert (tmp_path / "mine").read_bytes() == text
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda lines: [*lines[:3], *lines[4:]], "round 2 stands where round 1 should be"),
+        (lambda lines: [*lines[:4], lines[3], *lines[4:]], "round 1 stands where round 2 should be"),
+        (lambda lines: [lines[0], *lines[2:]], "is none of its lines"),
+        (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is none of its lines"),
+        (lambda lines: [*lines, b"\xff\xfe\n"], "is none of its lines"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is none of its lines"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is none of its lines"),
+        (lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]], "none of its"),
+    ],
+)
+def test_a_damaged_journal_is_refused_in_one_line(change, reason, tmp_path):
+    path = tmp_path / "journal"
+    with_all = manager(path)
+    feed(with_all, *luck(5, lost=0.0))
+    with_all.close()
+    path.write_bytes(b"".join(change(path.read_bytes().splitlines(keepends=True))))
+    damaged = path.read_bytes()
+    with pytest.raises(ValueError, match=reason) as told:
+        manager(path)
+    assert "journal is" in str(told.value)
+    assert "\n" not in str(told.value)
+    assert path.read_bytes() == damaged
+
+
 def test_another_file_is_no_journal(tmp_path):
     path = tmp_path / "journal"
     path.write_text("dear diary\n")

@@ -55,6 +55,22 @@ def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, t
     assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
 
 
+@pytest.mark.parametrize("every", [1, 2, 4, 8])
+@pytest.mark.parametrize("ahead", [0.9, 1.6, 2.5, 3.9])
+def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ahead, every, tmp_path):
+    notes, _ = luck(40, lost=0.0)
+    honest = [
+        (PERIOD * r + i, message(name, r, notes[r - 1, i]))
+        for r in range(1, 41)
+        for i, name in enumerate(TEAM.raters[:2])
+    ]
+    off = int(ahead * PERIOD)
+    early = [(PERIOD * r + 2, message("sr_2", r, notes[r - 1, 2], off)) for r in range(every, 41, every)]
+    published = run(manager(tmp_path / "journal"), honest + early, PERIOD * 50)
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    assert len(whole) == 40
+
+
 def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
     notes, _ = luck(20, lost=0.0)
     honest = [

@@ -54,6 +54,10 @@ def demo(
     """
     (require_view if view else require_live)()
     plan = Plan(attack, seconds, speed, signed, seed)
+    if view:
+        from experiments.view.server import check_port
+
+        check_port(port)
     prepare_folder(out)
     with multiprocessing.get_context("spawn").Pool(1, os.nice, (_YIELDS,)) as aside, progress_bar() as progress:
         simulation = aside.apply_async(_simulated, (plan,))

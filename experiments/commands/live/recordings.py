@@ -4,11 +4,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from experiments.commands.console import console, number_table
 from experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
 from experiments.naming import parse_trust_model
 from experiments.results.confidence import Interval
+from experiments.results.files import replacing
+from experiments.results.scenarios import readable
 from roletrust_env import make_scenario
 from roletrust_env.world.roster import Roster
 
@@ -67,11 +70,14 @@ def replay(
     keyring = None if keys is None else PublicKeys(keys)
     team = Team(roster.rater_names, roster.provider_names)
     model = parse_trust_model(trust_model, rules)
-    manager = Manager(model, journal, patience=Patience(period), team=team, keyring=keyring)
-    entries = list(manage.replay(read_recording(recording), manager, period))
-    manager.close()
-    refused = ", ".join(f"{rater or 'unknown'} {reason}: {n}" for (rater, reason), n in manager.gate.refused.items())
-    console.print(f"{len(entries)} rounds, written to {journal}; refused: {refused or 'nothing'}", soft_wrap=True)
+    with replacing(journal) as path:
+        manager = Manager(model, path, patience=Patience(period), team=team, keyring=keyring)
+        entries = list(manage.replay(read_recording(recording), manager, period))
+        manager.close()
+    counts = manager.gate.refused.items()
+    refused = ", ".join(f"{readable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts)
+    told = f"{len(entries)} rounds, written to {journal}; refused: {refused or 'nothing'}"
+    console.print(told, markup=False, soft_wrap=True)
 
 
 def recover(damaged: Annotated[Path, typer.Argument(help="Folder or file of a recording.")], folder: New) -> None:
@@ -120,7 +126,7 @@ def scenario(
     found = infer(observe(read_recording(recording), None if keys is None else PublicKeys(keys)), out.stem)
     write_scenario(out, found.scenario, found.names)
     table = number_table(
-        f"{recording.name}, {found.scenario.max_cycles} rounds", "in 95% intervals", "value", "from", "to"
+        escape(f"{recording.name}, {found.scenario.max_cycles} rounds"), "in 95% intervals", "value", "from", "to"
     )
     table.add_row("ratings that did not count", *_numbers(found.lost))
     for who, kind, values in (
@@ -129,12 +135,13 @@ def scenario(
         (found.providers, "ability", found.seen.ability),
     ):
         for name, value in zip(who, values, strict=True):
-            table.add_row(f"{kind} of {name}", *_numbers(value))
+            table.add_row(escape(f"{kind} of {readable(name)}"), *_numbers(value))
     console.print(table)
     if found.late:
         console.print(f"[dim]{found.late:.1%} of the ratings came too late[/]", soft_wrap=True)
     if found.away:
-        console.print(f"[dim]away for a while, and there in the scenario: {', '.join(found.away)}[/]", soft_wrap=True)
+        away = escape(", ".join(map(readable, found.away)))
+        console.print(f"[dim]away for a while, and there in the scenario: {away}[/]", soft_wrap=True)
     console.print(f"Written to {out}", soft_wrap=True)
 
 

@@ -1,6 +1,8 @@
 """A rater: looks at every camera it hears, and says what it saw, or what its policy will have it say."""
 
 import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -59,7 +61,8 @@ def run_assess(
     critic = _Critic(name, roster.provider_names, policy or Policy(), bulletin, seed + place)
     eye = _Eye(np.random.default_rng([seed, place]))
     cameras: dict[str, Reader] = {}
-    rounds: Rounds[bytes] = Rounds(Patience(timeline.period, deadline=_DEADLINE))
+    patience = Patience(timeline.period, deadline=_DEADLINE)
+    rounds: Rounds[bytes] = Rounds(patience)
 
     def say(closed: Round[bytes]) -> None:
         bulletin.hear()
@@ -78,11 +81,20 @@ def run_assess(
                     cameras[camera] = node.reader(found.topic, messages.IMAGE)
             closed = []
             for camera, reader in cameras.items():
-                for image in (messages.decode(raw, messages.IMAGE) for raw in reader.take()):
-                    closed += rounds.add(camera, messages.stamp_of(image), bytes(image.data), time.time_ns())
+                for stamp, jpeg in _pictures(reader.take(), time.time_ns(), patience.tolerance):
+                    closed += rounds.add(camera, stamp, jpeg, time.time_ns())
             closed += rounds.due(time.time_ns())
             for newest in closed[-1:]:  # who is behind catches up: ratings of the past count nothing
                 say(newest)
+
+
+def _pictures(raws: Iterable[bytes], now: int, tolerance: int) -> Iterator[tuple[int, bytes]]:
+    """The stamps and JPEGs of messages; none of what cannot be read, nor of what would end rounds yet to come."""
+    for raw in raws:
+        with suppress(ValueError):
+            image = messages.decode(raw, messages.IMAGE)
+            if abs(messages.stamp_of(image) - now) <= tolerance:
+                yield messages.stamp_of(image), bytes(image.data)
 
 
 class _Eye:
@@ -93,13 +105,14 @@ class _Eye:
 
     def sees(self, jpeg: bytes) -> float:
         """The probability that a person is in a picture; 0 of what is no picture."""
-        picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-        if picture is None:
+        try:
+            picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+            seen = None if picture is None else view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
+        except cv2.error:  # it is empty, or has a shape that no camera's has
+            seen = None
+        if seen is None:
             return 0.0
-        frame = np.asarray(picture[..., ::-1], np.uint8)
-        return probability(
-            best_margin(received(view(np.ascontiguousarray(frame)), float(self._links.standard_normal())))
-        )
+        return probability(best_margin(received(seen, float(self._links.standard_normal()))))
 
 
 class _Critic:

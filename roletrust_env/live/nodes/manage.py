@@ -24,6 +24,7 @@ _DEPTH = 200  # messages of a rater that are kept while the manager is busy
 _MOST = 10  # messages that a rater may send in a period; there is one to send
 _MEETING_S = 1.0  # in which nodes of one machine find each other
 _DIAGNOSED_S = 1.0  # between two reports on what was refused
+_QUIET = 10  # periods without a word after which nothing is left to be closed
 _ANOTHER = f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID"
 
 
@@ -109,8 +110,9 @@ def replay(recording: Iterable[Recorded], manager: Manager, period: int) -> Iter
     """
     now: int | None = None
     for time_ns, topic, kind, raw in recording:
-        for moment in range(time_ns if now is None else now, time_ns, period // 20):
-            yield from manager.tick(moment)
+        if now is not None:  # after so long a silence nobody is waited for, however long it goes on
+            for moment in range(now, min(time_ns, now + _QUIET * period), max(1, period // 20)):
+                yield from manager.tick(moment)
         now = time_ns
         if (name := owner(topic, RATINGS)) and kind == messages.RATINGS:
             yield from hear_raw(manager, name, raw, time_ns)

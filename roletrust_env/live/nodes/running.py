@@ -87,8 +87,9 @@ class Bulletin:
 
     def hear(self) -> None:
         """Take what came since the last time."""
-        for raw in self._reader.take()[-1:]:
-            _, _, self._tor, self._top, _ = messages.read_trust(raw)
+        for raw in self._reader.take():
+            with suppress(ValueError):  # whoever sends what cannot be read is not the manager
+                _, _, self._tor, self._top, _ = messages.read_trust(raw)
 
     def tor(self, rater: str) -> float:
         """The trust of a rater."""

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 
 import cv2
 import numpy as np
@@ -58,17 +59,27 @@ class Watcher:
             self._node.wait(_WAIT_S)
             self._meet()
             for raw in self._trust.take():
-                self.heard.append(messages.read_trust(raw))
-                self.spoke[MANAGER] = time.time()
+                with suppress(ValueError):
+                    self.heard.append(messages.read_trust(raw))
+                    self.spoke[MANAGER] = time.time()
             for raw in self._diagnostics.take():
-                for status in messages.decode(raw, messages.DIAGNOSTICS).status:
-                    if status.name == MANAGER:
-                        self.reports = {pair.key: pair.value for pair in status.values}
+                with suppress(ValueError):
+                    self._report(raw)
             for (name, ending), reader in self._members.items():
                 for raw in reader.take()[-1:]:
                     self.spoke[name] = time.time()
-                    if ending == IMAGES and (picture := _small(messages.decode(raw, messages.IMAGE).data)):
-                        self.pictures[name] = picture
+                    if ending == IMAGES:
+                        with suppress(ValueError):
+                            self._look(name, raw)
+
+    def _report(self, raw: bytes) -> None:
+        for status in messages.decode(raw, messages.DIAGNOSTICS).status:
+            if status.name == MANAGER:
+                self.reports = {pair.key: pair.value for pair in status.values}
+
+    def _look(self, name: str, raw: bytes) -> None:
+        if picture := _small(messages.decode(raw, messages.IMAGE).data):
+            self.pictures[name] = picture
 
     def _meet(self) -> None:
         """Listen to newcomers, too."""
@@ -80,10 +91,15 @@ class Watcher:
 
 
 def _small(jpeg: np.ndarray) -> bytes | None:
-    """A picture of the width that is kept; None of what is no picture."""
-    picture = cv2.imdecode(np.asarray(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    """A picture of the width that is kept, or of that height if it is higher; None of what is no picture."""
+    try:
+        picture = cv2.imdecode(np.asarray(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # it is empty, or far too large
+        return None
     if picture is None:
         return None
-    height = max(1, round(picture.shape[0] * _WIDTH / picture.shape[1]))
-    small = cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA)
+    height, width = picture.shape[:2]
+    part = _WIDTH / max(height, width)
+    size = max(1, round(width * part)), max(1, round(height * part))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1])

@@ -4,6 +4,7 @@ Messages are bytes here (CDR, see `messages`), so that what is signed, sent and 
 """
 
 import os
+import re
 import time
 from collections import Counter
 from functools import cache
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-from cyclonedds.core import InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.core import DDSException, InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState, WaitSet
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl import types as idl_types
@@ -31,6 +32,8 @@ _COMPATIBLE = "<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation
 _MILLISECOND = 1_000_000
 _ANY = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _AT_ONCE = 1000  # messages that are taken in one go
+_LAST_DOMAIN = 232  # beyond, there are no ports for it
+_TOPIC = re.compile(r"rt(/[A-Za-z_][A-Za-z0-9_]*)+")  # as ROS 2 names them; others' names are not even valid here
 _DISCOVERY = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 idl: Any = idl_types  # what stands in brackets there is made as the program runs
@@ -131,14 +134,13 @@ class Node:
             says is what counts.
 
     The domain is that of `ROS_DOMAIN_ID`, 0 if it is not set.
+
+    Raises:
+        ValueError: one of these variables is not as it must be.
     """
 
     def __init__(self, name: str, namespace: str = "/", *, network: bool = False) -> None:
-        domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
-        if domain not in _domains and "CYCLONEDDS_URI" not in os.environ:
-            inside = _COMPATIBLE + ("" if network else _LOOPBACK)
-            _domains[domain] = Domain(domain, f"<CycloneDDS><Domain>{inside}</Domain></CycloneDDS>")
-        self._participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
+        self._participant = _participant(network)
         self._name, self._namespace = name, namespace
         self._found = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._waitset = WaitSet(self._participant)
@@ -186,7 +188,7 @@ class Node:
         found = []
         for sample in self._found.take(_AT_ONCE):
             topic, kind = sample.topic_name, sample.type_name
-            if topic is not None and topic.startswith("rt/"):  # of one that ended nothing is told
+            if topic is not None and _TOPIC.fullmatch(topic):  # of one that ended nothing is told
                 parts = kind.replace("::dds_::", "::").removesuffix("_").split("::")
                 found.append(Publication(topic.removeprefix("rt"), "/".join(parts)))
         return found
@@ -212,6 +214,22 @@ class Node:
         self._introduction.write(
             messages.make(_DISCOVERY, gid=_gid(self._participant.guid), node_entities_info_seq=[node])
         )
+
+
+def _participant(network: bool) -> Any:
+    """Who takes part in the domain; to this machine only, unless it is said otherwise."""
+    said, uri = os.environ.get("ROS_DOMAIN_ID") or "0", os.environ.get("CYCLONEDDS_URI")
+    if not (said.isascii() and said.isdecimal() and int(said) <= _LAST_DOMAIN):
+        raise ValueError(f"ROS_DOMAIN_ID is {said!r}; it must be a whole number from 0 to {_LAST_DOMAIN}")
+    domain = int(said)
+    try:
+        if domain not in _domains and not uri:
+            inside = _COMPATIBLE + ("" if network else _LOOPBACK)
+            _domains[domain] = Domain(domain, f"<CycloneDDS><Domain>{inside}</Domain></CycloneDDS>")
+        return DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
+    except DDSException as error:
+        why = f"CYCLONEDDS_URI is {uri!r}: is it a configuration, or a file of one?" if uri else str(error)
+        raise ValueError(f"the middleware cannot take part in ROS_DOMAIN_ID {domain}; {why}") from None
 
 
 @cache

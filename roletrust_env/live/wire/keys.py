@@ -19,7 +19,7 @@ def make_keys(folder: Path, names: Iterable[str]) -> list[str]:
         The names that got new ones.
 
     Raises:
-        ValueError: a name cannot be that of a file.
+        ValueError: a name cannot be that of a file, or a private key that is there is none.
         OSError: the folder cannot be written to.
     """
     names = list(dict.fromkeys(names))
@@ -36,11 +36,17 @@ def make_keys(folder: Path, names: Iterable[str]) -> list[str]:
         file = os.open(folder / f"{name}{_PRIVATE}", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(file, "wb") as opened:
             opened.write(private)
-        public = key.public_key().public_bytes(
-            serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
-        )
-        (folder / f"{name}{_PUBLIC}").write_bytes(public)
+        _publish(key, folder / f"{name}{_PUBLIC}")
+    for name in names:  # one whose making was cut short has no public key yet
+        if not (folder / f"{name}{_PUBLIC}").exists():
+            _publish(_private(folder / f"{name}{_PRIVATE}"), folder / f"{name}{_PUBLIC}")
     return made
+
+
+def _publish(key: Ed25519PrivateKey, path: Path) -> None:
+    """Write the public key of a private one."""
+    public = key.public_key().public_bytes(serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo)
+    path.write_bytes(public)
 
 
 class Signer:
@@ -60,12 +66,7 @@ class Signer:
             raise ValueError(f"there is no private key {path}; `roletrust live keys` makes one")
         if path.stat().st_mode & 0o077:
             raise ValueError(f"{path} can be read by others; only its owner may, as after `chmod 600 {path}`")
-        key: object = None
-        with suppress(ValueError, TypeError, UnsupportedAlgorithm):
-            key = serialization.load_pem_private_key(path.read_bytes(), password=None)
-        if not isinstance(key, Ed25519PrivateKey):
-            raise ValueError(f"{path} is no private key of the kind ed25519")
-        self._key = key
+        self._key = _private(path)
 
     def sign(self, data: bytes) -> bytes:
         """The signature of some bytes."""
@@ -100,6 +101,15 @@ class PublicKeys:
         except InvalidSignature:
             return False
         return True
+
+
+def _private(path: Path) -> Ed25519PrivateKey:
+    key: object = None
+    with suppress(ValueError, TypeError, UnsupportedAlgorithm):
+        key = serialization.load_pem_private_key(path.read_bytes(), password=None)
+    if not isinstance(key, Ed25519PrivateKey):
+        raise ValueError(f"{path} is no private key of the kind ed25519")
+    return key
 
 
 def _public(path: Path) -> Ed25519PublicKey:

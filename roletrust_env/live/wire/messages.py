@@ -120,6 +120,8 @@ def read_trust(raw: bytes) -> Published:
         ValueError: the bytes are no such message.
     """
     said = decode(raw, TRUST)
+    if (len(said.raters), len(said.providers)) != (len(said.tor), len(said.top)):
+        raise ValueError(f"{len(raw)} bytes are no {TRUST}: there are not as many values as names")
     tor = dict(zip(said.raters, said.tor.tolist(), strict=True))
     top = dict(zip(said.providers, said.top.tolist(), strict=True))
     return Published(said.round, stamp_of(said), tor, top, tuple(said.missing))

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -10,6 +11,7 @@ from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
 from roletrust_env.live.wire.messages import typestore
 
 _MAGIC = b"\x89MCAP0\r\n"
+_DAMAGED = struct.error, KeyError, UnicodeDecodeError  # what a record that is not as it was leads to
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06  # records, https://mcap.dev/spec
 
 
@@ -80,16 +82,43 @@ def read_recording(folder: Path) -> Iterator[Recorded]:
     Raises:
         ValueError: it is none, or was not closed: `recover` makes one that is.
     """
-    try:
+    if not folder.is_dir():
+        raise ValueError(
+            f"{folder} cannot be read: it is no folder; `roletrust live recover` makes one of an MCAP file"
+        )
+    with _readable(folder):
         reader = Reader(folder)
         reader.open()
-    except (ReaderError, OSError) as error:
-        raise ValueError(f"{folder} cannot be read: {error}; `roletrust live recover` may help") from None
+    messages = iter(reader.messages())
     try:
-        for connection, time, raw in reader.messages():
-            yield Recorded(time, connection.topic, connection.msgtype, bytes(raw))
+        while True:
+            with _readable(folder):
+                connection, time, raw = next(messages, (None, 0, b""))
+                if connection is None:
+                    return
+                one = Recorded(time, connection.topic, connection.msgtype, bytes(raw))
+            yield one
     finally:
         reader.close()
+
+
+@contextmanager
+def _readable(folder: Path) -> Iterator[None]:
+    """Whatever rosbags stumbles over in a damaged file is told in one line."""
+    try:
+        yield
+    except (
+        ReaderError,
+        OSError,
+        ValueError,
+        OverflowError,
+        MemoryError,
+        struct.error,
+        LookupError,
+        TypeError,
+    ) as error:
+        why = " ".join(str(error).split()) or "out of memory"
+        raise ValueError(f"{folder} cannot be read: {why}; `roletrust live recover` may help") from None
 
 
 def recover(damaged: Path, folder: Path) -> int:
@@ -110,8 +139,11 @@ def recover(damaged: Path, folder: Path) -> int:
         path = next(iter(sorted(damaged.glob("*.mcap"))), damaged)
     if not path.is_file() or not path.read_bytes()[: len(_MAGIC)] == _MAGIC:
         raise ValueError(f"{damaged} is no recording; allowed are an MCAP file, and a folder with one")
+    salvaged = [one for one in _salvaged(path.read_bytes()[len(_MAGIC) :]) if one.kind in typestore().types]
+    if not salvaged:
+        raise ValueError(f"{damaged} holds no message that can be read; one of another program may be compressed")
     with Recorder(folder) as recorder:
-        for message in _salvaged(path.read_bytes()[len(_MAGIC) :]):
+        for message in salvaged:
             recorder.write(message)
         return recorder.count
 
@@ -121,17 +153,17 @@ def _salvaged(data: bytes) -> Iterator[Recorded]:
     kinds: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
     for code, content in _records(data):
-        if code == _CHUNK:
-            compression = _text(content, 28)
-            if not compression:  # our own are not compressed
+        with suppress(*_DAMAGED):
+            if code != _CHUNK:
+                yield from _message(code, content, kinds, channels)
+            elif not _text(content, 28):  # our own are not compressed
                 yield from _messages(content[28 + 4 + 8 :], kinds, channels)
-        else:
-            yield from _message(code, content, kinds, channels)
 
 
 def _messages(data: bytes, kinds: dict[int, str], channels: dict[int, tuple[str, str]]) -> Iterator[Recorded]:
     for code, content in _records(data):
-        yield from _message(code, content, kinds, channels)
+        with suppress(*_DAMAGED):
+            yield from _message(code, content, kinds, channels)
 
 
 def _message(

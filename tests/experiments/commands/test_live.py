@@ -1,5 +1,6 @@
 """`roletrust live`, as far as it goes without processes of its own."""
 
+import socket
 import stat
 
 import pytest
@@ -47,6 +48,18 @@ def test_what_cannot_be_is_said_in_one_line(arguments, reason, tmp_path, monkeyp
     assert done.exit_code == 2, done.output
     assert reason in " ".join(done.stderr.split())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
+    (tmp_path / "journal.jsonl").write_text("of the last")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        done = run("demo", "--out", tmp_path, "--port", port, "--no-browser")
+    assert done.exit_code == 2
+    assert f"port {port} cannot be had" in done.stderr
+    assert (tmp_path / "journal.jsonl").read_text() == "of the last"
 
 
 def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):

@@ -15,6 +15,7 @@ from experiments.results.scenarios import write_scenario
 from roletrust_env import make_scenario
 from roletrust_env.live.nodes.manage import replay
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.live.wire.recording import Recorded, Recorder
 from roletrust_env.world.presets import scenarios
 
@@ -102,3 +103,87 @@ def test_any_scenario_is_written_and_read_as_it_was(name, tmp_path):
     write_scenario(tmp_path / "again.toml", scenario)
     assert make_scenario(tmp_path / "again.toml") == scenario
     assert tomllib.loads((tmp_path / "again.toml").read_text())["name"] == name
+
+
+def said(rater, round, row, stamp=None):
+    moment = PERIOD * (1000 + round)
+    raw = messages.encode(messages.ratings_message(rater, moment if stamp is None else stamp, row))
+    return Recorded(moment + 5, f"/{rater}/ratings", messages.RATINGS, raw)
+
+
+def told(round, tor, top, stamp=None):
+    moment = PERIOD * (1000 + round) if stamp is None else stamp
+    numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
+    names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
+    made = messages.make(messages.TRUST, header=messages.header(moment), round=round, **names, **numbers)
+    return Recorded(moment + 9, "/trust", messages.TRUST, messages.encode(made))
+
+
+def recorded(path, said):
+    with Recorder(path) as recorder:
+        for message in said:
+            recorder.write(message)
+    return str(path)
+
+
+def test_names_that_are_anything_are_written_and_shown(tmp_path):
+    names = "sp_0", "x\nrole = 'no'", "[/]", "\x1b]0;mine\x07", "\x7f"
+    row = {name: 0.1 + k / 10 for k, name in enumerate(names)}
+    bag = recorded(tmp_path / "bag", [said(f"sr_{i}", r, row) for r in range(12) for i in range(3)])
+    done = run("live", "scenario", bag, "--out", str(tmp_path / "team.toml"))
+    assert done.exit_code == 0, done.output
+    assert "ability of [/]" in done.output
+    assert "\x1b]" not in done.output
+    assert len(make_scenario(tmp_path / "team.toml").agents) == 8
+
+
+@pytest.mark.parametrize("stamp", [0, 10**18])
+def test_a_stamp_of_another_time_makes_no_scenario_longer(stamp, tmp_path):
+    usual = [said(f"sr_{i}", r, {"sp_0": 0.5}) for r in range(12) for i in range(3)]
+    bag = recorded(tmp_path / "bag", [*usual, said("sr_1", 13, {"sp_0": 0.5}, stamp)])
+    done = run("live", "scenario", bag, "--out", str(tmp_path / "team.toml"))
+    assert done.exit_code == 0, done.output
+    assert make_scenario(tmp_path / "team.toml").max_cycles == 12
+
+
+def test_who_has_no_key_is_in_no_scenario_of_a_team_with_keys(tmp_path):
+    make_keys(tmp_path / "keys", ["sr_0", "sr_1"])
+    unsigned = [said(name, r, {"sp_0": 0.5}) for r in range(12) for name in ("sr_0", "mallory")]
+    asked = [recorded(tmp_path / "bag", unsigned), "--keys", str(tmp_path / "keys"), "--out", str(tmp_path / "a.toml")]
+    done = run("live", "scenario", *asked)
+    assert done.exit_code == 2
+    assert "less than two rounds of ratings" in done.stderr
+
+
+A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "messages", "reason"),
+    [
+        (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating that came about when its service"),
+        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; there must be two, one after"),
+        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; there"),
+        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; there must be two"),
+    ],
+)
+def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, reason, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments, recorded(tmp_path / "bag", messages))
+    assert done.exit_code == 2, done.output
+    assert reason in " ".join(done.stderr.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_trust_that_cannot_be_read_is_in_no_figure(tmp_path):
+    broken = told(2, A, B)._replace(raw=b"\0\1\0\0")
+    bag = recorded(tmp_path / "bag", [told(0, A, B), told(1, A, B), broken, told(3, A, B)])
+    done = run("figures", "--recording", bag, "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.output
+    assert len((tmp_path / "out" / "figure.csv").read_text().splitlines()) == 4
+
+
+def test_a_replay_of_nothing_leaves_nothing(tmp_path):
+    done = run("live", "replay", str(tmp_path / "nowhere"), str(tmp_path / "journal"))
+    assert done.exit_code == 2
+    assert list(tmp_path.iterdir()) == []

@@ -105,6 +105,7 @@ def test_names_from_the_network_are_no_html(team, board):
     team.say(0, {bad: 0.5}, missing=(bad,))
     team.pictures, team.reports = {bad: b"jpeg"}, {f"{bad}: {bad}": bad}
     assert bad not in "".join(told(board))
+    assert all(text.disable_math for text in Page(board)._told.values())  # nor is `$$` TeX
 
 
 def test_all_who_look_are_told_the_same_and_it_is_made_once(team, board):

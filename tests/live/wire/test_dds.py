@@ -2,12 +2,13 @@
 
 import os
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cyclonedds.sub import DataReader
 
-from roletrust_env.live.wire import messages
+from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Reader
 
 PATIENCE_S = 20.0  # far more than a busy machine takes
@@ -84,3 +85,37 @@ def test_nodes_say_which_topics_are_theirs():
         return any(node.node_namespace == "/sp_7" and len(node.writer_gid_seq) == 1 for node in nodes)
 
     assert until(told)
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "reason"),
+    [
+        ("ROS_DOMAIN_ID", "seven", "ROS_DOMAIN_ID is 'seven'; it must be a whole number from 0 to 232"),
+        ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID is '233'"),
+        ("ROS_DOMAIN_ID", "-1", "ROS_DOMAIN_ID is '-1'"),
+        ("CYCLONEDDS_URI", "file:///nowhere.xml", "CYCLONEDDS_URI is 'file:///nowhere.xml'"),
+    ],
+)
+def test_variables_that_cannot_be_are_named(name, said, reason, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "99")  # a domain that this process has not begun
+    monkeypatch.setenv(name, said)
+    with pytest.raises(ValueError, match=reason):
+        Node("looks")
+
+
+def test_an_empty_variable_does_not_open_the_network(monkeypatch):
+    began = []
+    monkeypatch.setattr(dds, "Domain", lambda domain, configuration: began.append(configuration))
+    monkeypatch.setattr(dds, "_domains", {})
+    monkeypatch.setattr(dds, "DomainParticipant", lambda *_: None)
+    monkeypatch.setenv("CYCLONEDDS_URI", "")
+    dds._participant(network=False)
+    assert "127.0.0.1" in began[0]
+
+
+@pytest.mark.parametrize("topic", ["rt/a b/ratings", "rt/\x1b[31m/ratings", "rt//ratings", "rt/<b>/ratings", "rt/7/x"])
+def test_names_that_ros_does_not_have_are_not_listened_to(topic, monkeypatch):
+    looks = Node("looks")
+    found = [SimpleNamespace(topic_name=name, type_name="a::msg::dds_::B_") for name in (topic, "rt/sr_0/ratings")]
+    monkeypatch.setattr(looks, "_found", SimpleNamespace(take=lambda _: found))
+    assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B")]

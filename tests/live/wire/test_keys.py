@@ -52,3 +52,11 @@ def test_keys_that_are_not_there_or_none(tmp_path):
         Signer(tmp_path, "sr_0")
     with pytest.raises(ValueError, match="no public key of the kind ed25519"):
         PublicKeys(tmp_path)
+
+
+def test_a_public_key_that_is_lost_is_made_again_of_the_private_one(tmp_path):
+    make_keys(tmp_path, ["sr_0"])
+    public = (tmp_path / "sr_0.pub").read_bytes()
+    (tmp_path / "sr_0.pub").unlink()
+    assert make_keys(tmp_path, ["sr_0"]) == []
+    assert (tmp_path / "sr_0.pub").read_bytes() == public

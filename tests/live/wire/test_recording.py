@@ -1,3 +1,5 @@
+import contextlib
+
 import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, luck, manager
@@ -86,3 +88,54 @@ def test_a_recording_through_the_manager_gives_the_trust_that_was_published(mode
     assert replayed == published
     assert len(published) > 35
     assert any(entry.missing for entry in published)
+
+
+def spoilt(folder, seed):
+    """A whole recording of which some bytes are others."""
+    write(folder, SOME)
+    (path,) = folder.glob("*.mcap")
+    data, random = bytearray(path.read_bytes()), np.random.default_rng(seed)
+    for at in random.integers(8, len(data), random.integers(1, 20)):
+        data[at] = random.integers(256)
+    path.write_bytes(data)
+    return folder
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_a_spoilt_recording_is_read_or_refused_in_one_line(seed, tmp_path):
+    bag, said = spoilt(tmp_path / "bag", seed), None
+    try:
+        list(read_recording(bag))
+    except ValueError as error:
+        said = str(error)
+    assert said is None or (f"{bag} cannot be read: " in said and "\n" not in said)
+    with contextlib.suppress(ValueError):
+        recover(bag, tmp_path / "saved")
+
+
+def test_a_spoilt_record_costs_no_other(tmp_path):
+    write(tmp_path / "bag", SOME, flushed=1, closed=False)
+    (path,) = (tmp_path / "bag").glob("*.mcap")
+    path.write_bytes(path.read_bytes().replace(b"roletrust_msgs/msg/Ratings", b"\xff" * 26, 1))
+    assert recover(tmp_path / "bag", tmp_path / "saved") == 1  # of the other type
+    assert list(read_recording(tmp_path / "saved")) == SOME[-1:]
+
+
+def test_of_nothing_nothing_is_recovered(tmp_path):
+    (tmp_path / "no.mcap").write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(ValueError, match="holds no message that can be read"):
+        recover(tmp_path / "no.mcap", tmp_path / "saved")
+    assert not (tmp_path / "saved").exists()
+
+
+def test_a_file_is_no_folder_of_a_recording(tmp_path):
+    (tmp_path / "some.mcap").write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(ValueError, match="it is no folder"):
+        list(read_recording(tmp_path / "some.mcap"))
+
+
+def test_a_long_silence_is_not_waited_through(tmp_path, monkeypatch):
+    keeper, asked = manager(tmp_path / "journal"), []
+    monkeypatch.setattr(keeper, "tick", lambda moment: asked.append(moment) or [])
+    list(replay([SOME[0]._replace(time=0), SOME[1]], keeper, PERIOD))
+    assert len(asked) < 1000
