@@ -260,5 +260,5 @@ print("met")
 """
     assert live.python(heard) == "met\n"
     assert "roletrust live demo" in live.roletrust("live", "--help")
-    live.roletrust("live", "demo", "--seconds", 12, "--speed", 2, "--no-view", "--out", "team")
+    live.roletrust("live", "demo", "--seconds", 42, "--speed", 2, "--no-view", "--out", "team")
     assert (live.folder / "team" / "figure.png").exists()
