@@ -1,8 +1,8 @@
 """Compiling ahead of the timing: in processes of their own, which can be stopped, into torch's cache on disk.
 
-What one process has compiled, others may find in the cache: the one that times it, and those of the next run, so that a
-run that was broken off goes on where it was. Where torch takes their settings for others, they compile anew. The cache is
-where torch keeps it, see its TORCHINDUCTOR_CACHE_DIR.
+What one process has compiled, others may find in the cache: the one that times it, and those of the next run, so that
+a run that was broken off goes on where it was. Where torch takes their settings for others, they compile anew. The
+cache is where torch keeps it, see its TORCHINDUCTOR_CACHE_DIR.
 """
 
 import pickle
