@@ -23,7 +23,7 @@ def record(
     images: Annotated[bool, typer.Option("--images/--no-images", help="Whether to keep the pictures.")] = True,
     network: Network = False,
 ) -> None:
-    """Record [bold]all that is said[/], until Ctrl-C, as MCAP that `ros2 bag`, Foxglove and rosbags read.
+    """Record [bold]all that is said[/], until Ctrl-C, as MCAP in the format of `ros2 bag`, which rosbags reads.
 
     [bold]Examples[/]
 
