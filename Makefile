@@ -22,9 +22,9 @@ test: setup
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
 	$(MAKE) test-site
-	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/experiments/benchmark
-	$(BIN)/pytest -m live tests/live
-	$(BIN)/pytest -m ros2 tests/live
+	$(MAKE) test-extras
+	$(MAKE) test-live
+	$(MAKE) test-ros2
 
 # The whole site, in a browser; `make test` has it, too.
 test-site: docs

@@ -1,4 +1,6 @@
-"""What every test leaves as it found it."""
+"""What every test leaves as it found it, and a browser for those that want one."""
+
+import shutil
 
 import pytest
 
@@ -12,3 +14,18 @@ def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
     for registry in (trust_models, scenarios, baselines.registry):
         monkeypatch.setattr(registry, "_factories", dict(registry._factories))
+
+
+@pytest.fixture(scope="module")
+def browser(request):
+    """A real Chromium; a module says by `PATIENCE_MS` how long it may take to start, if not as long as usual."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if chromium is None:
+        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
+    flags = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+    with playwright.sync_playwright() as driver:
+        patience = getattr(request.module, "PATIENCE_MS", None)
+        found = driver.chromium.launch(executable_path=chromium, args=flags, timeout=patience)
+        yield found
+        found.close()

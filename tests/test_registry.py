@@ -6,10 +6,8 @@ from pathlib import Path
 import pytest
 
 from baselines import OnOff, attackers, make_attacker, register_attacker
-from baselines import registry as attacker_registry
 from roletrust_env import Scenario, make_scenario, register_scenario, scenarios
 from roletrust_env.registry import Registry
-from roletrust_env.world.presets import registry as scenario_registry
 
 
 def box(size: int = 1) -> tuple[str, int]:
@@ -30,13 +28,6 @@ def registry() -> Registry:
     registry: Registry = Registry("thing", "roletrust_env.tests.things", tuple)
     registry.register("box", box)
     return registry
-
-
-@pytest.fixture
-def clean(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names that the test registers are gone after it."""
-    for registry in (scenario_registry, attacker_registry):
-        monkeypatch.setattr(registry, "_factories", dict(registry._factories))
 
 
 @pytest.fixture
@@ -143,7 +134,6 @@ def test_a_script_that_ends_python_does_not_end_the_command(registry: Registry, 
         registry.own("script", "made")
 
 
-@pytest.mark.usefixtures("clean")
 def test_a_scenario_from_user_code_is_known_by_name() -> None:
     mine = make_scenario("paper-3x3").change(name="mine", description="My own.")
     register_scenario(mine)
@@ -167,7 +157,6 @@ def test_a_broken_scenario_plug_in_harms_only_who_asks_for_it(install: Callable)
         make_scenario("brokenscenario")
 
 
-@pytest.mark.usefixtures("clean")
 def test_attackers_are_known_by_name() -> None:
     register_attacker("my-own", OnOff)
     assert {"on-off", "bad-mouthing", "my-own"} <= set(attackers())

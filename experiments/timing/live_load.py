@@ -79,7 +79,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
         _process(run_raters, **shared),
     ):
         _gather(trust, side)
-        before, began = _cpu_s(manager), time.monotonic()
+        before, began = cpu_s(manager), time.monotonic()
         memory, delays, complete = list[float](), list[float](), 0
         while (spent := time.monotonic() - began) < seconds:
             node.wait(_LOOK_S)
@@ -89,7 +89,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
             for said in _heard(trust):
                 delays.append((now - messages.stamp_of(said)) / 1e6)
                 complete += not len(said.missing)
-        cpu = (_cpu_s(manager) - before) / spent
+        cpu = (cpu_s(manager) - before) / spent
     half = len(memory) // 2
     grown = median(memory[half:]) - median(memory[: half + 1])
     delay = (median(delays), max(delays)) if delays else (np.nan, np.nan)
@@ -146,7 +146,7 @@ def _heard(trust: Reader) -> list[Any]:
     return [messages.decode(raw, messages.TRUST) for raw in trust.take()]
 
 
-def _cpu_s(process: int) -> float:
+def cpu_s(process: int) -> float:
     """What a process and its threads took of the processor so far, seconds."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

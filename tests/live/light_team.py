@@ -1,7 +1,6 @@
 """Robots that cost next to nothing: a camera with a picture of one colour, a rater that looks at none."""
 
 import multiprocessing
-import os
 import time
 
 import cv2
@@ -36,10 +35,3 @@ def started(run, *args, **kwargs):
     process = multiprocessing.get_context("spawn").Process(target=run, args=args, kwargs=kwargs, daemon=True)
     process.start()
     return process
-
-
-def cpu_s(process):
-    """Seconds of a processor that a process has used."""
-    with open(f"/proc/{process.pid}/stat") as file:
-        fields = file.read().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

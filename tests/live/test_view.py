@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import shutil
 import socket
 import statistics
 import threading
@@ -11,8 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
-from light_team import cpu_s, run_robots, started
+from light_team import run_robots, started
 
+from experiments.timing.live_load import cpu_s
 from experiments.view.server import run_view
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.manage import run_manager
@@ -24,8 +24,6 @@ from roletrust_env.trust import make_trust_model
 
 pytestmark = pytest.mark.live
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 PERIOD = 500_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 PATIENCE_MS = 240_000  # far more than a busy machine takes
@@ -71,17 +69,6 @@ def stage(tmp_path_factory):
         yield found
         for process in (found.manager, found.robots, found.third, found.view):
             process.kill()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=PATIENCE_MS)
-        yield found
-        found.close()
 
 
 @pytest.fixture
@@ -160,8 +147,8 @@ def test_many_viewers_do_not_slow_the_manager(stage):
     from bokeh.client import pull_session
 
     def measured():
-        before, rounds = cpu_s(stage.manager), stage.wait_for(12)
-        return (cpu_s(stage.manager) - before) / len(rounds), rounds
+        before, rounds = cpu_s(stage.manager.pid), stage.wait_for(12)
+        return (cpu_s(stage.manager.pid) - before) / len(rounds), rounds
 
     alone, _ = measured()
     sessions = []

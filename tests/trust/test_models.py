@@ -34,12 +34,6 @@ class Doubt(Mean):
 
 
 @pytest.fixture
-def clean_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names that the test registers are gone after it."""
-    monkeypatch.setattr(registry, "_factories", dict(registry._factories))
-
-
-@pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
     """Put a package with one module and one entry point, `<module>-model`, where Python finds packages."""
     monkeypatch.syspath_prepend(tmp_path)
@@ -62,7 +56,6 @@ def test_built_in_models_are_listed_with_one_line_each() -> None:
         assert "\n" not in description
 
 
-@pytest.mark.usefixtures("clean_registry")
 def test_a_model_from_user_code_is_known_by_name() -> None:
     register_trust_model("doubt", Doubt)
     assert trust_models()["doubt"] == "Trust nobody."
@@ -71,7 +64,6 @@ def test_a_model_from_user_code_is_known_by_name() -> None:
     assert np.all(model.provider_trust(model.start(np.ones((2, 3)))) == 0)
 
 
-@pytest.mark.usefixtures("clean_registry")
 def test_a_name_is_given_once() -> None:
     register_trust_model("doubt", Doubt)
     for taken in ("doubt", "role-trust"):
@@ -80,7 +72,6 @@ def test_a_name_is_given_once() -> None:
     assert isinstance(make_trust_model("doubt"), Doubt)
 
 
-@pytest.mark.usefixtures("clean_registry")
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     register_trust_model("doubt", Doubt)
     with pytest.raises(ValueError, match="role-trsut") as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 import benchmark_cases
 import pytest
 from benchmark_cases import results, run, tiny
+from children import children
 
 from experiments.benchmark.cells import cells
 from experiments.benchmark.store import Store
@@ -35,11 +36,10 @@ def begun(path):
 def workers(process):
     """Processes that a run has started to play, by their ids."""
     found = []
-    for entry in Path("/proc").glob("[0-9]*"):
+    for pid in children(process.pid):
         with suppress(OSError):
-            child = entry.joinpath("stat").read_text().rpartition(")")[2].split()[1] == str(process.pid)
-            if child and "resource_tracker" not in entry.joinpath("cmdline").read_text():  # of multiprocessing
-                found.append(int(entry.name))
+            if "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text():  # of multiprocessing
+                found.append(pid)
     return found
 
 

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from children import children
 from command_line import run
 
 from experiments.benchmark.store import Store
@@ -166,17 +167,6 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     assert code == 0, lines
     assert not there or any(f"{there} of 4 cells are there already" in line for line in lines)
     assert board(here)["mean"]["missing"] == "0"
-
-
-def children(pid: int) -> list[int]:
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if entry.read_text().rpartition(")")[2].split()[1] == str(pid):
-                found.append(int(entry.parent.name))
-        except OSError:  # it has ended
-            continue
-    return found
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")

@@ -3,7 +3,6 @@
 import csv
 import json
 import os
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,8 +18,6 @@ from experiments.benchmark.cells import cells
 from experiments.benchmark.store import Store
 from experiments.benchmark.work import play_cell
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 SHOWN = {"heatmap": "cells", "curves": "lines", "breakdown": "points", "tradeoff": "points", "learners": "points"}
 
 
@@ -121,17 +118,6 @@ def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
     assert refused.exit_code == 2
     assert "both of a suite for robustness; a report is on one of each kind" in " ".join(refused.output.split())
     assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield found
-        found.close()
 
 
 @pytest.fixture(params=["light", "dark", "phone"])

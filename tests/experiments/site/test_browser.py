@@ -1,7 +1,6 @@
 """The whole site in a real browser, as `make docs` has built it: `make test-site`."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -13,8 +12,6 @@ from built import WHOLE, broken, fetched, pages, parsed
 
 pytestmark = pytest.mark.site
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 VIEWS = {"light": (1200, "light"), "dark": (1200, "dark"), "phone": (390, "light")}
 
 _FAINT = """() => {
@@ -40,17 +37,6 @@ _FAINT = """() => {
   return faint;
 }"""
 """Texts whose contrast with what is behind them is low, after WCAG 2."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
