@@ -226,8 +226,10 @@ def sources(suite: Suite) -> dict[str, Any]:
 
 
 def scores(suite: Suite, kept: Sequence[Kept]) -> dict[str, Standing]:
-    """What the leaderboard says of each model."""
-    rows = standings(suite, kept, models(suite), len(kept) // len(suite.models))
+    """What the leaderboard says of each model, of all cells of a suite in any order."""
+    found = {one.cell.key: one for one in kept}
+    in_order = [found[cell.key] for cell in cells(suite)]  # sums depend on it in their last bits
+    rows = standings(suite, in_order, models(suite), len(kept) // len(suite.models))
     return {
         row.model: Standing(**{name: Score.told(*getattr(row, name)[:2]) for name in Standing.model_fields})
         for row in rows

@@ -144,9 +144,7 @@ def check_all(found: Submission, suite: Suite, kept: Sequence[Kept], same: bool)
     def fits(name: str, theirs: Score, mine: Score) -> bool:
         return theirs == mine if same else _within(theirs, mine)
 
-    by_key = {one.cell.key: one for one in kept}
-    in_order = [by_key[cell.key] for cell in cells(suite)]  # sums depend on it in their last bits
-    return _check_scores("measured scores of", found.standings, scores(suite, in_order), fits)
+    return _check_scores("measured scores of", found.standings, scores(suite, kept), fits)
 
 
 def _suite(found: Submission) -> Suite:
