@@ -32,7 +32,7 @@ test-site: docs
 
 # The wheel with each extra alone, in fresh environments; `make test` has it, too.
 test-extras: setup
-	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/experiments/benchmark
+	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/benchmark
 
 # Teams of processes on DDS, one after the other; `make test` has it, too.
 test-live: setup
@@ -44,7 +44,7 @@ test-ros2: setup
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup
-	$(BIN)/python -m experiments.clients
+	$(BIN)/python -m roletrust_experiments.clients
 
 setup: $(VENV)/.ready
 
@@ -106,7 +106,7 @@ zoo: setup
 	$(BIN)/roletrust train RaterAttack --stealth-weight 2 $(CERTAIN) --out $(OUT)/zoo/rater-3x3
 	$(BIN)/roletrust train CollusionAttack --stealth-weight 2 --out $(OUT)/zoo/collusion-10x10
 	for name in provider-3x3 rater-3x3 collusion-10x10; do for kind in json safetensors; do \
-	  cp $(OUT)/zoo/$$name/attacker.$$kind agents/zoo/$$name.$$kind; done; done
+	  cp $(OUT)/zoo/$$name/attacker.$$kind agents/roletrust_agents/zoo/$$name.$$kind; done; done
 	$(BIN)/roletrust zoo
 
 format: setup

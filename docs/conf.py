@@ -1,4 +1,4 @@
-"""How `make docs` builds the site. Nothing is fetched; `reference/` is written by `experiments/site` at each build."""
+"""How `make docs` builds the site. Nothing is fetched; `roletrust_experiments.site` writes `reference/`."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
-    "experiments.site.extension",
+    "roletrust_experiments.site.extension",
 ]
 exclude_patterns = ["leaderboard.md"]  # a table that a page includes
 smartquotes = False

@@ -9,10 +9,11 @@ from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
 from roletrust_env.envs.wrappers import EachAgent, Everybody, Levels, Scaled
-from roletrust_env.game.attack import make_task
-from roletrust_env.game.cast import Cast, Player
+from roletrust_env.game.attack_task import make_task
 from roletrust_env.game.game import Game
+from roletrust_env.game.joint_policy import JointPolicy, Player
 from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy_registry import attackers, make_attacker, register_attacker
 from roletrust_env.game.rollout import record
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
@@ -31,10 +32,10 @@ register_tasks()
 __all__ = [
     "Actions",
     "AttackVecEnv",
-    "Cast",
     "EachAgent",
     "Everybody",
     "Game",
+    "JointPolicy",
     "Levels",
     "Noise",
     "Player",
@@ -45,13 +46,16 @@ __all__ = [
     "Scaled",
     "Scenario",
     "State",
+    "attackers",
     "env",
     "load_scenario",
+    "make_attacker",
     "make_scenario",
     "make_task",
     "make_trust_model",
     "parallel_env",
     "record",
+    "register_attacker",
     "register_scenario",
     "register_trust_model",
     "scenarios",

@@ -7,7 +7,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env import counter
+from roletrust_env import counter_rng
 from roletrust_env.arrays import Array, namespace
 
 Dealt = TypeVar("Dealt", covariant=True)
@@ -89,17 +89,17 @@ class Random:
 
         A game's numbers do not depend on how many others there are.
         """
-        return self._numbers(counter.uniform, shape)
+        return self._numbers(counter_rng.uniform, shape)
 
     def normal(self, shape: Sequence[int]) -> Array:
         """Numbers from N(0, 1), see `uniform`."""
-        return self._numbers(counter.normal, shape)
+        return self._numbers(counter_rng.normal, shape)
 
     def _numbers(self, made: Callable[..., Array], shape: Sequence[int]) -> Array:
         index = np.asarray([self._calls], np.uint32)
         key = self._on_device(np.stack(self._subkey(POLICIES, index)))
         self._calls += 1
-        games = counter.whole(self.like, math.prod(shape[1:]))
+        games = counter_rng.whole(self.like, math.prod(shape[1:]))
         return made(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))
 
     def _round_keys(self, first: int, rounds: int) -> Keys:
@@ -110,7 +110,7 @@ class Random:
     def _subkey(self, stream: Any, index: Keys) -> list[Keys]:
         k = self._key
         words = np.broadcast_arrays(k[:1] + index, k[1:2] + np.asarray(stream, np.uint32), k[2:3], k[3:])
-        return counter.scramble(words)
+        return counter_rng.scramble(words)
 
     def _on_device(self, key: Keys) -> Array:
         if isinstance(self.like, np.ndarray):

@@ -1,8 +1,10 @@
 """A table of named things (trust models, scenarios, attackers) that other packages can add to."""
 
 import inspect
+import warnings
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
@@ -16,10 +18,11 @@ Thing = TypeVar("Thing")
 class Registry(Generic[Thing]):
     """Names and the factories that make the things they name.
 
-    A name is found in the table itself or, failing that, among the entry points that installed packages declare under
-    `group`. An entry point is loaded only when its name is asked for, so a broken package harms nobody else. Who
-    registers or installs a factory answers for it, so it may be a function, and what it makes is checked; of a class
-    that is named by hand, see `own`, nothing is called before it is known to be one of the kind.
+    A name is looked up in the table and then among the entry points that installed packages declare under `group`. A
+    package with many things may instead name a module in the group `roletrust_env.plugins`: the module is imported
+    before the first look-up in any registry, and registers them. An entry point is loaded only when its name is asked
+    for, so a broken package harms nobody else. A registered or installed factory may be a function, and what it makes
+    is checked. A class that is named by hand is checked before anything of it is called, see `own`.
 
     Args:
         kind: what the things are called in error messages, for example `"trust model"`.
@@ -47,10 +50,12 @@ class Registry(Generic[Thing]):
 
     def __contains__(self, name: str) -> bool:
         """Whether a name is known; what is installed is looked through only for those not registered here."""
+        load_plugins()
         return name in self._factories or name in self._plugins()
 
     def names(self) -> list[str]:
         """All known names: those registered here, then those that installed packages bring."""
+        load_plugins()
         return list(dict.fromkeys([*self._factories, *self._plugins()]))
 
     def factory(self, name: str) -> Callable[..., Thing]:
@@ -59,6 +64,7 @@ class Registry(Generic[Thing]):
         Raises:
             ValueError: nobody knows the name (the message lists the known ones), or its plug-in cannot be loaded.
         """
+        load_plugins()
         if name in self._factories:
             return self._factories[name]
         plugins = self._plugins()
@@ -127,6 +133,7 @@ class Registry(Generic[Thing]):
 
     def describe(self) -> dict[str, str]:
         """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
+        load_plugins()
         described = {name: summary(factory) for name, factory in self._factories.items()}
         for name, plugin in self._plugins().items():
             described.setdefault(name, f"from {plugin.module}:{plugin.attr}")
@@ -136,6 +143,16 @@ class Registry(Generic[Thing]):
         return {plugin.name: plugin for plugin in entry_points(group=self.group)}
 
 
+@cache
+def load_plugins() -> None:
+    """Import the modules of the entry-point group `roletrust_env.plugins`; a broken one is a warning."""
+    for plugin in entry_points(group="roletrust_env.plugins"):
+        try:
+            plugin.load()
+        except (Exception, SystemExit) as error:  # whatever a foreign package raises on import
+            warnings.warn(f"plug-in {plugin.name!r} comes from {_trouble(plugin, error)}", stacklevel=2)
+
+
 def summary(factory: Any) -> str:
     """The first line of a factory's docstring; empty without one."""
     return (inspect.getdoc(factory) or "").partition("\n")[0]
@@ -143,7 +160,7 @@ def summary(factory: Any) -> str:
 
 def _trouble(plugin: EntryPoint, error: BaseException) -> str:
     """Why a plug-in cannot be loaded, and what to install where it says so, as in `package.module:name [extra]`."""
-    whence = f"{plugin.module}:{plugin.attr}"
+    whence = plugin.value.partition(" ")[0]
     if isinstance(error, ModuleNotFoundError) and plugin.extras and plugin.dist:
         wanted = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
         return f"{whence!r}, which needs {error.name}: pip install {wanted!r}"

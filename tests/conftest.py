@@ -4,7 +4,8 @@ import shutil
 
 import pytest
 
-import baselines
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
 
@@ -12,7 +13,8 @@ from roletrust_env.world.presets import registry as scenarios
 @pytest.fixture(autouse=True)
 def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
-    for registry in (trust_models, scenarios, baselines.registry):
+    load_plugins()
+    for registry in (trust_models, scenarios, attackers):
         monkeypatch.setattr(registry, "_factories", dict(registry._factories))
 
 

@@ -6,12 +6,12 @@ import tomllib
 from pathlib import Path
 
 import typer
+from roletrust_experiments.cli import app
+from roletrust_experiments.clients.__main__ import CLIENTS
+from roletrust_experiments.findings.questions import QUESTIONS
 
-import baselines
-from experiments.benchmark.suite import suites
-from experiments.cli import app
-from experiments.clients.__main__ import CLIENTS
-from experiments.findings.questions import QUESTIONS
+from roletrust_env.benchmark.suite import suites
+from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
 
@@ -75,7 +75,7 @@ def refused(line: str) -> str:
         known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         missing = [word for word in words for extra in re.findall(r"\[(.*)\]", word) if extra not in known]
         return f"no extras {missing}" if missing else ""
-    if words[:2] == ["-m", "experiments.clients"]:
+    if words[:2] == ["-m", "roletrust_experiments.clients"]:
         return "" if set(words[2:]) <= set(CLIENTS) else f"no such clients: {words[2:]}"
     return "" if program in _SHELL else f"unknown program {program}"
 
@@ -93,7 +93,7 @@ def _refused_by_us(words: list[str]) -> str:
     known = {
         "trust_model": trust_models.names(),
         "model": [*trust_models.names(), "all"],
-        "attack": baselines.registry.names(),
+        "attack": attackers.names(),
         "scenario": list(scenarios()),
         "suite": list(suites()),
         "question": list(QUESTIONS),

@@ -36,7 +36,7 @@ shares = [0.3]
 """
 HELPS = f"""
 from typer.testing import CliRunner
-from experiments.cli import app
+from roletrust_experiments.cli import app
 for command in {COMMANDS}:
     assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
 """
@@ -138,7 +138,7 @@ def test_the_library_alone(fresh: Callable[..., Environment]) -> None:
     alone = fresh()
     played = """
 import gymnasium, roletrust_env
-from baselines import BadMouthing
+from roletrust_baselines import BadMouthing
 env = roletrust_env.parallel_env("open-system", max_cycles=3)
 env.reset(seed=0)
 env.step({agent: env.action_space(agent).sample() for agent in env.agents})
@@ -194,9 +194,9 @@ print(infos["sp_0"]["trust"] > 0.5)
 def test_torch(fresh: Callable[..., Environment]) -> None:
     tensors = """
 import torch
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import JointPolicy, Game, make_scenario, record
 game = Game(make_scenario("paper-3x3").change(max_cycles=3), like=torch.zeros(()))
-print(*record(Cast(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
+print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
 """
     assert fresh("torch").python(tensors) == "3 3 2\n"
 

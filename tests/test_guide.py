@@ -5,12 +5,12 @@ import types
 import numpy as np
 import pytest
 from pages import HOUSE, blocks, run, written_file
+from roletrust_baselines import BadMouthing
 
-from agents.ladder.rungs import find
-from baselines import BadMouthing
-from experiments.benchmark.learners.learner import Entered, Learner
-from experiments.benchmark.learners.suite import Task
-from roletrust_env import Cast, Game, load_scenario, make_scenario
+from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
+from roletrust_env.benchmark.learners.learner import Entered, Learner
+from roletrust_env.benchmark.learners.suite import Task
+from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
 
 GUIDE, TUTORIALS = HOUSE / "docs/guide", HOUSE / "docs/tutorials"
@@ -76,7 +76,7 @@ def test_your_model_resists_a_liar_better_than_the_mean():
     model = imported("your-model.md", "mymodel").WeightedMean
     liar = {"sr_0": BadMouthing(level=0.0)}
     plays = [Game(make_scenario("crowd-10x10"), kind) for kind in (model(), model(power=0.0))]
-    defended, undefended = (record(Cast(game, liar), game.random(seed=0)).top[-1].mean() for game in plays)
+    defended, undefended = (record(JointPolicy(game, liar), game.random(seed=0)).top[-1].mean() for game in plays)
     assert defended > undefended + 0.05
 
 

@@ -17,7 +17,7 @@ def imported(statement: str) -> set[str]:
         "import roletrust_env",
         "import roletrust_env; e = roletrust_env.parallel_env(); e.reset(); "
         "e.step({agent: e.action_space(agent).low for agent in e.agents})",
-        "import agents, baselines",
+        "import roletrust_agents, baselines",
     ],
     ids=["import", "play", "players"],
 )
@@ -32,7 +32,7 @@ def test_no_heavy_package_is_imported(statement: str) -> None:
 def test_the_command_line_starts_with_its_own_extra() -> None:
     others = {"torch", "cv2", "scipy", "cma", "safetensors", "stable_baselines3", "sb3_contrib", "mpe2", "vmas"}
     others |= {"cyclonedds", "rosbags", "cryptography"}
-    assert not others & imported("import experiments.cli")
+    assert not others & imported("import roletrust_experiments.cli")
 
 
 def test_import_takes_little_beside_what_it_imports() -> None:

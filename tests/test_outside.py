@@ -12,11 +12,10 @@ from typing import Any
 
 import gymnasium
 import pytest
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from baselines import make_attacker
-from experiments.cli import app
-from roletrust_env import make_trust_model, parallel_env
+from roletrust_env import make_attacker, make_trust_model, parallel_env
 from roletrust_env.trust import Traits
 
 MODEL = '''

@@ -4,9 +4,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from roletrust_baselines import OnOff
 
-from baselines import OnOff, attackers, make_attacker, register_attacker
-from roletrust_env import Scenario, make_scenario, register_scenario, scenarios
+from roletrust_env import (
+    Scenario,
+    attackers,
+    make_attacker,
+    make_scenario,
+    register_attacker,
+    register_scenario,
+    scenarios,
+)
 from roletrust_env.registry import Registry
 
 

@@ -11,7 +11,7 @@ from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from roletrust_env.envs.arguments import refuse_unknown
-from roletrust_env.envs.joint import JointAction
+from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.game import Game

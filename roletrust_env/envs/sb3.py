@@ -6,13 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium.spaces import Box
 
-from roletrust_env.envs.attack import task_spaces
-from roletrust_env.envs.batch import TaskBatch
-from roletrust_env.envs.slots import Flags, Floats, Slots, Step
+from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.envs.spectator import RenderMode
-from roletrust_env.game.attack import AttackTask
-from roletrust_env.game.cast import Cast
+from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.envs.vec_env_base import Flags, Floats, Slots, Step
+from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
+from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import State
 
@@ -128,7 +128,7 @@ class RoleVecEnv(Slots):
             if name in self.agents:
                 raise ValueError(f"agent {name!r} learns; others cannot say how it plays")
         self.game, self._role, self._games = game, role, games
-        self._cast = Cast(game, others or {})
+        self._cast = JointPolicy(game, others or {})
         self._rows = _slice(self.agents, roster.names)
         self._raters, self._providers = (
             _slice(self.agents, roster.rater_names),

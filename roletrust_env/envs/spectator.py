@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.envs.batch import first_game
+from roletrust_env.envs.task_batch import first_game
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
 

@@ -2,7 +2,7 @@
 
 from typing import Any, ClassVar
 
-from roletrust_env.envs.attack import AttackEnv
+from roletrust_env.envs.attack_env import AttackEnv
 
 
 class ProviderAttackEnv(AttackEnv):

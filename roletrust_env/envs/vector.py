@@ -12,11 +12,11 @@ from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import refuse_unknown
-from roletrust_env.envs.attack import check_action, task_spaces
-from roletrust_env.envs.batch import TaskBatch
+from roletrust_env.envs.attack_env import check_action, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
+from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.envs.tasks import TASKS
-from roletrust_env.game.attack import make_task
+from roletrust_env.game.attack_task import make_task
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):

@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
-from roletrust_env.game.luck import Luck
+from roletrust_env.arrays import Array, copied, joint_policy, mean_where, namespace
+from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, check_trust_model
-from roletrust_env.trust.guard import needs_watching, watched_update
 from roletrust_env.trust.model import Traits, start_model
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.world import access, channel, mobility
-from roletrust_env.world.nature import Natures
+from roletrust_env.trust.model_checks import needs_watching, watched_update
+from roletrust_env.world import access, mobility, rating_delivery
+from roletrust_env.world.heterogeneity import Natures
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -71,7 +71,7 @@ class Game:
         self.presence = Presence(scenario, roster, like)
         self._natures = Natures(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
-        self._luck = Luck(scenario, roster, self.presence.changes, like)
+        self._luck = NoiseSource(scenario, roster, self.presence.changes, like)
         self._stranger = self._constant(roster.stranger)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
         self._nowhere = self._constant(np.nan, like.dtype)
@@ -140,7 +140,7 @@ class Game:
             places=mobility.place(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)
             else None,
-            transit=channel.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
+            transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
             nature=self._natures.start(nothing, noise.ability, noise.bias, noise.scale),
             full=False,
         )
@@ -164,7 +164,7 @@ class Game:
         actions = fitted(actions, state)
         withheld, population = actions.withheld, state.population
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
-        ratings, rated, transit = channel.deliver(
+        ratings, rated, transit = rating_delivery.deliver(
             rules.ratings, state.transit, actions.ratings, sent, noise.lost, noise.late
         )
         full = state.full and self._lossless and withheld is None
@@ -332,7 +332,7 @@ class Game:
 
     def _clock(self, state: State) -> Array:
         """The number of the round, in the dtype of everything else."""
-        return cast(state.round, self.like.dtype)
+        return joint_policy(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
         """A constant, such as one of shape (S, P), for every game of a batch.

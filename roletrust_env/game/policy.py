@@ -37,7 +37,7 @@ class Policy:
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """The share of that quality that each rater gets, (S, ...), in [0, 1], or None for all alike; and its memory.
 
-        Asked after `quality` in a `Cast`; the faces of PettingZoo and a task's action have no such channel.
+        Asked after `quality` in a `JointPolicy`; the faces of PettingZoo and a task's action have no such channel.
         """
         return None, memory
 
@@ -48,7 +48,7 @@ class Policy:
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Which of its ratings it does not send, boolean, (P, ...), or None for all being sent, and its new memory.
 
-        Asked after `ratings` in a `Cast`; the faces of PettingZoo and a task's action have no such channel.
+        Asked after `ratings` in a `JointPolicy`; the faces of PettingZoo and a task's action have no such channel.
         """
         return None, memory
 

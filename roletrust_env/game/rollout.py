@@ -1,10 +1,10 @@
-"""Playing a game to its end with a cast of policies, in one game or a batch."""
+"""Playing a game to its end with a joint_policy of policies, in one game or a batch."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.cast import Cast
+from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
 
@@ -53,11 +53,11 @@ class History(NamedTuple):
     offered: Array
 
 
-def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
+def play(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
     """Play round after round, to the scenario's end.
 
     Args:
-        cast: the game, and who plays how.
+        joint_policy: the game, and who plays how.
         random: the source of all luck, with the game's array library, dtype and device.
         batch: shape of the batch of games.
 
@@ -65,36 +65,36 @@ def play(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Ro
         Each round as it was played.
 
     Raises:
-        ValueError: `batch` is no tuple, or a policy fails, see `Cast.checked_act`.
+        ValueError: `batch` is no tuple, or a policy fails, see `JointPolicy.checked_act`.
     """
     if not isinstance(batch, tuple):
         raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
-    game = cast.game
+    game = joint_policy.game
     state = game.start(game.draw(random, batch, start=True))
-    memories = cast.begin(random, batch)
+    memories = joint_policy.begin(random, batch)
     for _ in range(game.scenario.max_cycles):
-        actions, memories = cast.checked_act(state, memories, random)
+        actions, memories = joint_policy.checked_act(state, memories, random)
         before = state
         state, rewards = game.step(before, actions, game.draw(random, batch))
         yield Round(state, rewards, game.offered(before, actions, state))
 
 
-def record(cast: Cast, random: Random, batch: tuple[int, ...] = ()) -> History:
+def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> History:
     """Play to the scenario's end and keep what happened. Arguments as for `play`.
 
     Example:
         >>> import roletrust_env
         >>> game = roletrust_env.Game(roletrust_env.make_scenario("paper-3x3").change(noise=0.0))
-        >>> history = record(roletrust_env.Cast(game, {}), game.random(seed=0))
+        >>> history = record(roletrust_env.JointPolicy(game, {}), game.random(seed=0))
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
     rows, offered = [], []
-    for state, rewards, there in play(cast, random, batch):
+    for state, rewards, there in play(joint_policy, random, batch):
         offered.append(there)
-        tor, top = cast.game.published(state)
-        trust = cast.game.agent_trust(state)
-        present = cast.game.present(state)
+        tor, top = joint_policy.game.published(state)
+        trust = joint_policy.game.agent_trust(state)
+        present = joint_policy.game.present(state)
         if present is None:
             present = trust == trust  # everybody
         rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.live.standing import Rows, Team, Trust
+from roletrust_env.live.trust_tracker import Rows, Team, Trust
 
 _VERSION = 1
 

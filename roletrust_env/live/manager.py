@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.live.gate import Clock, Gate, Keyring, Ratings
 from roletrust_env.live.journal import Entry, Journal, read_journal
+from roletrust_env.live.rating_validation import Clock, Gate, Keyring, Ratings
 from roletrust_env.live.rounds import Patience, Round, Rounds
-from roletrust_env.live.standing import Standing, Team, Trust
+from roletrust_env.live.trust_tracker import Standing, Team, Trust
 from roletrust_env.trust import TrustModel
 
 

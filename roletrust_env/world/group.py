@@ -5,12 +5,12 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
 from roletrust_env.ranges import DrawnBias, DrawnScale, DrawnShare, Share
-from roletrust_env.world.frozen import Frozen
+from roletrust_env.world.base_model import FrozenModel
 
 Role = Literal["SR", "SP", "SR+SP"]
 
 
-class AgentGroup(Frozen):
+class AgentGroup(FrozenModel):
     """Agents of one kind.
 
     What has a range is drawn for each agent and each game, uniformly, and lasts for the game.

@@ -17,18 +17,18 @@ from pydantic import (
 
 from roletrust_env.errors import explain
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.world.frozen import Frozen
+from roletrust_env.world.base_model import FrozenModel
 from roletrust_env.world.group import AgentGroup
 
 
-class Everyone(Frozen):
+class Everyone(FrozenModel):
     """Every rater is served by every provider, as in the paper."""
 
     kind: Literal["everyone"] = "everyone"
     """`everyone`."""
 
 
-class InRange(Frozen):
+class InRange(FrozenModel):
     """Agents are robots that move from waypoint to waypoint; a rater is served by the providers near it."""
 
     kind: Literal["in-range"] = "in-range"
@@ -41,7 +41,7 @@ class InRange(Frozen):
     """Distance that a robot moves in a round, in metres."""
 
 
-class Choice(Frozen):
+class Choice(FrozenModel):
     """Each rater chooses a few providers by their published trust."""
 
     kind: Literal["choice"] = "choice"
@@ -52,7 +52,7 @@ class Choice(Frozen):
     """0 chooses greedily, ties broken at random; above 0, by softmax of trust / temperature, without replacement."""
 
 
-class RatingChannel(Frozen):
+class RatingChannel(FrozenModel):
     """What happens to ratings on their way to the trust manager."""
 
     lost: Share = 0.0
@@ -63,7 +63,7 @@ class RatingChannel(Frozen):
     """Rounds by which a late rating is late. It yields to a newer rating that arrives in the same round."""
 
 
-class Perturbation(Frozen):
+class Perturbation(FrozenModel):
     """A disturbance that strikes all services for a while, as the fast-moving target does in the paper."""
 
     start: NonNegativeInt
@@ -80,7 +80,7 @@ class Perturbation(Frozen):
         return self
 
 
-class Admission(Frozen):
+class Admission(FrozenModel):
     """Admission control: an agent whose trust stays too low is cut off, for good."""
 
     threshold: Share
@@ -89,7 +89,7 @@ class Admission(Frozen):
     """Rounds in succession under the threshold after which it is cut off."""
 
 
-class Rewards(Frozen):
+class Rewards(FrozenModel):
     """Weights of the rewards that honest agents play for."""
 
     rater_trust: NonNegativeFloat = 1.0
@@ -102,7 +102,7 @@ class Rewards(Frozen):
     """Cost of a service of quality 1 and value 1; the quality is that which is delivered."""
 
 
-class Scenario(Frozen):
+class Scenario(FrozenModel):
     """Everything that is fixed before a game starts. Times are in rounds; a round lasts `period_s` seconds.
 
     Example:

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.world.nature import Taste
+from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -13,7 +13,7 @@ from roletrust_env.world.scenario import Scenario
 class Service(Protocol):
     """What lies between a provider's quality and a rater's perception of it."""
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Taste | None) -> Array:
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Perception | None) -> Array:
         """The quality that each rater perceives in each service.
 
         Args:
@@ -50,7 +50,7 @@ class SyntheticService:
         # Arrays, since numbers cost twice as much as small arrays; so does `clip`.
         self._bounds = constant(0), constant(1)
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Taste | None) -> Array:
+    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Perception | None) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation
         if deviation.ndim and noise.ndim > 2:

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 import torch
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from baselines import attackers, make_attacker, registry
-from baselines.search.space import Space
-from experiments.cli import app
-from roletrust_env import Cast, Game, Policy, record
+from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, record
+from roletrust_env.evaluation.attack_space import Space
 from roletrust_env.game.policy import policy_name
+from roletrust_env.game.policy_registry import registry
 from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
 
 SMALL = Scenario(
@@ -41,7 +41,7 @@ def space(name):
 
 def played(policy, like, batch):
     game = Game(SMALL, "role-trust", like)
-    history = record(Cast(game, seated(policy)), game.random(seed=3), batch)
+    history = record(JointPolicy(game, seated(policy)), game.random(seed=3), batch)
     return [np.asarray(part) for part in (history.quality, history.ratings, history.top)]
 
 
@@ -72,10 +72,10 @@ def test_it_plays_alone_as_in_a_batch_and_on_torch_as_on_numpy(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_it_keeps_to_the_games_dtype(name, like):
     game = Game(SMALL, "role-trust", like)
-    random, cast = game.random(0), Cast(game, seated(made(name)))
-    state, memories = game.start(game.draw(random, (2,), start=True)), cast.begin(random, (2,))
+    random, joint_policy = game.random(0), JointPolicy(game, seated(made(name)))
+    state, memories = game.start(game.draw(random, (2,), start=True)), joint_policy.begin(random, (2,))
     for _ in range(3):
-        actions, memories = cast.act(state, memories, random)
+        actions, memories = joint_policy.act(state, memories, random)
         assert {actions.quality.dtype, actions.ratings.dtype} == {like.dtype}
         state, _ = game.step(state, actions, game.draw(random, (2,)))
 

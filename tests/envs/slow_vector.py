@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from roletrust_env import Game, Noise, Random
-from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.attack_task import AttackTask
 
 GAMES = 8
 

@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import data_equivalence
 
 import roletrust_env
 from roletrust_env import make_scenario
-from roletrust_env.envs.attack import AttackEnv
+from roletrust_env.envs.attack_env import AttackEnv
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.world.roster import Roster
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from roletrust_baselines import BadMouthing, OnOff
 
-from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, make_scenario, parallel_env, record, trust_models
+from roletrust_env import Game, JointPolicy, make_scenario, parallel_env, record, trust_models
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 
@@ -41,7 +41,7 @@ def test_it_plays_on_torch_as_on_numpy(name: str) -> None:
     found = []
     for like in (np.zeros(()), torch.zeros(())):
         game = Game(rules, name, like)
-        history = record(Cast(game, {"sp_0": OnOff(period=4), "sr_1": BadMouthing()}), game.random(0), (5,))
+        history = record(JointPolicy(game, {"sp_0": OnOff(period=4), "sr_1": BadMouthing()}), game.random(0), (5,))
         assert history.trust.dtype == like.dtype
         assert in_range(history.trust)
         found.append(history)

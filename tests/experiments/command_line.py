@@ -2,9 +2,8 @@
 
 import json
 
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
-
-from experiments.cli import app
 
 TINY = ["--set", "max_cycles=12"]
 

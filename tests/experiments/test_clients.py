@@ -7,9 +7,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-
-from experiments.clients.__main__ import CLIENTS, main, read, try_client
-from experiments.clients.inside import main as inside
+from roletrust_experiments.clients.__main__ import CLIENTS, main, read, try_client
+from roletrust_experiments.clients.inside import main as inside
 
 HOUSE = Path(__file__).parents[2]
 
@@ -26,7 +25,7 @@ def fails() -> None:
 @pytest.fixture
 def client(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """One whose second check fails."""
-    module = ModuleType("experiments.clients.ill")
+    module = ModuleType("roletrust_experiments.clients.ill")
     module.CHECKS = (passes, fails, passes)
     monkeypatch.setitem(sys.modules, module.__name__, module)
     return module
@@ -49,12 +48,12 @@ def test_what_did_not_come_to_an_end_has_failed(monkeypatch, tmp_path, step):
     """Such as an installation, or a check that takes the process down."""
 
     def run(command: list[str], **_: object) -> None:
-        if "experiments.clients.inside" in command:
+        if "roletrust_experiments.clients.inside" in command:
             (tmp_path / "minari.json").write_text('{"minari": "9.9"}\n["All is well.", true, 1.0]\n')
-        if step in command or (step == "checks" and "experiments.clients.inside" in command):
+        if step in command or (step == "checks" and "roletrust_experiments.clients.inside" in command):
             raise subprocess.CalledProcessError(-11, command)
 
-    monkeypatch.setattr("experiments.clients.__main__._BUILD", tmp_path)
+    monkeypatch.setattr("roletrust_experiments.clients.__main__._BUILD", tmp_path)
     monkeypatch.setattr("subprocess.run", run)
     versions, [*passed, failure] = try_client("minari")
     assert not failure.passed
@@ -73,7 +72,7 @@ def test_the_exit_code_says_whether_all_passed(monkeypatch, tmp_path, capsys, pa
         + "\n"
         + json.dumps(["So is this.", passed, 2.0])
     )
-    monkeypatch.setattr("experiments.clients.__main__.try_client", lambda name: read(report))
+    monkeypatch.setattr("roletrust_experiments.clients.__main__.try_client", lambda name: read(report))
     assert main(["torchrl"]) == code
     said = capsys.readouterr().out
     assert "torchrl 9.9" in said
@@ -95,6 +94,6 @@ def test_every_client_has_a_file_and_a_word_in_the_guide():
 @pytest.mark.parametrize("check", ["wrappers", "vectors"])
 def test_supersuit_finds_what_it_needs(check):
     pytest.importorskip("supersuit")
-    from experiments.clients import supersuit
+    from roletrust_experiments.clients import supersuit
 
     getattr(supersuit, check)()

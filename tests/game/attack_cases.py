@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing, OnOff
 
-from baselines import BadMouthing, OnOff
 from roletrust_env import Game, Random, Scenario
-from roletrust_env.game.attack import AttackTask, Outcome, TaskState
+from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.stealth import Stealth
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}

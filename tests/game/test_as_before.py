@@ -5,11 +5,11 @@ machines may differ by.
 """
 
 import pytest
+from roletrust_agents.learned.policy import play_task
+from roletrust_agents.learned.saved import load_attacker
+from roletrust_baselines import BadMouthing, OnOff
 
-from agents.learned.policy import play_task
-from agents.learned.saved import load_attacker
-from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_scenario, record
 
 FIGURES = {
     ("paper-3x3", "role-trust"): (0.45406375614187755, 0.41239708947521087),
@@ -30,7 +30,7 @@ FIGURES = {
 def test_every_preset_plays_as_before(preset: str, trust_model: str) -> None:
     game = Game(make_scenario(preset).change(max_cycles=60), trust_model)
     first, last = game.roster.provider_names[0], game.roster.rater_names[-1]
-    history = record(Cast(game, {first: OnOff(period=4), last: BadMouthing(start=5)}), game.random(0), (3,))
+    history = record(JointPolicy(game, {first: OnOff(period=4), last: BadMouthing(start=5)}), game.random(0), (3,))
     found = history.trust.mean(), history.rewards.mean()
     assert found == pytest.approx(FIGURES[preset, trust_model], abs=1e-9)
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 from attack_cases import EVERY_ACCESS, busy, deeds, make, play
 
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.consumer import buy
 from roletrust_env.world.presence import PRESENT
 
@@ -44,7 +44,7 @@ def test_misled_is_who_went_to_the_most_trusted(access: str) -> None:
 def test_what_is_offered_does_not_depend_on_who_comes() -> None:
     """Ability times the chosen quality, also where nobody came and nothing was delivered."""
     game = Game(make_scenario("market").change(max_cycles=30))
-    history = record(Cast(game, {}), game.random(0), (4,))
+    history = record(JointPolicy(game, {}), game.random(0), (4,))
     came = history.served.any(axis=1)
     assert not came.all()
     assert np.array_equal(history.quality[came], history.offered[came])

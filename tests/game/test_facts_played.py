@@ -1,14 +1,14 @@
-"""The closed forms of the model once more, by playing: the game with a cast, and PettingZoo with players."""
+"""The closed forms of the model once more, by playing: the game with a joint_policy, and PettingZoo with players."""
 
 from collections.abc import Mapping
 from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
+from roletrust_agents import Honest
+from roletrust_baselines import BadMouthing, OnOff
 
-from agents import Honest
-from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, Player, Policy, Random, Scenario, make_scenario, parallel_env
+from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.game.rollout import record
 
 FACT = pytest.mark.parametrize("play", ["game", "pettingzoo"], indirect=True)
@@ -24,7 +24,7 @@ def paper(raters: int = 3, providers: int = 3, noise: float = 0.0, max_cycles: i
 
 
 def in_game(scenario: Scenario, policies: Mapping[str, Policy]) -> tuple[np.ndarray, np.ndarray]:
-    history = record(Cast(Game(scenario), policies), Random(np.random.default_rng(0)))
+    history = record(JointPolicy(Game(scenario), policies), Random(np.random.default_rng(0)))
     return history.tor, history.top
 
 

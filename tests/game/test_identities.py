@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import torch
+from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
 
-from baselines import BadMouthing, OnOff, Sybil, Whitewashing
-from roletrust_env import Actions, Cast, Game, Player, Policy, Random, Scenario, make_task, parallel_env, record
+from roletrust_env import Actions, Game, JointPolicy, Player, Policy, Random, Scenario, make_task, parallel_env, record
 from roletrust_env.game.rollout import play
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
 from roletrust_env.world.roster import Roster
@@ -26,13 +26,15 @@ SCENARIO = Scenario(
 )
 
 
-def cast(policies: dict[str, Policy] | None = None, like: Any = None) -> Cast:
-    return Cast(Game(SCENARIO, like=like), policies or {})
+def joint_policy(policies: dict[str, Policy] | None = None, like: Any = None) -> JointPolicy:
+    return JointPolicy(Game(SCENARIO, like=like), policies or {})
 
 
-def phases(cast: Cast, seed: int = 0, batch: tuple[int, ...] = ()) -> np.ndarray:
+def phases(joint_policy: JointPolicy, seed: int = 0, batch: tuple[int, ...] = ()) -> np.ndarray:
     """(T, N, ...)."""
-    return np.stack([np.asarray(r.state.population.phase) for r in play(cast, cast.game.random(seed), batch)])
+    return np.stack(
+        [np.asarray(r.state.population.phase) for r in play(joint_policy, joint_policy.game.random(seed), batch)]
+    )
 
 
 def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> None:
@@ -53,9 +55,9 @@ def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> N
 
 @pytest.mark.parametrize("policies", [{}, {"sp_0": OnOff(), "sr_3": BadMouthing()}], ids=["honest", "others"])
 def test_who_does_not_call_them_leaves_them_where_they_are(policies: dict[str, Policy]) -> None:
-    seen = phases(cast(policies))
+    seen = phases(joint_policy(policies))
     assert np.array_equal(
-        seen, np.broadcast_to(np.where(np.asarray(cast().game.roster.turn) > 0, WAITING, PRESENT), seen.shape)
+        seen, np.broadcast_to(np.where(np.asarray(joint_policy().game.roster.turn) > 0, WAITING, PRESENT), seen.shape)
     )
 
 
@@ -65,7 +67,7 @@ def test_an_unused_reserve_changes_nothing_for_the_others() -> None:
     with_reserve = Game(SCENARIO.change(agents=groups))
     without = Game(SCENARIO.change(agents=[group | {"reserve": 0} for group in groups]))
     attack = {"sp_1": OnOff(period=3), "sr_0": BadMouthing()}
-    history, plain = (record(Cast(game, attack), game.random(0)) for game in (with_reserve, without))
+    history, plain = (record(JointPolicy(game, attack), game.random(0)) for game in (with_reserve, without))
     firsts = [with_reserve.roster.names.index(name) for name in without.roster.names]
     np.testing.assert_allclose(history.trust[:, firsts], plain.trust, atol=1e-12)
     np.testing.assert_allclose(history.rewards[:, firsts], plain.rewards, atol=1e-12)
@@ -84,7 +86,7 @@ class Fickle(Policy):
 
 
 def test_nobody_comes_back_and_only_owners_of_a_reserve_withdraw() -> None:
-    fickle = cast({name: Fickle() for name in ("sp_0", "srsp_0", "sr_3")})
+    fickle = joint_policy({name: Fickle() for name in ("sp_0", "srsp_0", "sr_3")})
     names, seen = fickle.game.roster.names, phases(fickle, batch=(50,))
     for before, after in pairwise(seen):
         assert np.all(after >= before)
@@ -97,7 +99,7 @@ def test_nobody_comes_back_and_only_owners_of_a_reserve_withdraw() -> None:
 
 
 def test_a_newcomer_serves_from_its_first_full_round_on() -> None:
-    wash = cast({"sp_0": Whitewashing(threshold=0.45, reserve=2)})
+    wash = joint_policy({"sp_0": Whitewashing(threshold=0.45, reserve=2)})
     rows = list(play(wash, wash.game.random(0)))
     place = wash.game.roster.provider_names.index("sp_3")
     n = wash.game.roster.names.index("sp_3")
@@ -111,9 +113,9 @@ def test_a_newcomer_serves_from_its_first_full_round_on() -> None:
 )
 def test_a_batch_is_its_games_and_torch_agrees(attack: Policy) -> None:
     policies = {"sp_0": attack, "srsp_0": attack, "sr_2": BadMouthing()}
-    one, many = (record(cast(policies), cast().game.random(0), batch) for batch in ((), (3,)))
+    one, many = (record(joint_policy(policies), joint_policy().game.random(0), batch) for batch in ((), (3,)))
     like = torch.zeros((), dtype=torch.float64)
-    tensors = record(cast(policies, like), cast(like=like).game.random(0), (3,))
+    tensors = record(joint_policy(policies, like), joint_policy(like=like).game.random(0), (3,))
     for single, whole, tensor in zip(one, many, tensors, strict=True):
         np.testing.assert_allclose(single, whole[..., 0], atol=1e-12)
         np.testing.assert_allclose(np.asarray(tensor), whole, atol=1e-9)
@@ -124,11 +126,11 @@ def test_an_attackers_identities_are_no_honest_providers() -> None:
     agents = [{"role": "SR", "count": 3}, {"role": "SP"}, {"role": "SP", "reserve": 3}]
     rules = {"agents": agents, "max_cycles": 10, "perturbations": []}
     task = make_task("paper-3x3", ["sr_0"], others={"sp_1": Sybil(reserve=3)}, **rules)
-    assert task.cast.attackers == ("sp_1", "sp_2", "sp_3", "sp_4")
+    assert task.joint_policy.attackers == ("sp_1", "sp_2", "sp_3", "sp_4")
     random = task.game.random(0)
     state = task.start(task.game.draw(random, start=True), random)
     for _ in range(8):
-        action = task.own_action(task.cast.act(state.game, state.memories, random)[0])
+        action = task.own_action(task.joint_policy.act(state.game, state.memories, random)[0])
         state, outcome = task.step(state, action, task.game.draw(random), random)
     assert task.game.present(state.game).all()
     assert float(outcome.reward) < 0.05  # the one honest provider is trusted; the Sybils do not count
@@ -154,7 +156,7 @@ def test_in_pettingzoo_they_stay_away() -> None:
 )
 def test_a_seat_without_the_reserve_is_refused(policies: dict[str, Policy], words: list[str]) -> None:
     with pytest.raises(ValueError, match="agent ") as error:
-        cast(policies)
+        joint_policy(policies)
     assert all(word in str(error.value) for word in words), str(error.value)
 
 

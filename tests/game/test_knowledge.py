@@ -8,7 +8,7 @@ import pytest
 from attack_cases import LEVELS, busy, each, make, play
 
 from roletrust_env import Game
-from roletrust_env.game.attack import AttackTask, TaskState
+from roletrust_env.game.attack_task import AttackTask, TaskState
 
 
 def entries(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from roletrust_agents import Honest
+from roletrust_baselines import BadMouthing, OnOff
 
-from agents import Honest
-from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, Player, Policy, Random, Scenario, make_scenario, parallel_env
+from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.game.rollout import play, record
 
 SCENARIO = Scenario(
@@ -32,8 +32,8 @@ POLICIES: dict[str, Policy] = {
 }
 
 
-def cast(like: Any = None) -> Cast:
-    return Cast(Game(SCENARIO, like=like), POLICIES)
+def joint_policy(like: Any = None) -> JointPolicy:
+    return JointPolicy(Game(SCENARIO, like=like), POLICIES)
 
 
 def luck(like: Any) -> Random:
@@ -42,8 +42,8 @@ def luck(like: Any) -> Random:
 
 
 def test_every_agent_plays_its_own_policy() -> None:
-    history = record(cast(), Random(np.random.default_rng(0)))
-    quality = dict(zip(cast().game.roster.provider_names, history.quality.T, strict=True))
+    history = record(joint_policy(), Random(np.random.default_rng(0)))
+    quality = dict(zip(joint_policy().game.roster.provider_names, history.quality.T, strict=True))
     bad = np.arange(20) % 3 == 0
     for name, expected in {
         "sp_0": 0.6,
@@ -56,7 +56,7 @@ def test_every_agent_plays_its_own_policy() -> None:
         serves = quality[name] > 0
         assert serves.sum() > 5
         assert quality[name] == pytest.approx(np.where(serves, expected, 0.0))
-    notes = dict(zip(cast().game.roster.rater_names, history.ratings.swapaxes(0, 1), strict=True))
+    notes = dict(zip(joint_policy().game.roster.rater_names, history.ratings.swapaxes(0, 1), strict=True))
     for liar in ("sr_2", "srsp_2"):
         late_notes = notes[liar][6:]  # those of round 2 and before may come as late as round 4
         assert set(late_notes[late_notes > 0]) == {0.2}
@@ -69,14 +69,16 @@ def test_every_agent_plays_its_own_policy() -> None:
 
 
 def test_the_attackers_of_a_cast() -> None:
-    assert set(cast().attackers) == {"sr_2", "srsp_2", "sr_0", "sp_1", "srsp_0"}
-    assert Cast(cast().game, {}).attackers == ()
+    assert set(joint_policy().attackers) == {"sr_2", "srsp_2", "sr_0", "sp_1", "srsp_0"}
+    assert JointPolicy(joint_policy().game, {}).attackers == ()
 
 
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3)])
 def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
-    history = record(cast(), luck(np.zeros(())), batch)
-    tensors = record(cast(torch.zeros((), dtype=torch.float64)), luck(torch.zeros((), dtype=torch.float64)), batch)
+    history = record(joint_policy(), luck(np.zeros(())), batch)
+    tensors = record(
+        joint_policy(torch.zeros((), dtype=torch.float64)), luck(torch.zeros((), dtype=torch.float64)), batch
+    )
     for array, tensor in zip(history, tensors, strict=True):
         np.testing.assert_allclose(tensor.numpy(), array, rtol=0, atol=1e-12)
 
@@ -85,7 +87,7 @@ def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
 @pytest.mark.parametrize("switching", ["regular", "random"])
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
-    seated = Cast(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
+    seated = JointPolicy(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
     *_, (state, rewards, _) = play(seated, luck(like), (2,))
     floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
     assert {array.dtype for array in floats} == {like.dtype}
@@ -93,7 +95,7 @@ def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
 
 def test_in_a_batch_every_game_has_its_own_luck() -> None:
     random = Random(np.random.default_rng(0))
-    history = record(Cast(Game(SCENARIO), {"sp_0": OnOff(switching="random", period=6)}), random, (50,))
+    history = record(JointPolicy(Game(SCENARIO), {"sp_0": OnOff(switching="random", period=6)}), random, (50,))
     assert len({game.tobytes() for game in history.quality[:, 0].T}) > 40
 
 
@@ -101,7 +103,7 @@ def test_players_and_cast_play_the_same_game() -> None:
     """Everything but the luck is the same, so this scenario has none."""
     scenario = SCENARIO.change(access={"kind": "everyone"}, ratings={}, values=(1.0,))
     env = parallel_env(scenario)
-    history = record(Cast(env.game, POLICIES), Random(np.random.default_rng(0)))
+    history = record(JointPolicy(env.game, POLICIES), Random(np.random.default_rng(0)))
     players = {name: Player(POLICIES.get(name, Policy()), name, env.layout) for name in env.possible_agents}
     observations, _ = env.reset(seed=0)
     for t in range(20):
@@ -135,13 +137,13 @@ def test_a_player_with_a_seed_plays_the_same_again() -> None:
 )
 def test_a_seat_that_does_not_fit_is_refused(name: str, policy: Policy, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Cast(Game(SCENARIO), {name: policy})
+        JointPolicy(Game(SCENARIO), {name: policy})
 
 
 def test_many_names_are_not_all_listed() -> None:
     game = Game(Scenario(agents=[{"role": "SR", "count": 500}, {"role": "SP"}]))
     with pytest.raises(ValueError, match=r"'robin'.*sr_0.*\.\.\..*sp_0") as error:
-        Cast(game, {"robin": Honest()})
+        JointPolicy(game, {"robin": Honest()})
     assert len(str(error.value)) < 200
 
 
@@ -177,7 +179,7 @@ def _lost(view):
 def test_a_policy_that_goes_wrong_is_named_with_the_round(what, complaint, like) -> None:
     game = Game(make_scenario("paper-3x3"), like=like)
     with pytest.raises(ValueError, match=f"round 2: {complaint}"):
-        record(Cast(game, {"sr_1": Wild(what)}), game.random(0), (4,))
+        record(JointPolicy(game, {"sr_1": Wild(what)}), game.random(0), (4,))
 
 
 class Telepath(Policy):
@@ -205,19 +207,19 @@ def test_who_cannot_play_gets_no_seat(agent, policy, message) -> None:
     with pytest.raises(ValueError, match=message):
         Player(policy, agent, game.layout)
     with pytest.raises(ValueError, match=message):
-        Cast(game, {agent: policy})
+        JointPolicy(game, {agent: policy})
 
 
 @pytest.mark.parametrize("batch", [1000, [3], None])
 def test_a_batch_is_a_shape(batch) -> None:
     game = Game(make_scenario("paper-3x3"))
     with pytest.raises(ValueError, match="must be a shape"):
-        record(Cast(game, {}), game.random(0), batch)
+        record(JointPolicy(game, {}), game.random(0), batch)
 
 
 def test_history_says_who_is_present() -> None:
     game = Game(make_scenario("open-system"))
-    history = record(Cast(game, {}), game.random(0), (4,))
+    history = record(JointPolicy(game, {}), game.random(0), (4,))
     assert history.present.shape == history.trust.shape
     assert history.present[:, :6].all()
     assert not history.present[:5, 6:11].any()

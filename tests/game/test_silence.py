@@ -5,9 +5,20 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from roletrust_baselines import BadMouthing, OnOff, Silent
 
-from baselines import BadMouthing, OnOff, Silent
-from roletrust_env import Actions, Cast, Game, Player, Policy, Random, make_scenario, make_task, parallel_env, record
+from roletrust_env import (
+    Actions,
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    make_scenario,
+    make_task,
+    parallel_env,
+    record,
+)
 from roletrust_env.envs.sb3 import RoleVecEnv
 from roletrust_env.game.rollout import History
 
@@ -24,16 +35,18 @@ class Discreet(Policy):
 
 
 def played(game: Game, policies: dict[str, Policy], batch: tuple[int, ...] = ()) -> History:
-    return record(Cast(game, policies), game.random(0), batch)
+    return record(JointPolicy(game, policies), game.random(0), batch)
 
 
 def acted(policies: dict[str, Policy], round: int = 1) -> Actions:
-    cast = Cast(Game(PEERS), policies)
-    random = cast.game.random(0)
-    state, memories = cast.game.start(cast.game.draw(random, start=True)), cast.begin(random)
+    joint_policy = JointPolicy(Game(PEERS), policies)
+    random = joint_policy.game.random(0)
+    state, memories = joint_policy.game.start(joint_policy.game.draw(random, start=True)), joint_policy.begin(random)
     for _ in range(round):
-        state, _ = cast.game.step(state, cast.act(state, memories, random)[0], cast.game.draw(random))
-    return cast.act(state, memories, random)[0]
+        state, _ = joint_policy.game.step(
+            state, joint_policy.act(state, memories, random)[0], joint_policy.game.draw(random)
+        )
+    return joint_policy.act(state, memories, random)[0]
 
 
 def test_where_nobody_withholds_there_is_nothing_of_it() -> None:
@@ -118,7 +131,7 @@ def test_an_action_has_no_such_channel_and_says_so() -> None:
     with pytest.raises(ValueError, match=r"'sr_0' cannot play silent: that attacks by silence, .* decides on ratings$"):
         Player(Silent(), "sr_0", parallel_env(PAPER).layout)
     with pytest.raises(ValueError, match=r"'sp_0' cannot play silent: .* decides on quality and treatment$"):
-        Cast(Game(PAPER), {"sp_0": Silent()})
+        JointPolicy(Game(PAPER), {"sp_0": Silent()})
 
 
 def test_a_wrong_shape_is_refused() -> None:

@@ -5,9 +5,20 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent
 
-from baselines import BadMouthing, Conflicting, OnOff, Silent
-from roletrust_env import Actions, Cast, Game, Player, Policy, Random, make_scenario, make_task, parallel_env, record
+from roletrust_env import (
+    Actions,
+    Game,
+    JointPolicy,
+    Player,
+    Policy,
+    Random,
+    make_scenario,
+    make_task,
+    parallel_env,
+    record,
+)
 from roletrust_env.game.rollout import History
 
 PAPER = make_scenario("paper-3x3").change(max_cycles=12, perturbations=[], noise=0.0)
@@ -31,15 +42,17 @@ class Rude(Policy):
 
 
 def played(game: Game, policies: dict[str, Policy], batch: tuple[int, ...] = ()) -> History:
-    return record(Cast(game, policies), game.random(0), batch)
+    return record(JointPolicy(game, policies), game.random(0), batch)
 
 
 def test_where_all_are_served_alike_there_is_nothing_of_it() -> None:
-    cast = Cast(Game(PEERS), {"srsp_0": OnOff(), "srsp_1": BadMouthing(), "srsp_2": Silent()})
-    random = cast.game.random(0)
-    actions, _ = cast.act(cast.game.start(cast.game.draw(random, start=True)), cast.begin(random), random)
+    joint_policy = JointPolicy(Game(PEERS), {"srsp_0": OnOff(), "srsp_1": BadMouthing(), "srsp_2": Silent()})
+    random = joint_policy.game.random(0)
+    actions, _ = joint_policy.act(
+        joint_policy.game.start(joint_policy.game.draw(random, start=True)), joint_policy.begin(random), random
+    )
     assert actions.treatment is None
-    history = played(cast.game, dict(cast.policies))
+    history = played(joint_policy.game, dict(joint_policy.policies))
     assert np.array_equal(np.nan_to_num(history.offered), history.quality)
 
 
@@ -114,7 +127,7 @@ def test_an_action_has_no_such_channel_and_says_so() -> None:
     with pytest.raises(ValueError, match=r"'sp_0' cannot play conflicting: that attacks by treatment, .* on quality$"):
         Player(Conflicting(), "sp_0", parallel_env(PAPER).layout)
     with pytest.raises(ValueError, match=r"'sr_0' cannot play conflicting: .* decides on ratings and silence$"):
-        Cast(Game(PAPER), {"sr_0": Conflicting()})
+        JointPolicy(Game(PAPER), {"sr_0": Conflicting()})
 
 
 def test_what_is_wrong_is_refused() -> None:

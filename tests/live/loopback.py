@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer, make_keys

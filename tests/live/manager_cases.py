@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from roletrust_env.live.gate import Ratings
 from roletrust_env.live.manager import Manager
+from roletrust_env.live.rating_validation import Ratings
 from roletrust_env.live.rounds import Patience
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.trust import make_trust_model
 
 PERIOD = 500_000_000

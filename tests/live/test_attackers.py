@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from roletrust_agents.learned import learned
+from roletrust_baselines import BadMouthing
 
-import baselines
-from agents.learned import learned
-from baselines import BadMouthing
-from experiments.naming import parse_attacks
-from roletrust_env import Cast, Game, Policy, make_scenario, record
+from roletrust_env import Game, JointPolicy, Policy, make_scenario, record
+from roletrust_env.evaluation.specs import parse_attacks
+from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.live.nodes.assess import _Critic
 from roletrust_env.live.nodes.cam import _Seller
 from roletrust_env.world.roster import Roster
@@ -40,7 +40,7 @@ class Board:
 )
 def test_a_rater_says_on_the_wire_what_it_says_in_the_game(policy):
     game = Game(RULES, "role-trust")
-    history = record(Cast(game, {"sr_2": policy}), game.random(seed=0))
+    history = record(JointPolicy(game, {"sr_2": policy}), game.random(seed=0))
     board = Board(np.full(3, RULES.initial_trust), np.full(3, RULES.initial_trust))
     critic = _Critic("sr_2", ROSTER.provider_names, policy, board, 0)
     for round in range(len(history.tor)):
@@ -51,14 +51,14 @@ def test_a_rater_says_on_the_wire_what_it_says_in_the_game(policy):
         board.__init__(history.tor[round], history.top[round])
 
 
-@pytest.mark.parametrize("name", baselines.registry.names())
+@pytest.mark.parametrize("name", attackers.names())
 def test_every_attacker_of_the_registry_plays_where_a_node_has_its_channel(name):
     told = TOLD.get(name, "")
     try:
         (policy,) = parse_attacks([f"sr_2={name}:{told}"], RULES).values()
-        Cast(Game(RULES), {"sr_2": policy})
+        JointPolicy(Game(RULES), {"sr_2": policy})
     except ValueError:
-        assert name in ELSEWHERE or not baselines.registry.factory(name).attacks & {"ratings", "silence"}
+        assert name in ELSEWHERE or not attackers.factory(name).attacks & {"ratings", "silence"}
         return
     critic = _Critic("sr_2", ROSTER.provider_names, policy, Board(np.full(3, 0.5), np.full(3, 0.5)), 0)
     for round in range(5):

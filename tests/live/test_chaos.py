@@ -14,7 +14,7 @@ from roletrust_env.live.nodes.assess import run_assess
 from roletrust_env.live.nodes.cam import run_cam
 from roletrust_env.live.nodes.manage import run_manager
 from roletrust_env.live.nodes.running import Timeline
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.roster import Roster

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from experiments.cli import app
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import replayed
 from roletrust_env.trust import make_trust_model

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, luck, manager
 
-from roletrust_env.live.gate import Reason
 from roletrust_env.live.nodes.manage import hear_raw
+from roletrust_env.live.rating_validation import Reason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 

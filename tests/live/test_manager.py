@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, feed, luck, manager, said
 
-from roletrust_env import Cast, Game, make_scenario
+from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import replayed
-from roletrust_env.live.standing import Standing, Team
+from roletrust_env.live.trust_tracker import Standing, Team
 from roletrust_env.trust import make_trust_model, trust_models
 
 
@@ -15,11 +15,11 @@ from roletrust_env.trust import make_trust_model, trust_models
 def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp_path):
     scenario = make_scenario("paper-3x3").change(max_cycles=60, ratings={"lost": 0.3}, noise=0.1)
     game = Game(scenario, model)
-    cast, random = Cast(game, {}), game.random(seed=1)
-    state, memories = game.start(game.draw(random, start=True)), cast.begin(random)
+    joint_policy, random = JointPolicy(game, {}), game.random(seed=1)
+    state, memories = game.start(game.draw(random, start=True)), joint_policy.begin(random)
     states = []
     for _ in range(scenario.max_cycles):
-        actions, memories = cast.act(state, memories, random)
+        actions, memories = joint_policy.act(state, memories, random)
         state, _ = game.step(state, actions, game.draw(random))
         states.append(state)
     heard = [state for state in states if state.rated.any()]  # not in the first round

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.commands.live.processes import Processes
 from ros2_home import ros2_home
 
-from baselines import BadMouthing
-from experiments.commands.live.processes import Processes
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.assess import run_assess
 from roletrust_env.live.nodes.cam import run_cam
 from roletrust_env.live.nodes.manage import run_manager
 from roletrust_env.live.nodes.running import Timeline
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model

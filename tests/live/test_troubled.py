@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, luck, manager, said
 
-from roletrust_env.live.gate import Reason
+from roletrust_env.live.rating_validation import Reason
 
 
 def run(keeper, arrivals, until):

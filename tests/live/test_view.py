@@ -11,12 +11,12 @@ from itertools import pairwise
 
 import pytest
 from light_team import run_robots, started
+from roletrust_experiments.timing.live_load import cpu_s
+from roletrust_experiments.view.server import run_view
 
-from experiments.timing.live_load import cpu_s
-from experiments.view.server import run_view
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import make_keys

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 import roletrust_env
-from roletrust_env import Cast, Game, make_scenario, record
-from roletrust_env.trust.guard import needs_watching
+from roletrust_env import Game, JointPolicy, make_scenario, record
+from roletrust_env.trust.model_checks import needs_watching
 
 
 class Trusts(NamedTuple):
@@ -71,7 +71,7 @@ WRONG = pytest.mark.parametrize(
 def test_it_is_named_with_the_round(what: Any, complaint: str, like: Any) -> None:
     game = Game(make_scenario("paper-3x3"), Turncoat(what), like)
     with pytest.raises(ValueError, match=rf"trust model Turncoat\(\), round 2: {complaint}"):
-        record(Cast(game, {}), game.random(0), (4,))
+        record(JointPolicy(game, {}), game.random(0), (4,))
 
 
 @WRONG

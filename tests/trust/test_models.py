@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from experiments.naming import parse_trust_model
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_scenario, record
+from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust import (
     Mean,
     RoleTrust,
@@ -112,7 +112,7 @@ def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bo
 
     game = Game(make_scenario("paper-3x3").change(max_cycles=5), Curious())
     seen.clear()
-    record(Cast(game, {}), game.random(0))
+    record(JointPolicy(game, {}), game.random(0))
     assert not seen[0].any()  # nothing has been served yet
     assert all(mask is None if takes else mask.all() for mask in seen[1:])
 
@@ -167,7 +167,7 @@ def test_a_model_that_overrides_the_update_of_another_is_given_the_mask() -> Non
         pass
 
     rules = make_scenario("paper-3x3").change(max_cycles=5, noise=0.0, perturbations=[])
-    deaf, plain = (record(Cast(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
+    deaf, plain = (record(JointPolicy(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
     np.testing.assert_allclose(deaf.top, plain.top, rtol=0, atol=1e-12)
     assert Traits.of(Renamed()).takes_full_rounds
     assert not Traits.of(Deaf).takes_full_rounds

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from roletrust_env.world import RatingChannel
-from roletrust_env.world.channel import deliver, start
+from roletrust_env.world.rating_delivery import deliver, start
 
 NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
 ONE = np.ones((1, 1))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_env import Cast, Game, Scenario, load_scenario, make_scenario, record
+from roletrust_env import Game, JointPolicy, Scenario, load_scenario, make_scenario, record
 from roletrust_env.world.scenario import read_scenario
 from roletrust_env.world.vision import HogService
 
@@ -22,7 +22,7 @@ def start(scenario: Scenario, seed: int = 0, batch: tuple[int, ...] = ()) -> Any
 
 def test_honest_providers_deliver_their_ability_and_pay_for_no_more() -> None:
     game = Game(crowd(providers={"ability": 0.4}, values=(2.0,)))
-    history = record(Cast(game, {}), game.random(0))
+    history = record(JointPolicy(game, {}), game.random(0))
     np.testing.assert_array_equal(history.quality, 0.4)
     np.testing.assert_array_equal(history.ratings[1:], 0.4)
     np.testing.assert_allclose(history.rewards[:, 3:], history.top - 0.1 * 2.0 * 0.4)
@@ -31,7 +31,7 @@ def test_honest_providers_deliver_their_ability_and_pay_for_no_more() -> None:
 
 def test_in_the_market_who_chooses_by_trust_is_served_better_than_the_mean() -> None:
     game = Game(make_scenario("market").change(max_cycles=60))
-    history = record(Cast(game, {}), game.random(0), (30,))
+    history = record(JointPolicy(game, {}), game.random(0), (30,))
     bought = (history.quality[:, None] * history.served)[30:].sum() / history.served[30:].sum()
     ability = history.quality.max(axis=0)
     assert ability.min() >= 0.3
@@ -40,25 +40,25 @@ def test_in_the_market_who_chooses_by_trust_is_served_better_than_the_mean() -> 
 
 def test_raters_perceive_scale_times_quality_plus_bias() -> None:
     game = Game(crowd({"bias": 0.1, "scale": 0.5}, {"ability": 0.6}))
-    history = record(Cast(game, {}), game.random(0))
+    history = record(JointPolicy(game, {}), game.random(0))
     np.testing.assert_allclose(history.ratings[1:], 0.5 * 0.6 + 0.1)
     struck = Game(crowd({"bias": -0.4, "scale": 2.0}, perturbations=[{"start": 1, "stop": 2, "strength": 0.75}]))
-    notes = record(Cast(struck, {}), struck.random(0)).ratings
+    notes = record(JointPolicy(struck, {}), struck.random(0)).ratings
     np.testing.assert_allclose(notes[1:4, 0, 0], [1.0, 2.0 * 0.25 - 0.4, 1.0])  # clipped, dimmed, clipped
 
 
 def test_a_range_is_drawn_for_each_agent_and_each_game_and_lasts() -> None:
     game = Game(crowd({"bias": (-0.1, 0.0)}, {"ability": (0.2, 0.7)}, max_cycles=4))
-    history = record(Cast(game, {}), game.random(3), (2000,))
+    history = record(JointPolicy(game, {}), game.random(3), (2000,))
     ability = history.quality[0]
     assert np.array_equal(history.quality, np.broadcast_to(ability, history.quality.shape))
     assert len(np.unique(ability)) > 7000
     assert ability.min() == pytest.approx(0.2, abs=1e-3)
     assert ability.max() == pytest.approx(0.7, abs=1e-3)
     assert ability.mean() == pytest.approx(0.45, abs=5e-3)
-    alone = record(Cast(game, {}), game.random(3))
+    alone = record(JointPolicy(game, {}), game.random(3))
     np.testing.assert_allclose(alone.quality, history.quality[..., 0], atol=1e-12)
-    other = record(Cast(game, {}), game.random(4))
+    other = record(JointPolicy(game, {}), game.random(4))
     assert not np.isclose(alone.quality[0], other.quality[0]).any()
 
 
@@ -94,7 +94,7 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
     game, same = Game(plain), Game(plain.change(agents=told))
     assert start(game.scenario).nature == (None, None)
     assert start(same.scenario).nature.ability is not None
-    histories = (record(Cast(one, {}), one.random(0), (3,)) for one in (game, same))
+    histories = (record(JointPolicy(one, {}), one.random(0), (3,)) for one in (game, same))
     for a, b in zip(*histories, strict=True):
         np.testing.assert_array_equal(a, b)
 

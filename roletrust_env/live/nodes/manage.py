@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.live.gate import Reason
 from roletrust_env.live.journal import Entry
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.nodes.running import SECOND, running
 from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
+from roletrust_env.live.rating_validation import Reason
 from roletrust_env.live.rounds import Patience
-from roletrust_env.live.standing import Team
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Quota, Reader, Writer
 from roletrust_env.live.wire.keys import PublicKeys

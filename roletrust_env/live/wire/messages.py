@@ -10,8 +10,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from roletrust_env.live.gate import Ratings
 from roletrust_env.live.journal import Entry, Published
+from roletrust_env.live.rating_validation import Ratings
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 IMAGE = "sensor_msgs/msg/CompressedImage"

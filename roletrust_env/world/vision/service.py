@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from roletrust_env.world.nature import Taste
+from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
 from roletrust_env.world.vision.degrade import degrade, received
 from roletrust_env.world.vision.detector import best_margin, probability, view
@@ -78,7 +78,7 @@ class HogService:
         strength: ArrayLike,
         round: ArrayLike,
         noise: ArrayLike,
-        taste: Taste | None = None,
+        taste: Perception | None = None,
     ) -> NDArray[np.floating[Any]]:
         """The probability, for each rater and provider, that the target is in the frame.
 

@@ -3,8 +3,7 @@
 import json
 
 import numpy as np
-
-from agents.learned.cards import (
+from roletrust_agents.learned.cards import (
     Card,
     InputCard,
     ModelCard,
@@ -14,10 +13,11 @@ from agents.learned.cards import (
     TrainingCard,
     observation_fields,
 )
-from agents.learned.network import Architecture, Network
-from agents.learned.saved import SavedAttacker, carded_task, digest, save_attacker, weights_bytes
+from roletrust_agents.learned.network import Architecture, Network
+from roletrust_agents.learned.saved import SavedAttacker, carded_task, digest, save_attacker, weights_bytes
+
 from roletrust_env import Random, make_scenario
-from roletrust_env.game.attack import AttackTask
+from roletrust_env.game.attack_task import AttackTask
 
 MODEL = ModelCard(name="role-trust", parameters={"lam": 0.5, "initial": 0.5})
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
-
-from agents.learned.network import Head
-from agents.learned.policy import play_task
-from agents.learned.saved import parse_attacker
+from roletrust_agents.learned.network import Head
+from roletrust_agents.learned.policy import play_task
+from roletrust_agents.learned.saved import parse_attacker
 
 # The agent sp_2 and the raters sr_0 and sr_1 in paper-3x3: a quality, then twice three ratings.
 HEADS = (

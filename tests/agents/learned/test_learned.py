@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
-
-from agents.learned.cards import (
+from roletrust_agents.learned.cards import (
     Card,
 )
-from agents.learned.policy import LearnedBoth, learned, learned_policy, play_task
-from agents.learned.saved import (
+from roletrust_agents.learned.policy import LearnedBoth, learned, learned_policy, play_task
+from roletrust_agents.learned.saved import (
     digest,
     load_attacker,
     parse_attacker,
     save_attacker,
 )
-from roletrust_env import Cast, Game, Player, Policy, Random, make_scenario, parallel_env
+
+from roletrust_env import Game, JointPolicy, Player, Policy, Random, make_scenario, parallel_env
 from roletrust_env.game.rollout import record
 from roletrust_env.game.views import AgentView
 
@@ -35,8 +35,8 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 def test_the_policy_plays_as_the_attacker_does_in_its_task(agent, lstm):
     attacker = attacker_of((agent,), lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=3, seed=1)
-    cast = Cast(attacker.task().game, {agent: learned_policy(attacker)})
-    history = record(cast, Random(np.random.default_rng(1), np.zeros((), np.float32)), (3,))
+    joint_policy = JointPolicy(attacker.task().game, {agent: learned_policy(attacker)})
+    history = record(joint_policy, Random(np.random.default_rng(1), np.zeros((), np.float32)), (3,))
     honest = [j for j in range(3) if agent != f"sp_{j}"]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
 
@@ -60,9 +60,13 @@ def test_it_plays_on_torch_and_several_agents_share_it():
     policy = learned_policy(attacker)
     numpy_game = Game(attacker.card.scenario)
     torch_game = Game(attacker.card.scenario, like=torch.zeros((), dtype=torch.float64))
-    cast = {"sp_0": policy, "sp_2": policy}
-    a = record(Cast(numpy_game, cast), Random(np.random.default_rng(0)), (2,))
-    b = record(Cast(torch_game, cast), Random(np.random.default_rng(0), torch.zeros((), dtype=torch.float64)), (2,))
+    joint_policy = {"sp_0": policy, "sp_2": policy}
+    a = record(JointPolicy(numpy_game, joint_policy), Random(np.random.default_rng(0)), (2,))
+    b = record(
+        JointPolicy(torch_game, joint_policy),
+        Random(np.random.default_rng(0), torch.zeros((), dtype=torch.float64)),
+        (2,),
+    )
     assert np.allclose(a.top, b.top.numpy(), atol=1e-6)
 
 
@@ -80,13 +84,13 @@ def test_an_agent_with_both_roles_decides_on_both_at_once():
     assert np.allclose(memory, after)
 
 
-@pytest.mark.skipif(not hasattr(Policy, "both"), reason="casts do not ask both roles at once yet")
+@pytest.mark.skipif(not hasattr(Policy, "both"), reason="joint_policies do not ask both roles at once yet")
 @pytest.mark.parametrize("lstm", [0, 4])
 def test_an_agent_with_both_roles_plays_as_in_its_task(lstm):
     attacker = attacker_of(("srsp_5",), "peers", lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=2, seed=1)
-    cast = Cast(attacker.task().game, {"srsp_5": learned_policy(attacker)})
-    history = record(cast, Random(np.random.default_rng(1), np.zeros((), np.float32)), (2,))
+    joint_policy = JointPolicy(attacker.task().game, {"srsp_5": learned_policy(attacker)})
+    history = record(joint_policy, Random(np.random.default_rng(1), np.zeros((), np.float32)), (2,))
     honest = [j for j in range(9) if j != 5]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
 
@@ -114,7 +118,9 @@ def test_the_forward_pass_is_that_of_torch():
 
 def test_honest_play_is_the_scripted_one():
     attacker = attacker_of(("sr_0", "sp_1"))
-    history = record(Cast(attacker.task().game, {}), Random(np.random.default_rng(0), np.zeros((), np.float32)), (2,))
+    history = record(
+        JointPolicy(attacker.task().game, {}), Random(np.random.default_rng(0), np.zeros((), np.float32)), (2,)
+    )
     honest = (1 - history.top[:, [0, 2]]).mean(axis=(0, 1))
     assert np.allclose(play_task(attacker.task(), None, games=2, seed=0), honest, atol=1e-6)
 
@@ -133,14 +139,14 @@ def test_white_box_attackers_are_saved_too():
 
 
 def test_a_game_of_another_size_is_refused():
-    cast = Cast(Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())})
+    joint_policy = JointPolicy(Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())})
     with pytest.raises(ValueError, match="learned among 3 raters and 3 providers"):
-        record(cast, Random(np.random.default_rng(0)))
+        record(joint_policy, Random(np.random.default_rng(0)))
 
 
 def test_in_a_longer_game_its_clock_stands_still():
     policy = learned_policy(attacker_of())
-    history = record(Cast(Game(make_scenario("paper-3x3")), {"sp_2": policy}), Random(np.random.default_rng(0)))
+    history = record(JointPolicy(Game(make_scenario("paper-3x3")), {"sp_2": policy}), Random(np.random.default_rng(0)))
     assert history.quality.shape[0] == make_scenario("paper-3x3").max_cycles
 
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from certain_worlds import certain, damage, every_sequence
-
-from agents.planning.bracket import bracket_rater
-from agents.planning.exact import optimal_rater
+from roletrust_agents.planning.bracket import bracket_rater
+from roletrust_agents.planning.exact import optimal_rater
 
 PRICES = [(2.0, 0.1), (0.0, 0.1), (0.5, 0.05), (20.0, 0.1), (100.0, 0.0)]
 

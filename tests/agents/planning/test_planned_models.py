@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from roletrust_agents.planning.planner import Planner
 
-from agents.ladder.rungs import UnsuitableError, find
-from agents.planning.planner import Planner
 from roletrust_env import make_trust_model, trust_models
+from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits
 
 RATER = {"scenario": "paper-3x3", "max_cycles": 8, "perturbations": (), "noise": 0.0, "compromised": ("sr_2",)}

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
+from roletrust_agents.planning.optimum import BestKnown, Exact
+from roletrust_agents.planning.planner import SOFT, Planner, SmoothRoleTrust
+from roletrust_baselines import BadMouthing, OnOff
 
-from agents.ladder.known import HonestPlay
-from agents.ladder.players import OpenLoop, Scripted
-from agents.ladder.rungs import (
+from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.search import (
     HELD_OUT,
     SEARCHED,
+    HonestPlay,
     UnsuitableError,
     exact_task,
     find,
@@ -19,10 +22,7 @@ from agents.ladder.rungs import (
     play,
     sources,
 )
-from agents.planning.optimum import BestKnown, Exact
-from agents.planning.planner import SOFT, Planner, SmoothRoleTrust
-from baselines import BadMouthing, OnOff
-from roletrust_env.game.attack import make_task
+from roletrust_env.game.attack_task import make_task
 from roletrust_env.trust import RoleTrust
 
 

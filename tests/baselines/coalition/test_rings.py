@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import Collusion, Orchestrated, SelfPromotion
+from roletrust_baselines.search import PaperAttacks
 
-from agents.ladder.rungs import find
-from baselines import Collusion, Orchestrated, SelfPromotion, make_attacker
-from baselines.search import PaperAttacks, Scripts
-from experiments.naming import parse_attacks
-from roletrust_env import Cast, Game, make_scenario, record
-from roletrust_env.game.attack import make_task
+from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
+from roletrust_env.evaluation.scripts import Scripts
+from roletrust_env.evaluation.search import find
+from roletrust_env.evaluation.specs import parse_attacks
+from roletrust_env.game.attack_task import make_task
 from roletrust_env.game.views import ProviderView, RaterView
 
 SERVICE = np.array([0.8, 0.4, 1.0])
@@ -53,7 +54,7 @@ def test_two_of_three_raters_turn_the_world_around():
     game = Game(PAPER, "mean")
     attacks = parse_attacks(["sr_[01]=collusion", "sp_2=collusion"], PAPER)
     assert set(attacks.values()) == {Collusion(accomplices=(2,))}
-    history = record(Cast(game, attacks), game.random(0))
+    history = record(JointPolicy(game, attacks), game.random(0))
     assert history.top[-1] == pytest.approx([1 / 3, 1 / 3, 2 / 3])
 
 

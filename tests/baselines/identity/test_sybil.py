@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing, Sybil
 
-from baselines import BadMouthing, Sybil, make_attacker
-from baselines.search.space import Space
-from roletrust_env import Cast, Game, Policy, Scenario, record
+from roletrust_env import Game, JointPolicy, Policy, Scenario, make_attacker, record
+from roletrust_env.evaluation.attack_space import Space
 from roletrust_env.game.rollout import History
 
 GAME = Game(
@@ -18,7 +18,7 @@ MINE = [GAME.roster.names.index(name) for name, owner in GAME.roster.owners.item
 
 
 def played(policy: Policy) -> History:
-    return record(Cast(GAME, {"sr_3": policy}), GAME.random(0))
+    return record(JointPolicy(GAME, {"sr_3": policy}), GAME.random(0))
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,10 @@
 from functools import partial
 
 import numpy as np
+from roletrust_baselines import OnOff, Whitewashing
 
-from baselines import OnOff, Whitewashing, make_attacker
-from baselines.search.space import Space
-from roletrust_env import Cast, Game, Policy, Scenario, record
+from roletrust_env import Game, JointPolicy, Policy, Scenario, make_attacker, record
+from roletrust_env.evaluation.attack_space import Space
 from roletrust_env.game.rollout import History
 
 GAME = Game(
@@ -18,7 +18,7 @@ MINE = [GAME.roster.names.index(name) for name, owner in GAME.roster.owners.item
 
 
 def played(policy: Policy) -> History:
-    return record(Cast(GAME, {"sp_2": policy}), GAME.random(0))
+    return record(JointPolicy(GAME, {"sp_2": policy}), GAME.random(0))
 
 
 def test_it_leaves_when_its_trust_is_low_and_comes_back_as_a_newcomer() -> None:
@@ -45,7 +45,7 @@ def test_it_cheats_as_it_is_told() -> None:
 
 def test_it_comes_back_also_when_it_is_cut_off() -> None:
     strict = Game(GAME.scenario.change(admission={"threshold": 0.45, "rounds": 2}))
-    history = record(Cast(strict, {"sp_2": Whitewashing(threshold=0.0, reserve=3)}), strict.random(0))
+    history = record(JointPolicy(strict, {"sp_2": Whitewashing(threshold=0.0, reserve=3)}), strict.random(0))
     assert history.present[:, MINE].any(axis=0).all()
 
 

@@ -2,17 +2,9 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import Camouflage, Exit, Opportunistic, ReputationLag, ThresholdSurfing, ValueImbalance
 
-from baselines import (
-    Camouflage,
-    Exit,
-    Opportunistic,
-    ReputationLag,
-    ThresholdSurfing,
-    ValueImbalance,
-    make_attacker,
-)
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
 from roletrust_env.game.views import ProviderView
 
 
@@ -87,6 +79,6 @@ def test_threshold_surfing_serves_what_brings_it_to_the_mark(view, expected):
 def test_threshold_surfing_stays_on_the_mark(lam):
     scenario = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=20, lam=lam)
     game = Game(scenario, "mean")
-    history = record(Cast(game, {"sp_0": ThresholdSurfing(threshold=0.3, margin=0.1, lam=lam)}), game.random(0))
+    history = record(JointPolicy(game, {"sp_0": ThresholdSurfing(threshold=0.3, margin=0.1, lam=lam)}), game.random(0))
     assert history.top[6:, 0] == pytest.approx(0.4)
     assert history.top[:, 0].min() > 0.3

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import Conflicting
 
-from baselines import Conflicting
-from experiments.naming import parse_attacks
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_scenario, record
+from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.views import ProviderView
 
 PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
@@ -30,10 +30,10 @@ def test_a_named_rater_that_tells_the_truth_looks_like_a_liar() -> None:
     attack = parse_attacks(["sp_0=conflicting:raters=sr_1"], PAPER)
     assert attack == {"sp_0": Conflicting(raters=(1,))}
     game = Game(PAPER, "mean")
-    mean = record(Cast(game, attack), game.random(0))
+    mean = record(JointPolicy(game, attack), game.random(0))
     assert mean.top[-1] == pytest.approx([2 / 3, 1, 1])
     game = Game(PAPER)
-    tor = record(Cast(game, attack), game.random(0)).tor[-1]
+    tor = record(JointPolicy(game, attack), game.random(0)).tor[-1]
     assert tor[1] < tor[0] - 0.05
     assert tor[0] == tor[2]
 

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from roletrust_baselines import BadMouthing
 
-from baselines import BadMouthing, make_attacker
+from roletrust_env import make_attacker
 from roletrust_env.game.views import RaterView
 
 SERVICE = [0.8, 0.4, 1.0]

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from baselines import (
+from roletrust_baselines import (
     BallotStuffing,
     CamouflageRating,
     Complementary,
@@ -16,6 +15,7 @@ from baselines import (
     RepTrap,
     TransitiveLying,
 )
+
 from roletrust_env import Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import OnOff, Silent
 
-from baselines import OnOff, Silent, make_attacker
-from roletrust_env import Cast, Game, Scenario, record, trust_models
+from roletrust_env import Game, JointPolicy, Scenario, make_attacker, record, trust_models
 from roletrust_env.game.rollout import History
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry
@@ -23,7 +23,7 @@ def played(model: str, silent: Silent | None, raters: int = 4) -> History:
     scenario = Scenario(agents=[{"role": "SR", "count": raters}, {"role": "SP", "count": 3}], max_cycles=ROUNDS)
     game = Game(scenario, model)
     policies = {"sp_0": OnOff(period=6, bad=0.3)} | ({f"sr_{raters - 1}": silent} if silent else {})
-    return record(Cast(game, policies), game.random(0))
+    return record(JointPolicy(game, policies), game.random(0))
 
 
 @pytest.mark.parametrize("model", sorted({*trust_models()} - RELATIVE))

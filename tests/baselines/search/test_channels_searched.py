@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
+from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
+from roletrust_experiments.plots.trajectory import watch
 
-from agents.ladder.players import OpenLoop, Scripted
-from agents.ladder.rungs import HELD_OUT, SEARCHED, Finding, exact_task, find, measure, play, sources
-from baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
-from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, Scripts
-from baselines.search.together import Both, side_by_side
-from experiments.plots.trajectory import watch
-from roletrust_env import Cast, record
+from roletrust_env import JointPolicy, record
+from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.composite import Both, side_by_side
+from roletrust_env.evaluation.scripts import Scripts
+from roletrust_env.evaluation.search import HELD_OUT, SEARCHED, MeasuredSearch, exact_task, find, measure, play, sources
 from roletrust_env.world.presence import LEFT, PRESENT
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
@@ -62,7 +63,7 @@ def test_side_by_side_they_score_as_alone(arguments: Any, attacks: Any) -> None:
 def test_what_is_sold_is_what_a_recorded_game_tells(policy: Any) -> None:
     """The mean over those of its identities that are there of trust times what service lacks."""
     task = exact_task(SELLER)
-    history = record(Cast(task.game, {"sp_2": policy}), sources(task, 0, SEARCHED)[0])
+    history = record(JointPolicy(task.game, {"sp_2": policy}), sources(task, 0, SEARCHED)[0])
     sold = (history.top * (1 - history.quality) * history.served.any(axis=1))[:, 2:]
     there = history.present[:, 6:]
     expected = (sold * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
@@ -114,7 +115,7 @@ def test_an_action_has_no_say_over_them() -> None:
 
 @pytest.mark.parametrize("attacker", [OpenLoop(np.zeros((20, 1))), Scripted({"sp_2": Whitewashing()})], ids=str)
 def test_a_trajectory_shows_the_identities_that_the_attacker_can_call(attacker: Any) -> None:
-    finding = Finding("some", attacker, "", *[np.zeros(1)] * 3, 0, 0.0, None)
+    finding = MeasuredSearch("some", attacker, "", *[np.zeros(1)] * 3, 0, 0.0, None)
     trajectory = watch(SELLER, finding, 0)
     shown = ["sp_2", "sp_3", "sp_4", "sp_5"] if isinstance(attacker, Scripted) else ["sp_2"]
     assert list(trajectory.quality) == shown

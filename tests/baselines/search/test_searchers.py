@@ -7,16 +7,16 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing, OnOff, Whitewashing
+from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
-from agents.ladder.players import Scripted
-from agents.ladder.rungs import SEARCHED, UnsuitableError, exact_task, find, measure
-from baselines import BadMouthing, OnOff, Whitewashing
-from baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-from baselines.search.scripts import Scripts, describe
-from baselines.search.space import HONEST
-from baselines.search.together import Both, SideBySide, side_by_side
 from roletrust_env import Policy
-from roletrust_env.game.attack import make_task
+from roletrust_env.evaluation.attack_space import HONEST
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
+from roletrust_env.evaluation.scripts import Scripts, describe
+from roletrust_env.evaluation.search import SEARCHED, UnsuitableError, exact_task, find, measure
+from roletrust_env.game.attack_task import make_task
 from roletrust_env.ranges import Searched
 
 PROVIDER = {

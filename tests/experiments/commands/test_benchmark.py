@@ -13,8 +13,8 @@ import pytest
 from children import children
 from command_line import run
 
-from experiments.benchmark.store import Store
-from experiments.benchmark.suite import load_suite
+from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmark.suite import load_suite
 
 SUITE = """
 models = ["mean"]
@@ -32,7 +32,7 @@ shares = [0.3]
 """
 HEARS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
 """What a shell starts in the background does not hear an interrupt."""
-CODE = "from experiments import main; main()"
+CODE = "from roletrust_experiments import main; main()"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
 

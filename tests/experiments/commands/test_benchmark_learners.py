@@ -3,9 +3,8 @@
 import csv
 
 import pytest
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
-
-from experiments.cli import app
 
 SUITE = """
 kind = "learners"

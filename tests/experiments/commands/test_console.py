@@ -4,8 +4,7 @@ import io
 
 import pytest
 from rich.console import Console
-
-from experiments.commands.console import progress_bar
+from roletrust_experiments.commands.console import progress_bar
 
 
 class Screen(io.StringIO):

@@ -8,10 +8,9 @@ import pytest
 pytest.importorskip("cma")
 pytest.importorskip("stable_baselines3")
 
+from roletrust_experiments.cli import app
+from roletrust_experiments.findings.questions import QUESTIONS
 from typer.testing import CliRunner
-
-from experiments.cli import app
-from experiments.findings.questions import QUESTIONS
 
 QUICK = ["--quick", "--games", "3"]
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from roletrust_agents.learned.methods import Learned, learned_rungs
+from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
+from roletrust_baselines.search import PaperAttacks
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands.task_options import find_task
+from roletrust_experiments.plots.trajectory import watch
+from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
 
-from agents.ladder.known import Learned, learned_rungs
-from agents.ladder.rungs import UnsuitableError, exact_task, find
-from agents.learned.saved import ZOO, load_attacker, save_attacker
-from baselines.search import PaperAttacks
-from experiments.cli import app
-from experiments.commands.task_options import find_task
-from experiments.plots.trajectory import watch
-from experiments.training.runs import write_bytes
 from roletrust_env import make_scenario
+from roletrust_env.evaluation.search import UnsuitableError, exact_task, find
 
 CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
 

@@ -3,12 +3,11 @@ import re
 from dataclasses import dataclass
 
 import pytest
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from typer.testing import CliRunner
 
-import baselines
 import roletrust_env
-from experiments.cli import app
-from experiments.commands.catalogue import all_attackers, all_models
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 from roletrust_env.trust import Mean, register_trust_model
 
@@ -34,7 +33,7 @@ def test_list_of_nothing_known():
 def test_it_is_readable(width):
     lines = run(width=width).output.splitlines()
     assert max(map(len, lines)) <= width
-    for name in [*scenarios(), *trust_models(), *baselines.attackers()]:
+    for name in [*scenarios(), *trust_models(), *roletrust_env.attackers()]:
         assert any(line.split()[:1] == [name] for line in lines), name  # no name is cut or wrapped
     for said in ("lam=0.5  [0.5, 1)", "period=2  1 to 12", "targets=None  victims"):
         assert any(said in line for line in lines)
@@ -93,8 +92,8 @@ class Endless(roletrust_env.Policy):
 
 
 def test_what_others_register_is_listed_as_far_as_it_can_be_read():
-    baselines.register_attacker("unreadable", Unreadable)
-    baselines.register_attacker("endless", Endless)
+    roletrust_env.register_attacker("unreadable", Unreadable)
+    roletrust_env.register_attacker("endless", Endless)
     register_trust_model("made-mean", lambda lam=0.7: Mean(lam=lam))
     assert "nothing" in all_attackers()["unreadable"]["error"]
     assert document("attackers")["attackers"]["endless"]["parameters"]["wait"]["default"] == "inf"
@@ -115,7 +114,7 @@ def test_json_holds_all_there_is():
     assert {kind: set(entries) for kind, entries in found.items()} == {
         "scenarios": set(scenarios()),
         "models": set(trust_models()),
-        "attackers": set(baselines.attackers()),
+        "attackers": set(roletrust_env.attackers()),
     }
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file

@@ -5,10 +5,10 @@ import stat
 
 import pytest
 from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+from roletrust_experiments.cli import app
+from roletrust_experiments.identification.journals import curves_of, latencies_ms
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from experiments.results.journals import curves_of, latencies_ms
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import Recorded, Recorder

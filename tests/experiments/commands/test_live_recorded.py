@@ -9,9 +9,9 @@ import pytest
 from command_line import run
 from manager_cases import TEAM, manager
 from recorded_games import PERIOD, spoken
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.identification.scenario_files import write_scenario
 
-from baselines import BadMouthing
-from experiments.results.scenarios import write_scenario
 from roletrust_env import make_scenario
 from roletrust_env.live.nodes.manage import replay
 from roletrust_env.live.wire import messages

@@ -4,13 +4,13 @@ import json
 import numpy as np
 import pytest
 from command_line import TINY, play, run
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.playing.group_measures import MEASURES, damage, measured_since
+from roletrust_experiments.plots.curves import curve_figure
 
-from baselines import BadMouthing
-from experiments.plots.curves import curve_figure
-from experiments.results.confidence import over_games, student_95
-from experiments.results.measures import MEASURES, damage, measured_since
-from experiments.results.recording import Curves
 from roletrust_env import Game, __version__, make_scenario
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.metrics.confidence import over_games, student_95
 from roletrust_env.world.roster import Roster
 
 
@@ -124,7 +124,8 @@ def test_results_of_another_configuration_are_not_overwritten(tmp_path):
 
 def test_own_model_and_attacker(tmp_path, monkeypatch):
     (tmp_path / "mine_for_test.py").write_text(
-        "from baselines import BadMouthing\nfrom roletrust_env.trust import Mean\nclass Liar(BadMouthing): pass\n"
+        "from roletrust_baselines import BadMouthing\nfrom roletrust_env.trust import Mean\n"
+        "class Liar(BadMouthing): pass\n"
     )
     monkeypatch.chdir(tmp_path)
     own = ["--trust-model", "mine_for_test:Mean:lam=0.9", "--attack", "sr_0=mine_for_test:Liar:level=0.1"]

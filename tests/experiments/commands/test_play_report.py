@@ -3,13 +3,13 @@ import json
 import numpy as np
 import pytest
 from command_line import TINY, play, run
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.commands.console import errors, progress_bar
+from roletrust_experiments.playing.group_measures import under_attack
 
-from baselines import BadMouthing
-from experiments.commands.console import errors, progress_bar
-from experiments.results.confidence import over_games
-from experiments.results.measures import under_attack
-from experiments.results.recording import Curves, record
-from roletrust_env import Cast, Game, make_scenario, metrics
+from roletrust_env import Game, JointPolicy, make_scenario, metrics
+from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.roster import Roster
 
 
@@ -22,9 +22,9 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
         assert f" {name} " in printed.replace("\n", " \n ")
     rules = make_scenario("paper-3x3").change(max_cycles=12)
     game = Game(rules)
-    casts = [Cast(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})]
+    joint_policies = [JointPolicy(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})]
     with progress_bar(errors) as progress:
-        curves, twin = (record(cast, 0, progress, "", games=3) for cast in casts)
+        curves, twin = (record(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies)
     scores = {
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),

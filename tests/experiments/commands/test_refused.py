@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from baselines import make_attacker
-from experiments.cli import app
-from roletrust_env import Cast, Game, make_scenario
+from roletrust_env import Game, JointPolicy, make_attacker, make_scenario
 
 
 def agents(sp: str = "", sr: str = "") -> str:
@@ -54,7 +53,7 @@ def test_a_seat_without_the_channel_or_the_reserve(
     groups = [{"role": "SP", "count": 2, "reserve": 1}, {"role": "SR"}]
     game = Game(make_scenario("paper-3x3").change(agents=groups))
     with pytest.raises(ValueError, match=message) as error:
-        Cast(game, {agent: make_attacker(attack, **parameters)})
+        JointPolicy(game, {agent: make_attacker(attack, **parameters)})
     assert str(error.value) == line
 
 

@@ -14,9 +14,9 @@ import pytest
 from command_line import run
 from small_suites import small
 
-from experiments.benchmark.cells import cells
-from experiments.benchmark.store import Store
-from experiments.benchmark.work import play_cell
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.store import Store
 
 SHOWN = {"heatmap": "cells", "curves": "lines", "breakdown": "points", "tradeoff": "points", "learners": "points"}
 

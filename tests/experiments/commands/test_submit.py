@@ -11,14 +11,14 @@ import pytest
 from benchmark_cases import tiny
 from command_line import run
 
-from experiments.benchmark import verification
-from experiments.benchmark.cells import cells
-from experiments.benchmark.play import MEASURED
-from experiments.benchmark.store import Kept, Store
-from experiments.benchmark.submission import Measures, fingerprint
-from experiments.benchmark.suite import load_suite
-from experiments.benchmark.verification import read_submission
-from experiments.benchmark.work import play_cell
+from roletrust_env.benchmark import verification
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.measurement import MEASURED
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.store import Store, StoredCell
+from roletrust_env.benchmark.submission import Measures, fingerprint
+from roletrust_env.benchmark.suite import load_suite
+from roletrust_env.benchmark.verification import read_submission
 
 SUITE = tiny(rungs=["scripted"])
 
@@ -67,7 +67,7 @@ def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -
     """Sums of floats depend on the order in their last bits."""
     (tmp_path / "true.json").write_text(text)
     found, suite = read_submission(tmp_path / "true.json")
-    kept = [Kept(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
+    kept = [StoredCell(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
     assert all(check.ok for check in verification.check_all(found, suite, kept, same=True))
 
 

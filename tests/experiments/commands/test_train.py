@@ -13,18 +13,18 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
+from roletrust_agents.learned.methods import learned_rungs
+from roletrust_agents.learned.policy import play_task
+from roletrust_agents.learned.saved import ZOO, load_attacker
+from roletrust_experiments.cli import app
+from roletrust_experiments.timing.ppo_speed import ppo_speed
+from roletrust_experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_experiments.training.runs import Checkpoint, RunFolder
+from roletrust_experiments.training.settings import make_settings
 from typer.testing import CliRunner
 
-from agents.ladder.known import learned_rungs
-from agents.learned.policy import play_task
-from agents.learned.saved import ZOO, load_attacker
-from experiments.cli import app
-from experiments.timing.ppo_speed import ppo_speed
-from experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
-from experiments.training.runs import Checkpoint, RunFolder
-from experiments.training.settings import make_settings
 from roletrust_env.envs.sb3 import AttackVecEnv
-from roletrust_env.game.attack import make_task
+from roletrust_env.game.attack_task import make_task
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = ["--learner", "games=8", "--learner", "hidden=[8]", "--learner", "batch_size=40"]
@@ -188,7 +188,7 @@ def test_a_damaged_checkpoint_is_passed_over(tmp_path):
 
 
 def test_a_killed_run_goes_on(tmp_path):
-    command = [sys.executable, "-c", "from experiments.cli import main; main()", "train"]
+    command = [sys.executable, "-c", "from roletrust_experiments.cli import main; main()", "train"]
     arguments = ["ProviderAttack", *PPO, "--steps", "16000", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [*command, *arguments], stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -274,7 +274,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.training.loop.train", interrupted)
+    monkeypatch.setattr("roletrust_experiments.training.loop.train", interrupted)
     stopped = run("ProviderAttack", *PPO, "--out", tmp_path)
     assert stopped.exit_code == 130
     assert f"--resume --out {tmp_path}" in " ".join(stopped.output.split()).replace(" /", " /")

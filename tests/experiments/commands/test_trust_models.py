@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
+from roletrust_agents.learned.saved import load_attacker
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from agents.learned.saved import load_attacker
-from experiments.cli import app
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 
 TASK = ["RaterAttack", "--set", "max_cycles=4"]

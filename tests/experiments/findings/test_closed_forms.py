@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from rich.progress import Progress
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.findings import dilution, noise
+from roletrust_experiments.findings.games import Asked, honest, last, lost, play
 
-from baselines import BadMouthing
-from experiments.findings import dilution, noise
-from experiments.findings.games import Asked, honest, last, lost, play
 from roletrust_env import make_scenario
 
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from experiments.findings.questions import QUESTIONS
+from roletrust_experiments.findings.questions import QUESTIONS
 
 HOUSE = Path(__file__).parents[3]
 PAGE = (HOUSE / "docs/findings.md").read_text(encoding="utf-8")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from roletrust_experiments.findings import admission, both_roles, dilution, movement, noise, roles
+from roletrust_experiments.findings.finding import amount, listed, sign, told, verdict
 
-from experiments.findings import admission, both_roles, dilution, movement, noise, roles
-from experiments.findings.finding import amount, listed, sign, told, verdict
-from experiments.results.measures import Estimate, estimate
+from roletrust_env.metrics.confidence import Estimate, estimate
 
 MORE, LESS, OPEN = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
 

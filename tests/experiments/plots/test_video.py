@@ -2,10 +2,10 @@
 
 import json
 
+from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
-from experiments.cli import app
-from experiments.results import files
+from roletrust_env.storage import files
 
 
 def play(out, *arguments):

@@ -1,8 +1,7 @@
 """Help texts of the terminal as Markdown."""
 
 import pytest
-
-from experiments.site.commands import everything, markdown, roletrust
+from roletrust_experiments.site.commands import everything, markdown, roletrust
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """How docstrings become reStructuredText."""
 
 import pytest
+from roletrust_experiments.site.docstrings import as_written, readable
 
-from experiments.site.docstrings import as_written, readable
 from roletrust_env import Game
 from roletrust_env.metrics import damage
 from roletrust_env.trust.models.personal.travos import Travos

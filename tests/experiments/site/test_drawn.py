@@ -1,9 +1,9 @@
 """Pictures are drawn again when what draws them changes, and only then; pages only when they say something else."""
 
-from experiments.commands.catalogue import all_attackers, all_models
-from experiments.site import drawn
-from experiments.site.drawn import draw
-from experiments.site.pictures import how_shown
+from roletrust_experiments.commands.catalogue import all_attackers, all_models
+from roletrust_experiments.site import drawn
+from roletrust_experiments.site.drawn import draw
+from roletrust_experiments.site.pictures import how_shown
 
 
 def some(entries, *names):

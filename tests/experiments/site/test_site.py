@@ -6,11 +6,10 @@ import gymnasium
 import pytest
 import typer
 from built import HOUSE, broken, build_quickly, fetched, pages, parsed, text
+from roletrust_experiments.cli import app
 from sphinx.util.inventory import InventoryFile
 
-import baselines
 import roletrust_env
-from experiments.cli import app
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +18,7 @@ def site(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("folder", "names"), [("models", roletrust_env.trust_models()), ("attacks", baselines.attackers())]
+    ("folder", "names"), [("models", roletrust_env.trust_models()), ("attacks", roletrust_env.attackers())]
 )
 def test_the_catalogue_has_all_that_is_registered(site, folder, names):
     index = text(site / "reference" / folder / "index.html")
@@ -82,7 +81,14 @@ def test_every_command_and_option_is_told(site):
 
 
 @pytest.mark.parametrize(
-    "module", ["roletrust_env", "roletrust_env.trust", "roletrust_env.metrics", "roletrust_env.world", "agents.learned"]
+    "module",
+    [
+        "roletrust_env",
+        "roletrust_env.trust",
+        "roletrust_env.metrics",
+        "roletrust_env.world",
+        "roletrust_agents.learned",
+    ],
 )
 def test_the_api_has_all_that_is_public(site, module):
     inventory = InventoryFile.loads((site / "objects.inv").read_bytes(), uri="").data

@@ -1,8 +1,7 @@
 """What a cell printed is shown as it was printed."""
 
 from nbformat.v4 import new_output
-
-from experiments.site.streams import whole_streams
+from roletrust_experiments.site.streams import whole_streams
 
 
 def test_lines_that_came_in_pieces_are_whole():

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from roletrust_experiments.timing.compiling import compile_ahead
+from roletrust_experiments.timing.models import Size, trust_update
 
-from experiments.timing.compiling import compile_ahead
-from experiments.timing.models import Size, trust_update
 from roletrust_env.trust import Mean
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the jobs are commands of a POSIX shell")

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from experiments.timing.contestants import Contestant, Timing
-from experiments.timing.models import (
+from roletrust_experiments.timing.contestants import Contestant, Timing
+from roletrust_experiments.timing.models import (
     LIBRARIES,
     Cell,
     Found,
@@ -20,7 +19,8 @@ from experiments.timing.models import (
     too_much,
     trust_update,
 )
-from experiments.timing.threads import torch_threads
+from roletrust_experiments.timing.threads import torch_threads
+
 from roletrust_env.trust import Mean, RoleTrust
 
 quickly = partial(measure_models, repeats=2, slice_s=1e-9)

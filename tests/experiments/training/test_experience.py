@@ -5,10 +5,11 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from experiments.training.experience import Narrowing, StaggeredGames
-from experiments.training.learners import make_model
-from experiments.training.settings import make_settings
-from roletrust_env.game.attack import make_task
+from roletrust_experiments.training.experience import Narrowing, StaggeredGames
+from roletrust_experiments.training.learners import make_model
+from roletrust_experiments.training.settings import make_settings
+
+from roletrust_env.game.attack_task import make_task
 
 
 def task(**arguments):

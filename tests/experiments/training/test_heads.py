@@ -6,13 +6,14 @@ import torch
 
 pytest.importorskip("sb3_contrib")
 
-from agents.learned.cards import observation_fields
-from experiments.training.experience import StaggeredGames
-from experiments.training.heads import heads_of
-from experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
-from experiments.training.settings import make_settings
-from roletrust_env.envs.attack import task_spaces
-from roletrust_env.game.attack import make_task
+from roletrust_agents.learned.cards import observation_fields
+from roletrust_experiments.training.experience import StaggeredGames
+from roletrust_experiments.training.heads import heads_of
+from roletrust_experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_experiments.training.settings import make_settings
+
+from roletrust_env.envs.attack_env import task_spaces
+from roletrust_env.game.attack_task import make_task
 
 COALITION = ("sr_2", "sp_1", "srsp_0", "sr_0")
 

@@ -5,9 +5,9 @@ import subprocess
 import sys
 
 import pytest
+from roletrust_experiments.training.runs import Checkpoint, RunFolder
 
-from experiments.results.files import unfinished
-from experiments.training.runs import Checkpoint, RunFolder
+from roletrust_env.storage.files import unfinished
 
 
 def test_unfinished_checkpoints_of_the_dead_go_and_those_of_the_living_stay(tmp_path):

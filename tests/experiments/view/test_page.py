@@ -7,12 +7,12 @@ import pytest
 from bokeh.client import pull_session
 from bokeh.document import Document
 from bokeh.models.widgets.markups import Div
+from roletrust_experiments.plots.style import ATTACKER, HONEST
+from roletrust_experiments.view.board import Board
+from roletrust_experiments.view.page import Page, make_page
+from roletrust_experiments.view.server import serve
 from tornado.ioloop import IOLoop
 
-from experiments.plots.style import ATTACKER, HONEST
-from experiments.view.board import Board
-from experiments.view.page import Page, make_page
-from experiments.view.server import serve
 from roletrust_env.live.journal import Published
 from roletrust_env.live.nodes.watch import MANAGER
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from roletrust_baselines import BadMouthing, OnOff
 
-from baselines import BadMouthing, OnOff
-from roletrust_env import Cast, Game, make_scenario, record
+from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.rollout import History
 from roletrust_env.metrics import auc, damage, recovery, rounds_to_detection, seen, utility
 
@@ -13,7 +13,7 @@ def histories(trust_model: str) -> tuple[History, History]:
     """Sixty rounds of the market, whose sellers differ, without an attack and under one by a seller and a buyer."""
     game = Game(make_scenario("market").change(max_cycles=60, initial_trust=0.4), trust_model)
     attack = {"sp_0": OnOff(), "sr_2": BadMouthing()}
-    honest, attacked = (record(Cast(game, policies), game.random(0), (30,)) for policies in ({}, attack))
+    honest, attacked = (record(JointPolicy(game, policies), game.random(0), (30,)) for policies in ({}, attack))
     return honest, attacked
 
 

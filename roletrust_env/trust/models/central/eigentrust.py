@@ -6,7 +6,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.walk import number, shared, walk
+from roletrust_env.trust.random_walk import number, shared, walk
 
 A = 0.5
 """How much of all trust comes from the pre-trusted."""

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.walk import shared, walk
+from roletrust_env.trust.random_walk import shared, walk
 
 A = 0.15
 """How much of all trust comes from the power nodes alone."""

@@ -6,7 +6,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
-from roletrust_env.trust.likeness import Experience, Likened, disagreement
+from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree, and is lost in rounding everywhere else
 

@@ -1,5 +1,0 @@
-"""Policies that play, learn or plan."""
-
-from agents.honest import Honest
-
-__all__ = ["Honest"]

@@ -1,1 +1,0 @@
-"""All ways to attack a task under one interface and one budget."""

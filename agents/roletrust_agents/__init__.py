@@ -1,0 +1,5 @@
+"""Policies that play, learn or plan."""
+
+from roletrust_agents.honest import Honest
+
+__all__ = ["Honest"]

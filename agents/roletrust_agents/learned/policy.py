@@ -1,0 +1,149 @@
+"""Saved attackers at play: as a policy anywhere that a scripted one plays, or as one mind in their own task."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.saved import SavedAttacker, load_attacker
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.views import AgentView, ProviderView, RaterView
+from roletrust_env.randomness import Random
+
+
+class LearnedPolicy(Policy):
+    """A trained attacker of one agent, as an ordinary policy; `learned_policy` makes the one for the agent's role.
+
+    It sees what it saw in training, so it plays in games with as many raters and providers. In a longer game its clock
+    stands still at the end of the time it knows.
+
+    Args:
+        attacker: of one agent, with the knowledge `"black_box"`.
+    """
+
+    def __init__(self, attacker: SavedAttacker) -> None:
+        self.attacker = attacker
+        self._layout = attacker.layout
+
+    def __repr__(self) -> str:
+        card = self.attacker.card
+        return f"{type(self).__name__}({card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]})"
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """The memory of the LSTM, if there is one. See `Policy.begin`."""
+        return self.attacker.network.begin(random.uniform(shape)) if self.attacker.card.architecture.lstm else None
+
+    def _decide(self, observation: Array, memory: Any) -> tuple[Array, Any]:
+        """The action, (A, ...), for an observation, (K, ...), whose clock is kept to what was known in training."""
+        try:
+            return self.attacker.network(namespace(observation).clip(observation, 0.0, 1.0), memory)
+        except ValueError as error:
+            known = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
+            raise ValueError(f"{self!r} learned among {known}, and can play only there: {error}") from None
+
+
+class LearnedProvider(LearnedPolicy):
+    """A trained provider."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
+
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """What the network says. See `Policy.quality`."""
+        action, memory = self._decide(self._layout.flatten(view), memory)
+        return action[0], memory
+
+
+class LearnedRater(LearnedPolicy):
+    """A trained rater."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """What the network says. See `Policy.ratings`."""
+        return self._decide(self._layout.flatten(view), memory)
+
+
+class LearnedBoth(LearnedPolicy):
+    """A trained agent with both roles: it decides on both at once, seeing both."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
+
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """Refused: one role alone does not know enough. See `both`."""
+        raise TypeError(f"{self!r} decides on quality and ratings at once; ask it by `both`")
+
+    def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
+        """The quality, (...), the ratings, (P, ...), and the new memory."""
+        action, memory = self._decide(self._layout.flatten_both(view), memory)
+        return action[0], action[1:], memory
+
+
+def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
+    """A saved attacker as a policy.
+
+    Raises:
+        ValueError: it has several agents, which decide as one, or it knows more than its agent sees in life. Such
+            attackers play in their own task, see `play_task`.
+    """
+    task = attacker.card.task
+    if len(task.compromised) > 1 or task.knowledge != "black_box":
+        raise ValueError(
+            f"the attacker plays {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy is one agent "
+            "that knows what it sees in life (black_box). It plays in its own task: see `play_task`"
+        )
+    kinds = {"sp": LearnedProvider, "sr": LearnedRater, "srsp": LearnedBoth}
+    return kinds[task.compromised[0].partition("_")[0]](attacker)
+
+
+def learned(path: str) -> LearnedPolicy:
+    """A trained attacker from a pair of files, NAME.json and NAME.safetensors.
+
+    Args:
+        path: see `load_attacker`.
+
+    Raises:
+        ValueError: the files do not fit, or the attacker is not one agent with black-box knowledge.
+    """
+    return learned_policy(load_attacker(path))
+
+
+def play_task(task: AttackTask, network: Network | None, *, games: int, seed: int) -> Array:
+    """The score of each game, (E,): the mean reward per round of the scenario's length, 0 in rounds after the end.
+
+    Args:
+        task: what is played, on NumPy.
+        network: of who plays; None plays honestly.
+        games: number of games, E.
+        seed: of all luck.
+
+    Raises:
+        ValueError: the network's observations or actions are of other sizes than the task's.
+    """
+    if network is not None and network.architecture.outputs != task.action_size:
+        raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
+    batch, random = TaskBatch(task, (games,)), task.game.random(seed)
+    batch.restart(random)
+    score, playing = np.zeros(games), np.ones(games, bool)
+    memory = network.begin(score) if network is not None else None
+    for _ in range(task.game.scenario.max_cycles):
+        if network is None:
+            action = _honest(task, batch, random)
+        else:
+            action, memory = network(batch.observe(), memory)
+        outcome = batch.step(np.asarray(action, task.game.like.dtype), random)
+        score += np.where(playing, outcome.reward, 0.0)
+        playing &= ~outcome.caught
+        if not playing.any():
+            break
+    return score / task.game.scenario.max_cycles
+
+
+def _honest(task: AttackTask, batch: TaskBatch, random: Random) -> Array:
+    """What the compromised agents would do if they were not."""
+    if batch.state is None:
+        raise RuntimeError("the games have not begun")
+    actions, _ = task.joint_policy.act(batch.state.game, batch.state.memories, random)
+    return task.own_action(actions)

@@ -1,0 +1,216 @@
+"""`roletrust figures`: Figures 3 and 4 of Su and Saint-Jore (EWSN 2023), from real ratings."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import typer
+from rich.markup import escape
+
+from roletrust_env import Game, JointPolicy, State, make_scenario
+from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.storage.files import prepare_folder, write_json
+from roletrust_env.storage.provenance import describe_policies, provenance
+from roletrust_experiments.commands.console import claims_table, console, progress_bar
+from roletrust_experiments.commands.recorded import draw_recording
+from roletrust_experiments.paper import claims
+from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
+from roletrust_experiments.paper.footage import loop_note, looped_s
+from roletrust_experiments.plots.figure_files import write_figure
+
+_MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Figure 3, for the montage
+
+
+def figures(
+    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/figures"),
+    service: Annotated[
+        Literal["hog", "synthetic"], typer.Option(help="People detection in camera frames, or plain numbers.")
+    ] = "hog",
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH_OR_NUMBER",
+            help="A video file, an image folder or a camera number to look at, in place of the rendered scene: 120 s "
+            "of video, or 240 images, one a round; less with --loop. All three cameras look at the same picture.",
+            show_default=False,
+        ),
+    ] = None,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Show --frames again from the start where they end before the run does.")
+    ] = False,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Of all luck; the same seed gives the same files. The rendered scene is always the same."
+        ),
+    ] = 0,
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            help="Play nothing, and draw what `roletrust live record` or `live demo` has recorded.", show_default=False
+        ),
+    ] = None,
+    attack: Annotated[
+        Attack | None,
+        typer.Option(help="The paper's attack that is in the --recording: draw its figure.", show_default=False),
+    ] = None,
+) -> None:
+    """Reproduce [bold]Figures 3 and 4[/] of the paper, and hold what was measured against what it says.
+
+    Three raters rate three cameras every half second. Only the attacker differs:
+    Figure 3: provider 3 serves badly and well in turn (on-off, 50-90 s);
+    Figure 4: rater 3 rates 0.5 whatever it sees (bad-mouthing, 20-45 s).
+
+    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/],
+    and [green]montage.png[/] with what the cameras saw.
+    The state after round r, counted from 0, stands at time (r + 1) x 0.5 s.
+    With --frames, rows whose bounds only hold for the rendered scene say n/a; without a person in clear view
+    none applies, and the table is left out.
+
+    [bold]Examples[/]
+
+    [dim]# with OpenCV's people detector, about a minute[/]
+    [cyan]roletrust figures[/]
+
+    [dim]# with your own video, two minutes long[/]
+    [cyan]roletrust figures --frames walk.mp4 --out results/walk[/]
+
+    [dim]# with less footage, shown over and over[/]
+    [cyan]roletrust figures --frames walk.mp4 --loop --out results/walk[/]
+
+    [dim]# or for fewer rounds: 40 are 20 s of video, or 40 images[/]
+    [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
+
+    [dim]# what a live team said: its curves, or, of the paper's robots, the figure and what is claimed of it[/]
+    [cyan]roletrust figures --recording bag[/]
+    [cyan]roletrust figures --recording results/live/recording --attack bad-mouthing[/]
+
+    [dim]# no camera, a second[/]
+    [cyan]roletrust figures --service synthetic --seed 7[/]
+    """
+    if recording is not None and frames is not None:
+        raise ValueError("--recording plays nothing, so it takes no --frames")
+    if recording is not None:
+        draw_recording(recording, attack, out)
+        return
+    if attack is not None:
+        raise ValueError("--attack is what was played in a --recording; without one, both figures are played")
+    scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
+    game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
+    prepare_folder(out)
+    played, sight, rounds = papers(game.scenario.period_s), _Sight(game), []
+    with progress_bar() as progress:
+        for paper in played:
+            watch = sight.watch if service == "hog" and paper.number == 3 else lambda state: None
+            joint_policy = JointPolicy(game, paper.policies)
+            rounds.append(record(joint_policy, seed, progress, f"Figure {paper.number}", watch=watch))
+    found = [
+        claim
+        for paper, curves in zip(played, rounds, strict=True)
+        for claim in paper.check(curves, game.scenario, paper.attack)
+    ]
+    seen = None
+    if frames is not None:
+        calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
+        seen = _Footage(looped_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
+        found = claims.for_given_frames(found)
+    written = _write(out, game, seed, played, rounds, sight, found, seen)
+    if seen is None or seen.in_clear_view:
+        seen_through = "OpenCV's HOG people detector" if service == "hog" else "a synthetic service"
+        console.print(claims_table(f"Su and Saint-Jore (2023), seen through {seen_through}", found))
+        _explain(found, game, rounds)
+    else:
+        console.print(seen.in_words(), soft_wrap=True)
+    if note := loop_note(game):
+        console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+class _Footage(NamedTuple):
+    """What given frames were like.
+
+    Attributes:
+        looped_s: how long they are if they were shown over and over, seconds; None if not.
+        probability: of a person being seen, in the calm rounds of Figure 3, on average.
+        in_clear_view: whether the person is, so that the paper's levels apply.
+    """
+
+    looped_s: float | None
+    probability: float
+    in_clear_view: bool
+
+    def in_words(self) -> str:
+        """Why the paper's levels do not apply."""
+        seen = "saw nobody in these frames" if self.probability < 0.5 else "did not see a person in every frame"
+        return (
+            f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} while all "
+            "was calm. So the paper's levels, which are those of a person in clear view, do not apply."
+        )
+
+
+class _Sight:
+    """Keeps what the cameras saw at the moments of the montage, and how sure the raters were, round by round."""
+
+    def __init__(self, game: Game) -> None:
+        self.taken: list[Any] = []
+        self.sure: list[float] = []
+        self._camera: Any = game.service
+        self._period_s = game.scenario.period_s
+
+    def watch(self, state: State) -> None:
+        """Keep the probability of a person in the round just played, and the frames if it is one of the moments."""
+        from roletrust_experiments.plots.paper import Still
+
+        self.sure.append(float(state.service.mean()))
+        time_s = (int(state.round[0]) - 1) * self._period_s
+        if time_s in _MOMENTS_S:
+            perceived = state.service[..., 0].mean(axis=0)
+            self.taken.append(Still(_MOMENTS_S[time_s], time_s, self._camera.latest.copy(), perceived))
+
+
+def _write(
+    out: Path,
+    game: Game,
+    seed: int,
+    played: tuple[Paper, Paper],
+    rounds: list[Curves],
+    sight: _Sight,
+    found: list[claims.Claim],
+    seen: _Footage | None,
+) -> list[str]:
+    """Write all files and return their names."""
+    from roletrust_experiments.plots.paper import montage_figure, write_paper
+
+    written: list[str] = []
+    for paper, curves in zip(played, rounds, strict=True):
+        written += write_paper(out, f"figure{paper.number}", paper, {"": curves}, game.scenario, loop_note(game))
+    if sight.taken:
+        write_figure(out / "montage.png", montage_figure(sight.taken))
+        written.append("montage.png")
+    written.append("results.json")
+    results = {
+        "command": "roletrust figures",
+        "service": game.scenario.service,
+        **provenance(game, seed),
+        "attackers": {f"figure {paper.number}": describe_policies(paper.policies) for paper in played},
+        "time": "the state after round r, counted from 0, stands at (r + 1) * period_s",
+        **({"footage": seen._asdict()} if seen else {}),
+        "claims": [claim._asdict() for claim in found],
+        "files": written,
+    }
+    write_json(out / "results.json", results)
+    return written
+
+
+def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> None:
+    """Say what the rows of the table are."""
+    calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
+    steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
+    console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
+    console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
+    console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
+    if any(claim.ok is None for claim in found):
+        console.print(
+            "[dim]n/a: the bound is that of the rendered scene; in these frames the person is still recognised when "
+            "the picture is blurred[/]"
+        )

@@ -1,0 +1,87 @@
+"""What `roletrust benchmark` asks and tells of a suite for learners."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from roletrust_env.benchmark.attackers import SEARCHING
+from roletrust_env.benchmark.learners.contestants import contestant
+from roletrust_env.benchmark.learners.leaderboard import standings, title
+from roletrust_env.benchmark.learners.learner import registry
+from roletrust_env.benchmark.learners.shares import EVERY, HEADER, Result, Scale, lines, ranked
+from roletrust_env.benchmark.learners.suite import LearnersSuite
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import write_csv
+from roletrust_experiments.commands.console import console, number_table
+from roletrust_experiments.plots.figure_files import write_figure
+
+
+def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
+    """The suite with the learners that were asked for, all of which can be made.
+
+    Args:
+        suite: as it is in its file.
+        named: learners instead of the suite's; `all` are the suite's own.
+        allow_code: whether a file may name what is not installed.
+
+    Raises:
+        ValueError: nobody has a name, a learner cannot be made, or a file names what is not installed.
+    """
+    if not allow_code:
+        check_installed(registry, [name for name in suite.learners if name not in SEARCHING])
+    asked = [part for name in named or ["all"] for part in (suite.learners if name == "all" else [name])]
+    found = suite.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
+    for name in found.learners:
+        contestant(name, next(iter(suite.tasks.values())).id)
+    return found
+
+
+def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -> None:
+    """Write the table and the picture, and print who is where."""
+    from roletrust_experiments.plots.learners import learners_figure
+
+    scales, found = standings(suite, kept)
+    write_csv(out / "learners.csv", HEADER, lines(found))
+    write_figure(out / "learners.png", learners_figure(title(suite), found, scales))
+    console.print(_table(suite, found, scales))
+    for task, scale in scales.items():
+        console.print(f"[dim]{escape(task)}: 1 is {escape(scale.words)}, {scale.top:.4f}[/]", soft_wrap=True)
+    for trial, done in kept:
+        if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
+            console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
+    console.print(f"Written to {out}: results.sqlite, learners.csv, learners.png", soft_wrap=True)
+
+
+def tell_learners_cost(suite: LearnersSuite) -> None:
+    """Say how much is played at the most; how long a learner thinks about it, only it knows."""
+    table = number_table(f"{suite.name}, at the most", "rounds of each learner, over all games", "trials", "rounds")
+    times, tests = len(suite.tasks) * len(suite.seeds), len(suite.budgets) * suite.games
+    measured = sum(tests * task.arguments()["scenario"].max_cycles for task in suite.tasks.values()) * len(suite.seeds)
+    for name in suite.learners:
+        table.add_row(escape(name), f"{times * len(suite.budgets):,}", f"{times * sum(suite.budgets) + measured:,}")
+    console.print(table)
+
+
+def _table(suite: LearnersSuite, found: Sequence[Result], scales: dict[str, Scale]) -> Table:
+    largest = suite.budgets[-1]
+    caption = (
+        f"share with {largest:,} rounds: 0 is honest play; interquartile mean of the runs, with its 95% interval by "
+        "stratified bootstrap"
+    )
+    title = f"Learners, suite {suite.name}"
+    table = number_table(title, caption, *(escape(task) for task in (EVERY, *scales)))
+    shares = {(one.learner, one.task): one.share for one in found if one.budget == largest}
+    for name in ranked(found):
+        table.add_row(escape(name), *(_words(shares.get((name, task))) for task in (EVERY, *scales)))
+    return table
+
+
+def _words(share: Interval | None) -> str:
+    if share is None or share.value != share.value:
+        return "-"
+    interval = "" if share.low != share.low else f" [{share.low:.2f}, {share.high:.2f}]"
+    return f"{share.value:.2f}{escape(interval)}"

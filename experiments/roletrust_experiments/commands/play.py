@@ -1,0 +1,220 @@
+"""`roletrust play`: any scenario, under any trust models, with any attackers."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress
+
+from roletrust_env import Game, JointPolicy, Policy, make_scenario
+from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
+from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings, parse_trust_model
+from roletrust_env.storage.files import prepare_folder, write_csv, write_json
+from roletrust_env.storage.provenance import describe_policies, described, provenance
+from roletrust_experiments.commands.console import console, errors, print_json, progress_bar
+from roletrust_experiments.commands.play_report import as_data, as_table, notes
+from roletrust_experiments.playing.games import HEADER, Played, all_kept_bytes, foresee, play_games, rows
+from roletrust_experiments.playing.names import attacks_in_words
+from roletrust_experiments.plots.figure_files import write_figure
+
+_LONG_S = 60.0  # from how many seconds on a run's time is told beforehand
+
+
+def play(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
+    ] = "paper-3x3",
+    trust_model: Annotated[
+        list[str],
+        typer.Option(metavar="NAME[:key=value,...]", help="Trust model; repeat to compare some under one attack."),
+    ] = ["role-trust"],  # noqa: B006 (typer copies it)
+    attack: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AGENT=NAME[:key=value,...]",
+            help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
+            "NAME, also of a trust model, may be your own package.module:Class, a Policy or a trust model; its module "
+            "is imported, which runs what stands in it.",
+            show_default=False,
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the scenario; repeat for more."),
+    ] = None,
+    games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
+    video: Annotated[
+        bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
+    ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help="Print what results.json holds, one JSON document, and nothing else; files are written only with "
+            "--out. What is said besides goes to standard error.",
+        ),
+    ] = False,
+) -> None:
+    r"""Play [bold]any scenario[/] with any attackers and trust models, and save what came of it.
+
+    Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4 play.png[/] if asked.
+    With several games every mean comes with its 95% confidence interval.
+    With an attack, the same games are played again with everyone honest:
+    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack;
+    beside it stand how well trust tells the attackers apart, false alarms, consumers' utility and the recovery.
+    Values are as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
+
+    [bold]Examples[/]
+
+    [dim]# a provider that is good and bad by turns from round 100 on[/]
+    [cyan]roletrust play --attack sp_2=on-off:start=100,period=4[/]
+
+    [dim]# a third of a crowd lies; 20 games; how sure is the damage?[/]
+    [cyan]roletrust play crowd-10x10 --attack 'sr_\[0-2]=bad-mouthing' --games 20[/]
+
+    [dim]# two trust models under one attack, which is on one provider only[/]
+    [cyan]roletrust play --trust-model role-trust --trust-model mean --attack sr_1=bad-mouthing:targets=sp_0[/]
+
+    [dim]# a worse lie, and a video[/]
+    [cyan]roletrust play --attack sr_1=bad-mouthing:level=0 --video[/]
+
+    [dim]# for scripts: the damage under every model that was asked for[/]
+    [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
+
+    [dim]# a seller who leaves when distrusted and comes back as a newcomer, up to three times[/]
+    [cyan]roletrust play --set 'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
+    --attack sp_5=whitewashing:reserve=3[/]
+
+    [dim]# your own scenario, with some fields changed[/]
+    [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
+    """
+    given = parse_settings(settings or [])
+    rules = changed(make_scenario(scenario), given)
+    if len(set(trust_model)) < len(trust_model):
+        raise ValueError("--trust-model names one and the same model twice")
+    attackers = parse_attacks(attack or [], rules)
+    joint_policies = {
+        text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in trust_model
+    }  # all are found valid before any is played
+    title = f"{rules.name}, {', '.join(trust_model)}, {attacks_in_words(attackers)}"
+    if out is None and not as_json:
+        out = Path("results/play") / _slug(title)
+    if out is None and video:
+        raise ValueError("--video needs a folder to write to; with --json give one with --out")
+    one, *_ = joint_policies.values()
+    config = {
+        "command": "roletrust play",
+        "games": games,
+        **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
+        "attackers": describe_policies(attackers),
+        "trust_models": {text: described(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
+    }
+    if out is not None:
+        if not force:
+            _check_folder(out, config)
+        prepare_folder(out)
+    aside = errors if as_json else console
+    if told := _what_it_takes(list(joint_policies.values()), attackers, games):
+        aside.print(f"[dim]{told}[/]")
+    with progress_bar(aside) as progress:
+        played = [
+            play_games(text, joint_policy, attackers, games=games, seed=seed, progress=progress)
+            for text, joint_policy in joint_policies.items()
+        ]
+        results = {**config, "measured": as_data(played)}
+        written = [] if out is None else _write(out, results, played, attackers)
+        if out is not None and video:
+            written += _film(out, played, attackers, seed, progress)
+    if as_json:
+        print_json(results)
+    else:
+        console.print(as_table(title, played, games))
+        for note in notes(played, games, attackers):
+            console.print(f"[dim]{note}[/]")
+    if written:
+        aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def _what_it_takes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> str:
+    """Refuse more games or rounds than the memory holds, and tell how long many games will take."""
+    rules = joint_policies[0].game.scenario
+    if games == 1 or isinstance(rules.frames, int):  # of one game the curves count; a live camera cannot be tried out
+        each_round = games * all_kept_bytes(joint_policies, attackers) / rules.max_cycles
+        check_memory("max_cycles", rules.max_cycles, each_round)
+        return ""
+    each = foresee(joint_policies, attackers)
+    time = in_time(games * each.seconds)
+    check_memory("--games", games, each.memory, f" and {time}")
+    if games * each.seconds <= _LONG_S:
+        return ""
+    return f"This takes about {time} and {in_bytes(games * each.memory)} of memory."
+
+
+def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
+    """Refuse a folder with results of something else; the same games may be played again."""
+    file = out / "results.json"
+    if not file.is_file():
+        return
+    try:
+        old = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError:
+        old = {}
+    new = json.loads(json.dumps(config))
+    keys = ("command", "games", "seed", "scenario", "attackers", "trust_models")
+    others = [key for key in keys if not isinstance(old, dict) or old.get(key) != new[key]]
+    if others:
+        raise ValueError(
+            f"{out} holds results of another configuration (not the same: {', '.join(others)}); "
+            "choose another folder with --out, or overwrite them with --force"
+        )
+
+
+def _write(
+    out: Path, results: Mapping[str, Any], played: Sequence[Played], attackers: Mapping[str, Policy]
+) -> list[str]:
+    """Write all files but videos, and return their names."""
+    from roletrust_experiments.plots.curves import curve_figure
+
+    write_csv(out / "curves.csv", HEADER, [row for one in played for row in rows(one)])
+    written = ["curves.csv"]
+    for one in played:
+        name = f"{_file('curves', one.model, played)}.png"
+        title = f"{one.game.scenario.name}, {one.model}, {attacks_in_words(attackers)}"
+        identities = one.game.roster.with_reserves(attackers)
+        write_figure(out / name, curve_figure(title, one.game, one.curves, identities))
+        written.append(name)
+    write_json(out / "results.json", results)
+    return [*written, "results.json"]
+
+
+def _film(
+    out: Path, played: Sequence[Played], attackers: Mapping[str, Policy], seed: int, progress: Progress
+) -> list[str]:
+    """Write a video of one game of each model, with its last picture, and return their names."""
+    from roletrust_experiments.plots.video import write_video
+
+    names = [_file("play", one.model, played) for one in played]
+    for name, one in zip(names, played, strict=True):
+        write_video(out / f"{name}.mp4", one.game, attackers, seed, progress)
+    return [f"{name}.{kind}" for name in names for kind in ("mp4", "png")]
+
+
+def _file(stem: str, model: str, played: Sequence[Played]) -> str:
+    """The name of a file that there is one of for each model."""
+    return stem if len(played) == 1 else f"{stem}-{_slug(model)}"
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^\w.]+", "-", text).strip("-")

@@ -1,0 +1,94 @@
+"""`roletrust figures --recording`: the paper's figures from what a live team said."""
+
+import statistics
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+
+from roletrust_env import make_scenario
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.live.journal import Published
+from roletrust_env.storage.files import prepare_folder, write_csv, write_json
+from roletrust_experiments.commands.console import claims_table, console
+from roletrust_experiments.commands.live.options import require_live
+from roletrust_experiments.identification.journals import curves_of
+from roletrust_experiments.paper.figures import Attack, paper_of
+from roletrust_experiments.plots.figure_files import write_figure
+
+
+def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
+    """Draw and write the trust that was published, of any team; or, of the paper's, its figure with what it claims.
+
+    Args:
+        recording: its folder.
+        attack: the paper's, that was played; None for none.
+        out: folder for the results.
+
+    Raises:
+        ValueError: it is no recording, has not two rounds, or the paper's team is another.
+    """
+    require_live()
+    from roletrust_env.live.wire import messages
+    from roletrust_env.live.wire.recording import read_recording
+
+    rounds = []
+    for one in read_recording(recording):
+        if one.kind == messages.TRUST:
+            with suppress(ValueError):  # whoever sent what cannot be read was not the manager
+                rounds.append(messages.read_trust(one.raw))
+    gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
+    period = round(statistics.median(gaps)) if gaps else 0
+    if period <= 0 or not (rounds[-1].tor and rounds[-1].top):
+        raise ValueError(
+            f"{recording} holds {len(rounds)} rounds of trust; there must be two, one after the other, of somebody"
+        )
+    start = rounds[0].stamp - rounds[0].round * period
+    prepare_folder(out)
+    if attack is None:
+        written = _any_team(recording, rounds, curves_of(rounds, start, period, period / 1e9), out)
+    else:
+        written = _papers(recording, rounds, attack, start, period, out)
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def _any_team(recording: Path, rounds: list[Published], curves: Curves, out: Path) -> list[str]:
+    """The trust of whoever there was, against seconds."""
+    from roletrust_experiments.plots.curves import Panel, trust_figure
+
+    last = rounds[-1]
+    panels = [
+        Panel("trust of raters, ToR", tuple(last.tor), curves.tor),
+        Panel("trust of providers, ToP", tuple(last.top), curves.top),
+    ]
+    header = ["time_s", *(f"ToR {name}" for name in last.tor), *(f"ToP {name}" for name in last.top)]
+    rows = zip(curves.time_s.tolist(), *curves.trust[..., 0].T.tolist(), strict=True)
+    write_csv(out / "figure.csv", header, rows)
+    title = f"{recording.name}: {len(last.tor)} raters, {len(last.top)} providers, {len(rounds)} rounds"
+    write_figure(out / "figure.png", trust_figure(title, panels, curves.time_s, float(curves.time_s[-1])))
+    return ["figure.csv", "figure.png"]
+
+
+def _papers(recording: Path, rounds: list[Published], attack: Attack, start: int, period: int, out: Path) -> list[str]:
+    """The paper's figure, by the paper's clock however fast the team was."""
+    from roletrust_experiments.plots.paper import write_paper
+
+    scenario = make_scenario("paper-3x3-hog")
+    paper, size = paper_of(attack, scenario.period_s), (len(rounds[-1].tor), len(rounds[-1].top))
+    if size != (3, 3):
+        raise ValueError(
+            f"--attack {attack} is the paper's, of three raters and three providers; {recording} has {size[0]} and "
+            f"{size[1]}; without --attack its curves are drawn"
+        )
+    curves = curves_of(rounds, start, period, scenario.period_s)
+    if curves.time_s[0] > 5 or curves.time_s[-1] <= paper.attack.start_s + 20:
+        raise ValueError(
+            f"{recording} is from {curves.time_s[0]:g} to {curves.time_s[-1]:g} s of the paper's clock, too short for "
+            f"--attack {attack}; without --attack its curves are drawn"
+        )
+    found = paper.check(curves, scenario, paper.attack)
+    note = f"recorded in {recording.name}: {len(rounds)} rounds"
+    written = write_paper(out, f"figure{paper.number}", paper, {"": curves}, scenario, note)
+    results = {"command": "roletrust figures", "recording": str(recording), "attack": attack, "period_s": period / 1e9}
+    write_json(out / "results.json", {**results, "claims": [claim._asdict() for claim in found]})
+    console.print(claims_table("Su and Saint-Jore (2023), from a recording", found))
+    return [*written, "results.json"]

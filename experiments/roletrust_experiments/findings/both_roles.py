@@ -1,0 +1,126 @@
+"""What ToA does for agents with both roles."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from roletrust_baselines import BadMouthing, OnOff
+
+from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
+from roletrust_env.evaluation.composite import Both
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.metrics.score import mean_where
+from roletrust_experiments.findings.finding import Finding, interval, told, verdict
+from roletrust_experiments.findings.games import SETTLED, Asked, as_settings
+from roletrust_experiments.plots.findings import Panel, Series
+
+QUESTION = "What does ToA do for agents that are raters and providers?"
+_PEERS, _ATTACKERS = 9, 3
+_ROLES = {"liars": "ToR", "cheats": "ToP", "seldom": "ToR"}
+_SELDOM = ("SP", "SP", "SP", "SR")
+"""Roles in turn of an attacker that rates in one round of four."""
+
+
+class Case(NamedTuple):
+    """Some attackers.
+
+    Attributes:
+        words: what they do.
+        policy: how.
+        turns: the roles that they play in turn; none, and they play both in every round.
+    """
+
+    words: str
+    policy: Policy
+    turns: tuple[str, ...] = ()
+
+
+class Seen(NamedTuple):
+    """How the trusts of some agents look in each game, by the trust, (G,) each.
+
+    Attributes:
+        gap: the mean trust of the honest less that of the attackers.
+        auc: how well trust tells them apart, see `metrics.auc`.
+    """
+
+    gap: Mapping[str, Floats]
+    auc: Mapping[str, Floats]
+
+
+_CASES = {
+    "liars": Case("lie, serve well", BadMouthing()),
+    "cheats": Case("rate truly, serve badly", OnOff()),
+    "both": Case("lie, serve badly", Both(OnOff(), BadMouthing())),
+    "seldom": Case("lie in 1 round of 4, serve well in 3", BadMouthing(), _SELDOM),
+}
+
+
+def answer(asked: Asked) -> Finding:
+    """Play peers of whom a third attack in one role, in the other one, or in both."""
+    seen = {name: _play(asked, case) for name, case in asked.progress.track(_CASES.items(), description="both roles")}
+    differences = {
+        f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
+        for name, trust in _ROLES.items()
+        for what in Seen._fields
+    }
+    panels = tuple(
+        Panel(
+            title,
+            "",
+            what,
+            [
+                Series(
+                    trust,
+                    [case.words for case in _CASES.values()],
+                    [interval(estimate(getattr(seen[name], field)[trust])) for name in _CASES],
+                )
+                for trust in ("ToR", "ToP", "ToA")
+            ],
+        )
+        for field, title, what in (
+            ("gap", "how far attackers stand apart", "trust of the honest less that of attackers"),
+            ("auc", "how well they are told apart", "AUC: 0.5 as by chance, 1 surely"),
+        )
+    )
+    settings = as_settings(_peers(asked, ()), **{case.words: _attackers(case) for case in _CASES.values()})
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+
+
+def sentence(differences: dict[str, Estimate]) -> str:
+    """The answer, of what ToA shows less what the trust in the role shows in which somebody attacks."""
+    gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
+    hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
+
+    def part(name: str) -> str:
+        auc = told(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
+        return f"{told(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
+
+    return (
+        f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie and serve well stand "
+        f"apart by {part('liars')}, those that rate truly and serve badly by {part('cheats')}, and those that lie in "
+        f"one round of four and serve well in three by {part('seldom')}."
+    )
+
+
+def _play(asked: Asked, case: Case) -> Seen:
+    """Games in which the last peers attack; trust counts once it has settled."""
+    game = Game(_peers(asked, case.turns), "role-trust")
+    history = record(JointPolicy(game, _attackers(case)), game.random(asked.seed), (asked.games,))
+    trusts = {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}
+    mean = {name: mean_where(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
+    bad = slice(_PEERS - _ATTACKERS, _PEERS)
+    return Seen(
+        {name: np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0) for name, trust in mean.items()},
+        {name: metrics.auc(trust, range(_PEERS)[bad]).value for name, trust in mean.items()},
+    )
+
+
+def _attackers(case: Case) -> dict[str, Policy]:
+    return {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
+
+
+def _peers(asked: Asked, turns: tuple[str, ...]) -> Scenario:
+    """Peers of differing ability with both roles in every round, of whom the last ones may take turns."""
+    peer = {"role": "SR+SP", "noise": 0.05, "ability": (0.3, 1.0)}
+    agents = [{**peer, "count": _PEERS - _ATTACKERS}, {**peer, "count": _ATTACKERS, "turns": turns}]
+    return make_scenario("peers").change(agents=agents, max_cycles=asked.rounds(100))

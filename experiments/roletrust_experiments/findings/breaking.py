@@ -1,0 +1,127 @@
+"""Which share of liars breaks each trust model."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_env.benchmark.cells import models
+from roletrust_env.benchmark.leaderboard import AttackScores, attack_scores, worst
+from roletrust_env.benchmark.suite import Stage, Suite, Track, load_suite
+from roletrust_env.metrics.confidence import Estimate, Interval, estimate
+from roletrust_experiments.findings.finding import Finding, sign
+from roletrust_experiments.findings.games import PATIENCE_S, Asked, play_suite
+from roletrust_experiments.plots.findings import Panel, Series
+
+QUESTION = "Which share of liars breaks each trust model?"
+_SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
+_ROUNDS = 30
+_FEWER = 4
+"""Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
+
+_LEAST = 6
+"""Games: of less, intervals are so wide that nothing is shown."""
+
+_LEFT = 0.5
+"""A model is broken where less than this part is left of what going by trust brings while nobody lies."""
+
+
+class Break(NamedTuple):
+    """Where a model breaks.
+
+    Attributes:
+        share: of liars at which it does, between two that were tried; 1 where it never did.
+        whole: the largest share up to which it is shown to hold.
+        broken: the smallest share at which it is shown to be broken; 1 where it never was.
+    """
+
+    share: float
+    whole: float
+    broken: float
+
+
+def answer(asked: Asked) -> Finding:
+    """Play all models against all scripts by more and more raters in the benchmark's small market."""
+    suite = _suite(asked)
+    kept = play_suite(asked, suite, "liars")
+    cases = worst(attack_scores(kept))
+    left: dict[str, dict[float, Estimate]] = {}
+    for model in models(suite):
+        by_share = {where.share: case for (name, where), case in cases.items() if name == model}
+        if set(by_share) == {0.0, *suite.tracks["liars"].shares}:
+            left[model] = {share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())}
+    failed = {cell.model: done.failed for cell, done in kept if done.failed}
+    breaks = {model: breaking(found) for model, found in left.items() if sign(found[0.0]) > 0}
+    order = sorted(breaks, key=lambda model: (-breaks[model].share, -breaks[model].whole, model))
+    panel = Panel(
+        f"less than {_LEFT:g} of what going by trust is worth is left under the worst script",
+        "",
+        "share of the raters that lie",
+        [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
+    )
+    differences = {f"{model}, {share:.0%}": one for model, found in left.items() for share, one in found.items()}
+    words = sentence(breaks, set(left) - set(breaks), failed)
+    return Finding(QUESTION, words, (panel,), differences, suite.games, suite.model_dump(mode="json"))
+
+
+def breaking(over: Mapping[float, Estimate]) -> Break:
+    """Where a model breaks: the first share of liars from which too little is left.
+
+    Args:
+        over: by the share, from 0 on, how much more is left than what counts as broken.
+    """
+    shares = list(over)
+    signs = [sign(over[share]) for share in shares]
+    whole = shares[next((k for k, way in enumerate(signs) if way <= 0), len(shares)) - 1]
+    broken = next((share for share, way in zip(shares, signs, strict=True) if way < 0), 1.0)
+    for low, high in pairwise(shares):
+        above, below = over[low].mean, over[high].mean
+        if below < 0 <= above:
+            crossing = low + (high - low) * above / (above - below)
+            return Break(min(max(crossing, whole), broken), whole, broken)
+    return Break(1.0, whole, broken)
+
+
+def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[str, str]) -> str:
+    """The answer, of where each model breaks, and of those that have nothing to lose or failed."""
+    groups: dict[tuple[float, float], list[str]] = {}
+    for model in sorted(breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)):
+        groups.setdefault(breaks[model][1:], []).append(model)
+    parts = "; ".join(f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items())
+    text = (
+        "It depends on the model: under the worst script the worth of going by trust falls to half where, of the "
+        f"raters, {parts or 'nobody lies'}"
+    )
+    if worthless:
+        text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"
+    if failed:
+        text += f"; not measured: {'; '.join(f'{model} ({why})' for model, why in sorted(failed.items()))}"
+    return text + "."
+
+
+def _between(whole: float, broken: float) -> str:
+    return f"over {whole:.0%} (if at all)" if broken == 1 else f"{whole:.0%} to {broken:.0%}"
+
+
+def _over_half(case: AttackScores, calm: AttackScores) -> Estimate:
+    """How much more than half of what going by trust is worth is left: of its utility beyond that of going blindly."""
+    mine, full = (one.measured["utility"] - one.measured["blind"] for one in (case, calm))
+    return estimate(np.asarray(mine - _LEFT * full))
+
+
+def _suite(asked: Asked) -> Suite:
+    quick = load_suite("quick")
+    assert isinstance(quick, Suite)
+    market = quick.scenarios["market"]
+    rounds = asked.rounds(_ROUNDS)
+    suite = Suite(
+        name="liars",
+        scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
+        tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=asked.some(_SHARES))},
+        rungs=("scripted",),
+        games=max(_LEAST, asked.games // _FEWER),
+        seeds=(asked.seed,),
+        limit_s=PATIENCE_S,
+    )
+    return suite.model_copy(update={"models": asked.some(models(suite))})

@@ -1,0 +1,120 @@
+"""An answer, and the rules that make its words of numbers, so that they cannot contradict them.
+
+A difference of two means is shown where its 95% interval does not hold 0. It is paired: the same games, with the same
+luck, played in both ways. Every interval stands for itself; nothing is corrected for there being many of them.
+"""
+
+from collections.abc import Iterable, Mapping
+from math import ceil
+from typing import Any, NamedTuple
+
+from roletrust_env.metrics.confidence import Estimate, Interval
+from roletrust_experiments.plots.findings import Panel
+
+_SAME = 1e-9
+"""What is rounding, and no difference."""
+
+_DIGITS = range(3, 10)
+"""Decimals that a number may be given with; as few of them as do not hide what is shown."""
+
+
+class Finding(NamedTuple):
+    """An answer.
+
+    Attributes:
+        question: in words.
+        sentence: that answers it.
+        panels: of its figure.
+        differences: that the sentence is made of, by what they are.
+        games: of which each mean is taken.
+        settings: what was played, as plain data.
+    """
+
+    question: str
+    sentence: str
+    panels: tuple[Panel, ...]
+    differences: dict[str, Estimate]
+    games: int
+    settings: dict[str, Any]
+
+
+def sign(difference: Estimate) -> int:
+    """1 or -1 where a difference is shown to be above or below 0, else 0: also where there are not two games.
+
+    Example:
+        >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2))
+        (1, -1, 0)
+    """
+    shown = abs(difference.mean) > difference.half + _SAME
+    return (1 if difference.mean > 0 else -1) if shown else 0
+
+
+def verdict(differences: Iterable[Estimate]) -> str:
+    """Whether some differences, all of which are to be above 0, are.
+
+    Example:
+        >>> up, down, open = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
+        >>> verdict([up, up]), verdict([down]), verdict([up, down]), verdict([up, open]), verdict([open])
+        ('Yes', 'No, the other way round', 'It depends', 'It depends', 'Not shown')
+    """
+    found = {sign(difference) for difference in differences}
+    if len(found) != 1:
+        return "It depends"
+    return {1: "Yes", -1: "No, the other way round", 0: "Not shown"}[found.pop()]
+
+
+def amount(value: Estimate) -> str:
+    """A mean and half its interval, which is rounded up, with as many decimals as it takes not to contradict `sign`.
+
+    Example:
+        >>> amount(Estimate(0.21342, 0.0041)), amount(Estimate(0.00044, 0.00043))
+        ('0.213 ± 0.005', '0.00044 ± 0.00043')
+    """
+    if value.half != value.half:
+        return f"{value.mean:.{_DIGITS[0]}f}, with no interval"
+    for digits in _DIGITS:
+        shown = Estimate(round(value.mean, digits) + 0.0, ceil(value.half * 10**digits - _SAME) / 10**digits)
+        if sign(shown) == sign(value):
+            break
+    return f"{shown.mean:.{digits}f} ± {shown.half:.{digits}f}"
+
+
+def told(difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less") -> str:
+    """A difference in words.
+
+    Example:
+        >>> told(Estimate(-0.25, 0.01)), told(Estimate(0.001, 0.01))
+        ('0.250 ± 0.010 less', 'neither more nor less (0.001 ± 0.010)')
+    """
+    way = sign(difference)
+    if not way:
+        return f"{neither} ({amount(difference)})"
+    size = difference._replace(mean=abs(difference.mean))
+    return f"{amount(size)} {more if way > 0 else less}"
+
+
+def listed(differences: Mapping[str, Estimate]) -> str:
+    """Some differences in words, by where they are: those that are shown, then within what bounds the others lie.
+
+    Example:
+        >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
+        '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
+    """
+    parts = [f"{told(one)} {where}" for where, one in differences.items() if sign(one)]
+    hidden = {where: one for where, one in differences.items() if not sign(one)}
+    if hidden:
+        bound = max(abs(one.mean) + one.half for one in hidden.values())
+        words = f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}" if bound == bound else "with no interval"
+        parts.append(f"neither more nor less {' or '.join(hidden)} ({words})")
+    return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
+
+
+def interval(estimate: Estimate) -> Interval:
+    """An estimate as what is drawn."""
+    mean, half = estimate.mean, estimate.half
+    return Interval(mean, mean - half, mean + half)
+
+
+def exact(value: float) -> Interval:
+    """A number that is known, as what is drawn."""
+    return Interval(value, value, value)

@@ -1,0 +1,78 @@
+"""What movement does: each rater sees only some providers."""
+
+from roletrust_baselines import BadMouthing
+
+from roletrust_env import Scenario, make_scenario, metrics
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_experiments.findings.finding import Finding, interval, listed
+from roletrust_experiments.findings.games import Asked, as_settings, honest, last, lost, play
+from roletrust_experiments.plots.findings import Panel, Series
+
+QUESTION = "What does movement do, where each rater sees only the providers near it?"
+_ARENA = 10.0
+_RADII = 2.0, 3.0, 4.0, 6.0, 8.0
+_EVERYONE = 15.0
+"""A radius that reaches across the arena, from corner to corner."""
+_NEAR, _USUAL = 2.0, 4.0
+"""Radii that the answer is about; the larger one is that of the preset `robots-that-move`."""
+_SPEEDS = {"robots move": 0.3, "robots stand still": 0.0}
+_LIARS = 3
+
+HARM, UTILITY = "harm", "utility"
+EVERYONE, STILL = "than everyone", "than still"
+
+
+def answer(asked: Asked) -> Finding:
+    """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
+    radii = sorted({*asked.some(_RADII), _NEAR, _USUAL, _EVERYONE})
+    liars = dict.fromkeys(last(_robots(asked, _USUAL, 0.0), "sr", _LIARS), BadMouthing())
+    found: dict[tuple[str, str, float], Floats] = {}
+    for label, speed in _SPEEDS.items():
+        for radius in asked.progress.track(radii, description=f"movement, {label}"):
+            scenario = _robots(asked, radius, speed)
+            calm, struck = play(asked, scenario), play(asked, scenario, liars)
+            found[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))
+            found[UTILITY, label, radius] = metrics.share_of_best(calm.bought.got, calm.bought.best).value
+    moving, still = _SPEEDS
+    differences = {
+        f"{what}, {radius:g} m, {name}": estimate(found[what, moving, radius] - found[what, *other])
+        for what in (HARM, UTILITY)
+        for radius in (_USUAL, _NEAR)
+        for name, other in ((EVERYONE, (moving, _EVERYONE)), (STILL, (still, radius)))
+    }
+    panels = tuple(
+        Panel(
+            title,
+            f"radius in metres, in an arena of {_ARENA:g} m",
+            along,
+            [Series(label, radii, [interval(estimate(found[what, label, at])) for at in radii]) for label in _SPEEDS],
+        )
+        for what, title, along in (
+            (HARM, f"what {_LIARS} liars of ten raters take", "trust that the honest lose"),
+            (UTILITY, "what trust is worth with nobody lying", "utility of going by trust"),
+        )
+    )
+    settings = as_settings(_robots(asked, _USUAL, _SPEEDS[moving]), liars=liars) | {"radii": radii, "speeds": _SPEEDS}
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+
+
+def sentence(differences: dict[str, Estimate]) -> str:
+    """The answer, of moving robots with some radii less those that see everybody, and less those that stand still."""
+
+    def parts(what: str, other: str) -> str:
+        radii = (_USUAL, _NEAR)
+        return listed({f"within {radius:g} m": differences[f"{what}, {radius:g} m, {other}"] for radius in radii})
+
+    return (
+        f"Where robots move and see only those near them, liars take from the trust of the honest "
+        f"{parts(HARM, EVERYONE)} than where all see everybody, and with nobody lying the utility of going by trust is "
+        f"{parts(UTILITY, EVERYONE)}; moving rather than standing still, they take {parts(HARM, STILL)}, and that "
+        f"utility is {parts(UTILITY, STILL)}."
+    )
+
+
+def _robots(asked: Asked, radius: float, speed: float) -> Scenario:
+    crowd = make_scenario("crowd-10x10")
+    agents = [group.model_dump() | ({"ability": (0.3, 1.0)} if group.role == "SP" else {}) for group in crowd.agents]
+    access = {"kind": "in-range", "radius": radius, "arena": _ARENA, "speed": speed}
+    return crowd.change(agents=agents, access=access, max_cycles=asked.rounds(150))

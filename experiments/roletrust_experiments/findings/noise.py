@@ -1,0 +1,99 @@
+"""How noise alone costs trust."""
+
+from math import sqrt
+
+import numpy as np
+from roletrust_baselines import BadMouthing
+
+from roletrust_env import Scenario, make_scenario
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.world.roster import Roster
+from roletrust_experiments.findings.finding import Finding, amount, exact, interval, told
+from roletrust_experiments.findings.games import Asked, as_settings, honest, last, lost, play
+from roletrust_experiments.plots.findings import Panel, Series
+
+QUESTION = "What does noise alone cost, with everybody honest?"
+_NOISES = 0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2
+_SMALL, _LARGE = 0.005, 0.05
+_QUALITIES = {"good services (1)": 1.0, "mediocre services (0.7)": 0.7}
+_ROOT_MOMENT = 0.822179
+"""E sqrt(|x|) of a standard normal x: 2 ** (1/4) Gamma(3/4) / sqrt(pi)."""
+
+RATERS, PROVIDERS, LIAR, SHARE = "ToR", "ToP", "than a liar", "than its share"
+
+
+def answer(asked: Asked) -> Finding:
+    """Play a crowd of ten and ten with more and more noise, and once with a liar and none."""
+    noises = sorted({*asked.some(_NOISES), _SMALL, _LARGE})
+    loss: dict[tuple[str, str, float], Floats] = {}
+    calm = _crowd(1.0, 0.0, asked)
+    raters, providers = _sides(calm)
+    for label, quality in asked.progress.track(_QUALITIES.items(), description="noise"):
+        twin = play(asked, _crowd(quality, 0.0, asked))
+        for noise in noises:
+            seen = play(asked, _crowd(quality, noise, asked))
+            loss[RATERS, label, noise] = lost(seen, twin, raters)
+            loss[PROVIDERS, label, noise] = lost(seen, twin, providers)
+    liar = dict.fromkeys(last(calm, "sr", 1), BadMouthing())
+    by_liar = lost(play(asked, calm, liar), play(asked, calm), honest(calm, liar))
+    good = next(iter(_QUALITIES))
+    both = {noise: (loss[RATERS, good, noise] + loss[PROVIDERS, good, noise]) / 2 for noise in (_SMALL, _LARGE)}
+    differences = {
+        RATERS: estimate(loss[RATERS, good, _LARGE]),
+        PROVIDERS: estimate(loss[PROVIDERS, good, _LARGE]),
+        LIAR: estimate(both[_LARGE] - by_liar),
+        SHARE: estimate(both[_SMALL] - both[_LARGE] * _SMALL / _LARGE),
+    }
+    panels = tuple(
+        Panel(
+            title,
+            "standard deviation of perceived quality",
+            "trust lost",
+            [
+                Series(label, noises, [interval(estimate(loss[trust, label, noise])) for noise in noises])
+                for label in _QUALITIES
+            ]
+            + ([_root(noises, len(raters))] if trust == RATERS else []),
+            "symlog",
+        )
+        for trust, title in ((RATERS, "honest raters, ToR"), (PROVIDERS, "honest providers, ToP"))
+    )
+    settings = as_settings(calm, liar=liar) | {"noises": noises, "qualities": _QUALITIES}
+    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+
+
+def sentence(differences: dict[str, Estimate]) -> str:
+    """The answer, of what a noise costs and what else it is compared with."""
+    return (
+        f"A noise of {_LARGE:g} where all services are good costs honest raters {amount(differences[RATERS])} of their "
+        f"ToR and providers {amount(differences[PROVIDERS])} of their ToP; that is, of both, "
+        f"{told(differences[LIAR])} than one liar among ten raters costs the honest, and a tenth of the noise costs "
+        f"{told(differences[SHARE])} than a tenth of it."
+    )
+
+
+def closed_form(noise: float, raters: int) -> float:
+    """What raters lose of their ToR, by Algorithm 1, where they differ by noise alone and no note is clipped.
+
+    A note differs from the mean of all, itself among them, by N(0, s) with s = noise * sqrt(1 - 1 / raters), and
+    the root of that is 0.822 sqrt(s) in the mean.
+    """
+    return _ROOT_MOMENT * sqrt(noise * sqrt(1 - 1 / raters))
+
+
+def _crowd(quality: float, noise: float, asked: Asked) -> Scenario:
+    crowd = make_scenario("crowd-10x10").change(noise=noise, max_cycles=asked.rounds(60))
+    agents = [group.model_dump() | ({"ability": quality} if group.role == "SP" else {}) for group in crowd.agents]
+    return crowd.change(agents=agents)
+
+
+def _sides(scenario: Scenario) -> tuple[range, range]:
+    """The places of the raters, and those of the providers."""
+    roster = Roster.of(scenario)
+    return range(roster.n_raters), range(roster.n_raters, roster.n_agents)
+
+
+def _root(noises: list[float], raters: int) -> Series:
+    finely = np.concatenate([[0.0], np.geomspace(noises[1], noises[-1], 40)])
+    values = [exact(closed_form(float(noise), raters)) for noise in finely]
+    return Series("closed form, no note clipped", [float(x) for x in finely], values, known=True)

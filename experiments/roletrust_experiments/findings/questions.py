@@ -1,0 +1,17 @@
+"""The questions, by the names that the command knows them by."""
+
+from collections.abc import Callable
+
+from roletrust_experiments.findings import admission, both_roles, breaking, dilution, movement, noise, roles
+from roletrust_experiments.findings.finding import Finding
+from roletrust_experiments.findings.games import Asked
+
+QUESTIONS: dict[str, Callable[[Asked], Finding]] = {
+    "roles": roles.answer,
+    "dilution": dilution.answer,
+    "noise": noise.answer,
+    "breaking": breaking.answer,
+    "both-roles": both_roles.answer,
+    "admission": admission.answer,
+    "movement": movement.answer,
+}

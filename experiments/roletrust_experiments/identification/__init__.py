@@ -1,0 +1,1 @@
+"""A scenario from a recording of a real team."""

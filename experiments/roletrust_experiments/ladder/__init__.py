@@ -1,0 +1,1 @@
+"""The ladder: the rows of its table."""

@@ -1,0 +1,1 @@
+"""The paper's two figures: who attacks, what is claimed, and whether a run shows it."""

@@ -1,0 +1,157 @@
+"""What Su and Saint-Jore (2023) say of their Figures 3 and 4, and whether a run shows it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.world.scenario import Scenario
+
+SETTLE_S = 5.0
+"""Seconds after a start, a perturbation or an attack's begin in which trust is still moving: 10 rounds, 2 ** -10."""
+
+_VISIBLE = 0.1  # depth from which a dip can be seen in the figure
+
+_CALM, _DIP = "calm: min of all", "least dip"
+
+Mask = npt.NDArray[np.bool_]
+
+
+class Window(NamedTuple):
+    """From when to when an attack is on, in seconds."""
+
+    start_s: float
+    stop_s: float
+
+
+class Claim(NamedTuple):
+    """One line of the table.
+
+    Attributes:
+        figure: number of the paper's figure.
+        what: is looked at.
+        paper: what the paper says.
+        needed: the criterion here.
+        measured: in words.
+        values: the numbers in it.
+        ok: whether the criterion is met; None where it does not apply.
+    """
+
+    figure: int
+    what: str
+    paper: str
+    needed: str
+    measured: str
+    values: list[float]
+    ok: bool | None
+
+
+def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
+    """The claims on Figure 3, in which provider 3 attacks."""
+    on = _some((curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s), "under the attack")
+    top = curves.top[on, :, 0]
+    victim, others = float(top[:, 2].min()), [float(top[:, j].min()) for j in (0, 1)]
+    return [
+        *_before(3, curves, scenario, attack),
+        Claim(3, "attack: min ToP_3", "down to 0", "< 0.1", _words([victim]), [victim], victim < 0.1),
+        Claim(3, "attack: min ToP_1,2", "a small dip", "> 0.6", _words(others), others, min(others) > 0.6),
+    ]
+
+
+def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
+    """The claims on Figure 4, in which rater 3 attacks."""
+    steady = _some(steady_under(curves.time_s, scenario, attack), "steadily under the attack")
+    tor = curves.tor[steady, :, 0].mean(axis=0).tolist()
+    top = curves.top[steady, :, 0].max(axis=0).tolist()
+    honest, liar = tor[:2], tor[2]
+    near_honest, near_liar = all(abs(t - 0.59) <= 0.06 for t in honest), abs(liar - 0.42) <= 0.06
+    return [
+        *_before(4, curves, scenario, attack),
+        Claim(4, "steady: ToR_3", "down to 0.4", "0.42 ± 0.06", _words([liar]), [liar], near_liar),
+        Claim(4, "steady: ToR_1,2", "down to 0.6", "0.59 ± 0.06", _words(honest), honest, near_honest),
+        Claim(4, "steady: max ToP", "below 0.5", "< 0.5", _words([max(top)]), top, max(top) < 0.5),
+    ]
+
+
+def in_clear_view(found: Sequence[Claim]) -> bool:
+    """Whether calm trust says that there is a person in clear view throughout."""
+    return all(claim.ok for claim in found if claim.what == _CALM)
+
+
+def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
+    """The claims as far as they apply to given frames; they are calibrated to the rendered scene.
+
+    The levels are those of a person in clear view: where there is none, none applies. And the fast target is a blur
+    over the frames, in which a person may be recognised still: then there is no dip to see.
+    """
+    if not in_clear_view(found):
+        return [claim._replace(ok=None) for claim in found]
+    return [claim._replace(ok=claim.ok or None) if claim.what.startswith(_DIP) else claim for claim in found]
+
+
+def calm_before(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
+    """The moments before the attack in which nothing has happened for `SETTLE_S` seconds."""
+    return (time_s >= SETTLE_S) & (time_s <= attack.start_s) & ~_perturbed(time_s, scenario)
+
+
+def steady_under(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
+    """The moments of the attack in which it has been the only trouble for `SETTLE_S` seconds."""
+    return (time_s >= attack.start_s + SETTLE_S) & (time_s <= attack.stop_s) & ~_perturbed(time_s, scenario)
+
+
+def spans(time_s: npt.NDArray[np.float64], mask: Mask) -> str:
+    """The stretches of a mask in words, such as `5-18 s, 25-30 s`."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return ", ".join(f"{time_s[a]:g}-{time_s[b - 1]:g} s" for a, b in edges.reshape(-1, 2))
+
+
+def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
+    """The claims that both figures share: all is well at first, and every camera suffers from the fast target."""
+    calm = _some(calm_before(curves.time_s, scenario, attack), "calmly before the attack")
+    low = float(min(curves.tor[calm].min(), curves.top[calm].min()))
+    claims = [Claim(figure, _CALM, "-", "> 0.9", _words([low]), [low], low > 0.9)]
+    for blow in scenario.perturbations:
+        start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s
+        before = _some((curves.time_s > start - 2) & (curves.time_s <= start), f"just before {start:g} s")
+        during = _some((curves.time_s > start) & (curves.time_s <= stop), f"from {start:g} to {stop:g} s")
+        high, low_each = curves.top[before, :, 0].mean(axis=0), curves.top[during, :, 0].min(axis=0)
+        least = int((high - low_each).argmin())
+        level, dip = float(high[least]), float(low_each[least])
+        claims.append(
+            Claim(
+                figure,
+                f"{_DIP}, {start:g} s",
+                "they dip",
+                f"≥ {_VISIBLE} deep",
+                f"{level:.2f} to {dip:.2f}",
+                [level, dip],
+                level - dip >= _VISIBLE,
+            )
+        )
+    return claims
+
+
+def _some(moments: Mask, when: str) -> Mask:
+    """The moments themselves.
+
+    Raises:
+        ValueError: there are none, such as on a machine too slow for the rounds.
+    """
+    if not moments.any():
+        raise ValueError(f"no round {when}: too few rounds to hold against what the paper says")
+    return moments
+
+
+def _perturbed(time_s: npt.NDArray[np.float64], scenario: Scenario) -> Mask:
+    """Where a perturbation strikes or has not been over for `SETTLE_S` seconds."""
+    struck = np.zeros(time_s.shape, dtype=bool)
+    for blow in scenario.perturbations:
+        start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s
+        struck |= (time_s > start) & (time_s < stop + SETTLE_S)
+    return struck
+
+
+def _words(values: list[float]) -> str:
+    return ", ".join(f"{value:.3f}" for value in values)

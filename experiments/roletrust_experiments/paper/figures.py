@@ -1,0 +1,75 @@
+"""The two figures of Su and Saint-Jore (2023) that are played again: who attacks, when, and what is claimed of it."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+from roletrust_baselines import BadMouthing, OnOff
+
+from roletrust_env import Policy
+from roletrust_experiments.paper import claims
+
+COLUMNS = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")
+ON_OFF, BAD_MOUTHING = claims.Window(50.0, 90.0), claims.Window(20.0, 45.0)
+
+Attack = Literal["on-off", "bad-mouthing"]
+
+
+class Paper(NamedTuple):
+    """One of the paper's figures: who attacks, and what is claimed of it.
+
+    Attributes:
+        number: in the paper.
+        title: of the picture.
+        attacker: the curve to stand out, such as `ToP_3`.
+        label: what to write above the attack.
+        attack: when it is on.
+        policies: of the attackers.
+        levels: of ToR that the paper reads off its figure under the attack.
+        check: the claims, of curves, a scenario and the attack's window.
+    """
+
+    number: int
+    title: str
+    attacker: str
+    label: str
+    attack: claims.Window
+    policies: Mapping[str, Policy]
+    levels: tuple[float, ...]
+    check: Callable[..., list[claims.Claim]]
+
+
+def papers(period_s: float) -> tuple[Paper, Paper]:
+    """Figure 3 and Figure 4, where a round takes so many seconds."""
+
+    def rounds(window: claims.Window) -> tuple[int, int]:
+        return round(window.start_s / period_s), round(window.stop_s / period_s)
+
+    (off, on), (mouth, hush) = rounds(ON_OFF), rounds(BAD_MOUTHING)
+
+    return (
+        Paper(
+            3,
+            "Figure 3: on-off attack by provider 3",
+            "ToP_3",
+            "on-off attack by SP_3",
+            ON_OFF,
+            {"sp_2": OnOff(start=off, stop=on)},
+            (),
+            claims.check_on_off,
+        ),
+        Paper(
+            4,
+            "Figure 4: bad-mouthing attack by rater 3",
+            "ToR_3",
+            "bad-mouthing by SR_3",
+            BAD_MOUTHING,
+            {"sr_2": BadMouthing(start=mouth, stop=hush)},
+            (0.6, 0.4),
+            claims.check_bad_mouthing,
+        ),
+    )
+
+
+def paper_of(attack: Attack, period_s: float) -> Paper:
+    """The figure of an attack, where a round takes so many seconds."""
+    return papers(period_s)[0 if attack == "on-off" else 1]

@@ -1,0 +1,204 @@
+"""What a game comes to in numbers: how each group of agents fared, and what an attack took from the honest."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env import Policy, metrics
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.game.policy import policy_name
+from roletrust_env.game.schedule import WindowedAttack
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.metrics.score import Score, mean_where
+from roletrust_env.world.roster import Roster
+
+_OF_TRUST = ("mean trust", "lowest trust", "final trust")
+MEASURES = (*_OF_TRUST, "mean reward")
+
+AUC_MEANWHILE, AUC_FINALLY = "AUC under the attack", "AUC at the end"
+UTILITY_WITHOUT, RECOVERY = "utility, no attack", "recovery, rounds"
+
+_NEVER = "the attack never began"
+_UNRATED = "the model has no trust in raters"
+_SETTLED = 10  # rounds after which the initial trust counts for 2 ** -10 at most
+
+
+class Group(NamedTuple):
+    """Agents that have a role and a policy in common.
+
+    Attributes:
+        label: for people.
+        honest: whether they play honestly.
+        size: number of agents.
+        present: how many of them are there at the end.
+        measures: one for each of `MEASURES`.
+    """
+
+    label: str
+    honest: bool
+    size: int
+    present: Estimate
+    measures: dict[str, Estimate]
+
+
+def measure(
+    roster: Roster, curves: Curves, attackers: Mapping[str, Policy], since: int, rates_raters: bool = True
+) -> list[Group]:
+    """Every group of agents and how it fared.
+
+    Args:
+        roster: who is who.
+        curves: of the games.
+        attackers: who attacks, and how.
+        since: the round from which the lowest trust is looked for.
+        rates_raters: whether the model does; without, the trust of agents that only rate is undefined.
+    """
+    places_of: dict[tuple[str, Any], list[int]] = {}
+    for i, name in enumerate(roster.names):
+        places_of.setdefault((_role(name), attackers.get(name)), []).append(i)
+    groups: list[Group] = []
+    for (role, policy), places in places_of.items():
+        who = roster.names[places[0]] if len(places) == 1 else f"{len(places)} {role}"
+        label = f"{who}, {policy_name(policy or Policy())}"
+        if any(group.label == label for group in groups):  # the same attack with other parameters
+            label = f"{label} ({roster.names[places[0]]} ...)"
+        trust, rewards = curves.trust[:, places], curves.rewards[:, places]
+        present = estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
+        measures = _measures(trust, rewards, since)
+        if not _rated(role, rates_raters):
+            measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
+        groups.append(Group(label, policy is None, len(places), present, measures))
+    return groups
+
+
+def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, int]:
+    """The first round of the first attack and the first after the last one, of a game of some rounds.
+
+    What has no window lasts from the first to the last.
+    """
+    windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
+    stops = [rounds if stop is None else min(stop, rounds) for _, stop in windows]
+    return min((start for start, _ in windows), default=0), max(stops, default=rounds)
+
+
+def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
+    """The round from which the lowest trust is looked for: the first attack's start, and not the first few rounds."""
+    start, _ = attack_rounds(attackers, rounds)
+    return max(min(_SETTLED, rounds // 2), start if start < rounds else 0)
+
+
+def damage(
+    roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy], rates_raters: bool = True
+) -> dict[str, Estimate]:
+    """What an attack took from the honest, see `roletrust_env.metrics.damage`.
+
+    Args:
+        roster: who is who.
+        curves: under the attack.
+        twin: with the same luck and everyone honest.
+        attackers: who attacks.
+        rates_raters: whether the model does; without, the damage to agents that only rate is undefined.
+
+    Returns:
+        The damage to each role, and to all honest agents.
+    """
+    honest = [i for i, name in enumerate(roster.names) if name not in attackers]
+    roles = _by_role(roster, honest)
+    who = {f"{len(places)} {role}": places for role, places in roles.items()} if len(roles) > 1 else {}
+    who |= {f"all {len(honest)} honest": honest} if honest else {}
+    unrated = _undefined(curves.trust.shape[-1], _UNRATED)
+    return {
+        label: _scored(
+            metrics.damage(curves.trust, twin.trust, places)
+            if all(_rated(_role(roster.names[i]), rates_raters) for i in places)
+            else unrated
+        )
+        for label, places in who.items()
+    }
+
+
+def under_attack(
+    roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy], rates_raters: bool = True
+) -> dict[str, Estimate]:
+    """How an attack is told apart, what it costs consumers, and how long it is felt; see `roletrust_env.metrics`.
+
+    Args:
+        roster: who is who.
+        curves: under the attack.
+        twin: with the same luck and everyone honest; None if there are no such games.
+        attackers: who attacks.
+        rates_raters: whether the model does; without, agents that only rate count in nothing.
+
+    Returns:
+        For each role that attacks, the AUC of its agents' mean trust under the attack and of that at the end; the false
+        alarms among the honest; the utility of going by ToP, under the attack and without it; and the rounds of
+        recovery after the attack.
+    """
+    rounds, games = len(curves.trust), curves.trust.shape[-1]
+    start, stop = attack_rounds(attackers, rounds)
+    judged = [i for i, name in enumerate(roster.names) if _rated(_role(name), rates_raters)]
+    honest = [i for i in judged if roster.names[i] not in attackers]
+    found = {}
+    for role, places in _by_role(roster, range(len(roster.names))).items():
+        bad = [k for k, i in enumerate(places) if roster.names[i] in attackers]
+        trust = curves.trust[:, places]
+        if bad:
+            unrated = None if places[0] in judged else _undefined(games, _UNRATED)
+            meanwhile = metrics.auc(mean_where(trust[start:stop], axis=0), bad)
+            meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
+            found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
+            found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
+    found["false alarms"] = metrics.false_alarms(curves.trust, honest)
+    found["utility"] = metrics.utility(curves.top, curves.offered)
+    if twin is None:
+        why = "a live camera shows nothing twice, so there are no games without the attack"
+        found |= {UTILITY_WITHOUT: _undefined(games, why), RECOVERY: _undefined(games, why)}
+    else:
+        found[UTILITY_WITHOUT] = metrics.utility(twin.top, twin.offered)
+        why = _NEVER if start >= rounds else "the attack lasts to the end"
+        over = start < stop < rounds
+        back = metrics.recovery(curves.trust, twin.trust, honest, stop) if over else _undefined(games, why)
+        found[RECOVERY] = back
+    return {name: _scored(score) for name, score in found.items()}
+
+
+def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
+    """One number a game for each measure, and of these the mean; both arrays are (T, agents, games)."""
+    each_round = mean_where(trust, axis=1)
+    lowest = np.where(np.isnan(each_round), np.inf, each_round)[since:].min(axis=0)
+    per_game = (
+        mean_where(trust, axis=(0, 1)),
+        np.where(np.isinf(lowest), np.nan, lowest),
+        each_round[-1],
+        mean_where(rewards, axis=(0, 1)),
+    )
+    return {name: estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
+
+
+def _scored(score: Score) -> Estimate:
+    """The mean of a score over games, and why and how often it is undefined."""
+    missing, games = int(np.isnan(score.value).sum()), score.value.size
+    where = f", in {missing} of {games} games" if missing < games else ""
+    return estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")
+
+
+def _undefined(games: int, why: str) -> Score:
+    return Score(np.full(games, np.nan), why)
+
+
+def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
+    """Places of agents, by their role."""
+    roles: dict[str, list[int]] = {}
+    for i in places:
+        roles.setdefault(_role(roster.names[i]), []).append(i)
+    return roles
+
+
+def _rated(role: str, rates_raters: bool) -> bool:
+    """Whether the model judges agents of a role at all."""
+    return rates_raters or role != "sr"
+
+
+def _role(agent: str) -> str:
+    return agent.partition("_")[0]

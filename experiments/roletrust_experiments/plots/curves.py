@@ -1,0 +1,206 @@
+"""The trust curves of any game, in one picture: lines for a few agents, bands for a crowd."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from roletrust_env import Game, Policy
+from roletrust_env.evaluation.curves import Curves
+from roletrust_env.game.schedule import WindowedAttack
+from roletrust_env.metrics.confidence import Floats, over_games
+from roletrust_env.metrics.score import mean_where
+from roletrust_experiments.paper.footage import loop_note
+from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
+
+_FAINT = 0.3  # opacity
+_VISIBLE = 0.005  # width of a band that can be seen
+_FEW = 4  # up to as many honest agents get a line each
+_NAMED = 4  # up to as many attackers are named and coloured one by one
+
+
+class _Look(NamedTuple):
+    """How a line looks."""
+
+    label: str
+    colour: str
+    width: float
+    dashes: str | tuple[float, object]
+
+
+def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str, Policy]) -> Figure:
+    """The trust of raters, of providers, and of agents that are both, against seconds.
+
+    Honest agents get a line each, or in a crowd the mean over them and a band that holds the middle 90 of 100.
+    Attackers always have lines of their own. Over several games a line is the mean, in its 95% confidence interval.
+    A line is faint where fewer than half of those that it stands for are present, and its label counts them at the end.
+
+    Args:
+        title: of the picture.
+        game: that was played.
+        curves: what it left behind.
+        attackers: who attacks, and how.
+    """
+    roster, scenario = game.roster, game.scenario
+    panels = [Panel("trust of raters, ToR", roster.rater_names, curves.tor)] if game.model.rates_raters else []
+    panels.append(Panel("trust of providers, ToP", roster.provider_names, curves.top))
+    if roster.n_both:
+        both = roster.n_agents - roster.n_both
+        panels.append(Panel("trust of both, ToA", roster.names[both:], curves.trust[:, both:]))
+    period = scenario.period_s
+    end = scenario.max_cycles * period
+    perturbed = [
+        (blow.start * period, blow.stop * period) for blow in scenario.perturbations if blow.start < scenario.max_cycles
+    ]
+    windows, notes = _windows(attackers, period, end), [note for note in [loop_note(game)] if note]
+    return trust_figure(
+        title, panels, curves.time_s, end, attackers=attackers, attacks=windows, perturbed=perturbed, notes=notes
+    )
+
+
+class Panel(NamedTuple):
+    """The trust of some agents, (T, agents, games), by their names, and what it is called."""
+
+    label: str
+    names: Sequence[str]
+    trust: Floats
+
+
+def trust_figure(
+    title: str,
+    panels: Sequence[Panel],
+    time_s: Floats,
+    end: float,
+    *,
+    attackers: Collection[str] = (),
+    attacks: Iterable[tuple[float, float]] = (),
+    perturbed: Iterable[tuple[float, float]] = (),
+    notes: Sequence[str] = (),
+) -> Figure:
+    """Trust against seconds, in one or more panels. Lines are as in `curve_figure`.
+
+    Args:
+        title: of the picture.
+        panels: one above the other.
+        time_s: (T,).
+        end: of the axis, seconds.
+        attackers: their names.
+        attacks: stretches of time in which anybody attacks.
+        perturbed: stretches of time in which services are perturbed.
+        notes: to be read below.
+    """
+    figure = Figure(figsize=(9.6, 0.6 + 2.5 * len(panels)), layout="constrained")
+    grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    faints = []
+    for k, (axes, (label, names, trust)) in enumerate(zip(grid, panels, strict=True)):
+        tidy(axes, label)
+        shade(axes, attacks, ATTACKED, "attack" if k == 0 else None)
+        shade(axes, perturbed, PERTURBED, "perturbed" if k == 0 else None)
+        faints.append(_draw(axes, names, time_s, trust, attackers))
+        axes.set_xlim(0, end)
+        axes.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, labelcolor=INK, handlelength=2.6)
+    grid[-1].set_xlabel("time (s)", color=INK)
+    figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    games = panels[0].trust.shape[-1]
+    said = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
+    said += [*notes, *(["faint: more than half are absent"] if any(faints) else [])]
+    if said:
+        figure.supxlabel("; ".join(said), x=0.99, ha="right", fontsize=9, color=QUIET)
+    return figure
+
+
+def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Collection[str]) -> bool:
+    """All agents of one panel; trust is (T, agents, games). Returns whether some line is faint somewhere."""
+    bad = [i for i, name in enumerate(names) if name in attackers]
+    honest = [i for i in range(len(names)) if i not in bad]
+    faint = False
+    for k, i in enumerate(bad):
+        if len(bad) <= _NAMED:
+            look = _Look(f"{names[i]} (attacker)", ATTACKERS[k], 3.0, DASHES[k])
+            faint |= _line(axes, time_s, trust[:, [i]], look)
+        else:
+            label = _counted(f"{len(bad)} attackers", trust[:, bad]) if k == 0 else None
+            faint |= _thin(axes, time_s, trust[:, i], label)
+    if len(honest) <= _FEW:
+        for k, i in enumerate(honest):
+            faint |= _line(axes, time_s, trust[:, [i]], _Look(names[i], HONEST[k], 1.6, DASHES[k]))
+        return faint
+    crowd = trust[:, honest]
+    low, high = _middle(crowd.reshape(len(time_s), -1))
+    if np.nanmax(high - low, initial=0.0) > _VISIBLE:
+        axes.fill_between(time_s, low, high, color=HONEST[2], alpha=0.4, linewidth=0, zorder=2, label="90% of them")
+    return faint | _line(axes, time_s, crowd, _Look(f"mean of {len(honest)} honest", HONEST[0], 1.8, "-"))
+
+
+def _line(axes: Axes, time_s: Floats, values: Floats, look: _Look) -> bool:
+    """The mean of some agents over games, (T, agents, games), and its interval; returns whether it is faint somewhere.
+
+    Attackers, who are broad, lie under the others.
+    """
+    mean, half, games = over_games(mean_where(values, axis=1))
+    few = _few(values)
+    order = 4.0 - look.width / 10
+    style: Any = {"color": look.colour, "linestyle": look.dashes, "zorder": order}
+    axes.plot(time_s, np.where(few, np.nan, mean), linewidth=look.width, label=_counted(look.label, values), **style)
+    axes.plot(time_s, np.where(_and_next(few), mean, np.nan), linewidth=look.width, alpha=_FAINT, **style)
+    if values.shape[-1] > 1:
+        low, high = np.clip(mean - half, 0, 1), np.clip(mean + half, 0, 1)
+        axes.fill_between(time_s, low, high, where=~few, color=look.colour, alpha=0.25, linewidth=0, zorder=order - 0.5)
+    return bool((few & (games > 0)).any())
+
+
+def _thin(axes: Axes, time_s: Floats, values: Floats, label: str | None) -> bool:
+    """One of many attackers, (T, games); returns whether its line is faint somewhere."""
+    mean, _, games = over_games(values)
+    few = _few(values[:, None])
+    for shown, alpha, name in ((~few, 0.5, label), (_and_next(few), _FAINT / 2, None)):
+        axes.plot(time_s, np.where(shown, mean, np.nan), color=ATTACKERS[0], linewidth=0.8, alpha=alpha, label=name)
+    return bool((few & (games > 0)).any())
+
+
+def _few(values: Floats) -> npt.NDArray[np.bool_]:
+    """Where fewer than half of agents and games are there, (T,); values are (T, agents, games)."""
+    few: npt.NDArray[np.bool_] = (~np.isnan(values)).mean(axis=(1, 2)) < 0.5
+    return few
+
+
+def _and_next(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """The mask and its neighbours, so that a faint piece of a line touches the next one."""
+    wide = mask.copy()
+    wide[1:] |= mask[:-1]
+    wide[:-1] |= mask[1:]
+    return wide
+
+
+def _counted(label: str, values: Floats) -> str:
+    """The label, and how many are present at the end if not all are; values are (T, agents, games)."""
+    there = ~np.isnan(values[-1])
+    if there.all():
+        return label
+    agents, games = there.shape
+    if agents > 1:
+        return f"{label},\n{there.sum() / games:.3g} at the end"
+    return f"{label},\n{f'in {there.sum()} of {games} games' if games > 1 else 'gone'} at the end"
+
+
+def _middle(values: Floats) -> tuple[Floats, Floats]:
+    """The 5% and the 95% quantile of each row, of what is not NaN; NaN where nothing is."""
+    low, high = np.full((2, len(values)), np.nan)
+    some = ~np.isnan(values).all(axis=1)
+    low[some], high[some] = np.nanquantile(values[some], [0.05, 0.95], axis=1)
+    return low, high
+
+
+def _windows(attackers: Mapping[str, Policy], period_s: float, end: float) -> list[tuple[float, float]]:
+    """When anybody attacks, in stretches of time."""
+    windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
+    merged: list[tuple[float, float]] = []
+    for first, after in sorted(windows, key=lambda window: window[0]):
+        start, stop = first * period_s, end if after is None else min(after * period_s, end)
+        if merged and start <= merged[-1][1]:
+            start, stop = merged[-1][0], max(stop, merged.pop()[1])
+        merged.append((start, stop))
+    return [(start, stop) for start, stop in merged if start < end]

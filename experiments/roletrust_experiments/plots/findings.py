@@ -1,0 +1,162 @@
+"""The figure of an answer: means with their 95% intervals, along an axis of numbers or one row for each name."""
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from roletrust_env.metrics.confidence import Interval
+from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
+
+_COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2])
+_MARKS = ("o", "s", "^", "D", "v")
+_COLUMNS = 2
+_WIDE, _HIGH, _ROW = 4.7, 3.1, 0.25  # inches of a panel, and of a row of names
+_APART = 0.24  # of a row, between series
+_FAR = 0.6  # of the highest value, from which on the lowest one has nothing to do with 0
+_LONGEST = 96  # letters of a line of the title
+
+
+class Series(NamedTuple):
+    """Values with their intervals.
+
+    Attributes:
+        label: for the legend.
+        at: where each stands: numbers, or the names of rows.
+        values: as many.
+        known: whether they are a closed form, which is drawn as a quiet line.
+    """
+
+    label: str
+    at: Sequence[float] | Sequence[str]
+    values: Sequence[Interval]
+    known: bool = False
+
+
+class Panel(NamedTuple):
+    """One of the pictures of a figure.
+
+    Attributes:
+        title: of the panel.
+        along: what the values stand at; unused for names.
+        what: the values are.
+        series: that are shown, all at numbers or all at names, which are the same ones side by side.
+        scale: of an axis of numbers; `symlog` is linear up to the first number above 0.
+    """
+
+    title: str
+    along: str
+    what: str
+    series: Sequence[Series]
+    scale: Literal["linear", "log", "symlog"] = "linear"
+
+
+def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
+    """The panels side by side.
+
+    Args:
+        question: that they answer.
+        panels: at least one.
+        note: for the foot of the page.
+    """
+    looks, columns = _looks(panels), min(len(panels), _COLUMNS)
+    down = -(-len(panels) // columns)
+    high = max(_high(panel) for panel in panels)
+    figure = Figure(figsize=(_WIDE * max(columns, 1.7), down * high + 1.1), layout="constrained")
+    for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=True)):
+        if names := _names(panel):
+            _rows(axes, panel, looks)
+            axes.set_yticks(range(len(names)), names if k % columns == 0 else [], fontsize=9)
+        else:
+            _lines(axes, panel, looks)
+        axes.set_title(panel.title, loc="left", fontsize=10.5, color=INK)
+        _quiet(axes, "x" if names else "y")
+    figure.suptitle(fill(question, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    keys: dict[str, Any] = {}
+    for axes in figure.axes:
+        keys |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if len(keys) > 1:
+        figure.legend(
+            keys.values(), keys.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9, labelcolor=INK
+        )
+    figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
+    return figure
+
+
+def _high(panel: Panel) -> float:
+    """The height of a panel, inches."""
+    names = len(_names(panel))
+    return 1.0 + names * _ROW * (1 + _APART * len(panel.series)) if names else _HIGH
+
+
+def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
+    """A look for each label, the same in all panels; a closed form has the colour of what it is the form of."""
+    labels = list(dict.fromkeys(one.label for panel in panels for one in panel.series if not one.known))
+    looks: dict[str, dict[str, Any]] = {
+        label: {"color": _COLOURS[k % len(_COLOURS)], "marker": _MARKS[k % len(_MARKS)], "linestyle": DASHES[k % 4]}
+        for k, label in enumerate(labels)
+    }
+    known = dict.fromkeys(one.label for panel in panels for one in panel.series if one.known)
+    return looks | {label: {"color": QUIET, "linestyle": (0, (1, 1.5)), "linewidth": 1.3} for label in known}
+
+
+def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
+    """A line for each series."""
+    for one in panel.series:
+        value, low, high = np.array(one.values, float).reshape(-1, 3).T
+        at = np.array(one.at, float)
+        if one.known:
+            axes.plot(at, value, label=one.label, zorder=1.5, **looks[one.label])
+            continue
+        axes.plot(at, value, label=one.label, linewidth=1.6, markersize=5, zorder=3, **looks[one.label])
+        axes.errorbar(
+            at, value, yerr=_bars(value, low, high), fmt="none", ecolor=looks[one.label]["color"], capsize=2.5
+        )
+    numbers = sorted({float(x) for one in panel.series if not one.known for x in one.at})
+    if panel.scale == "symlog":
+        axes.set_xscale("symlog", linthresh=min(x for x in numbers if x > 0), linscale=0.6)
+    elif panel.scale == "log":
+        axes.set_xscale("log")
+    axes.set_xticks(numbers, [f"{x:g}" for x in numbers])
+    axes.set_xticks([], minor=True)
+    if axes.get_ylim()[0] < _FAR * axes.get_ylim()[1]:
+        axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1)
+    axes.set_xlabel(panel.along, color=INK)
+    axes.set_ylabel(panel.what, color=INK)
+
+
+def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
+    """A row for each name, and in it a mark for each series."""
+    names = _names(panel)
+    for k, one in enumerate(panel.series):
+        value, low, high = np.array(one.values, float).reshape(-1, 3).T
+        places = [names.index(str(name)) + (k - (len(panel.series) - 1) / 2) * _APART for name in one.at]
+        look = {**looks[one.label], "linestyle": ""}
+        axes.plot(value, places, label=one.label, markersize=5.5, zorder=3, **look)
+        axes.errorbar(value, places, xerr=_bars(value, low, high), fmt="none", ecolor=look["color"], capsize=2.5)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
+    axes.set_xlabel(panel.what, color=INK)
+
+
+def _bars(value: Any, low: Any, high: Any) -> Any:
+    """The lengths of error bars below and above; none where there is no interval."""
+    return np.nan_to_num(np.maximum([value - low, high - value], 0))
+
+
+def _names(panel: Panel) -> list[str]:
+    """The names of the rows; none of an axis of numbers."""
+    return list(dict.fromkeys(at for one in panel.series for at in one.at if isinstance(at, str)))
+
+
+def _quiet(axes: Axes, grid: Literal["x", "y"]) -> None:
+    axes.grid(axis=grid, color="#E5E7EB", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#9CA3AF")

@@ -1,0 +1,100 @@
+"""The picture of a learners' suite: who reaches what over all tasks, and with how many rounds on each of them."""
+
+from collections.abc import Mapping, Sequence
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from roletrust_env.benchmark.learners.shares import EVERY, Result, Scale, ranked
+from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
+
+_COLUMNS = 4
+"""Tasks side by side."""
+
+_LOWEST = -0.5
+"""Share below which nothing is shown: far below honest play, one place is as bad as another."""
+
+
+def learners_figure(about: str, found: Sequence[Result], scales: Mapping[str, Scale]) -> Figure:
+    """The whole picture.
+
+    Args:
+        about: the title.
+        found: what the learners reach, see `roletrust_env.benchmark.learners.shares.results`.
+        scales: of the tasks.
+    """
+    names = ranked(found)
+    colours = [*HONEST, *ATTACKERS]
+    looks = {
+        name: {"color": colours[k % len(colours)], "linestyle": DASHES[k // len(colours) % len(DASHES)]}
+        for k, name in enumerate(names)
+    }
+    rows = -(-len(scales) // _COLUMNS)
+    above, below = 1.2 + 0.4 * max(len(names), 5), 3.0 * rows
+    figure = Figure(figsize=(11.6, above + below), layout="constrained")
+    halves: Any = figure.subfigures(2, 1, height_ratios=[above, below], hspace=0.04)
+    bars, curve = halves[0].subplots(1, 2)
+    halves[0].suptitle(about, x=0.012, ha="left", fontsize=13, fontweight="bold", color=INK)
+    _bars(bars, [one for one in found if one.task == EVERY], names, looks)
+    _curves(curve, [one for one in found if one.task == EVERY], looks)
+    curve.set_title(EVERY, loc="left", fontsize=10, color=INK)
+    grid = halves[1].subplots(rows, min(_COLUMNS, len(scales)), squeeze=False, sharey=True)
+    for axes in grid.flat[len(scales) :]:
+        axes.set_visible(False)
+    for axes, (task, scale) in zip(grid.flat, scales.items(), strict=False):
+        _curves(axes, [one for one in found if one.task == task], looks)
+        axes.set_title(f"{task}\n{fill('1 is ' + scale.words, 38)}", loc="left", fontsize=9, color=INK)
+    for axes in [curve, *grid[:, 0]]:
+        axes.set_ylabel("share, interquartile mean", color=INK)
+    return figure
+
+
+def _bars(axes: Axes, found: Sequence[Result], names: Sequence[str], looks: Mapping[str, dict[str, Any]]) -> None:
+    """What each learner reaches with the largest budget, the best on top, with its interval."""
+    largest = max((one.budget for one in found), default=0)
+    mine = {one.learner: one.share for one in found if one.budget == largest}
+    for place, name in enumerate(reversed(names)):
+        if name not in mine:
+            axes.text(0, place, " not on every task", va="center", fontsize=9, color=looks[name]["color"])
+            continue
+        value, low, high = np.maximum(mine[name], _LOWEST)
+        axes.barh(place, value, color=looks[name]["color"], height=0.62, zorder=2)
+        if not np.isnan(low):
+            axes.plot([low, high], [place, place], color=INK, linewidth=1.2, zorder=3)
+        axes.text(np.nanmax([value, high, 0]) + 0.02, place, f"{mine[name].value:.3f}", va="center", fontsize=9.5)
+    axes.set_yticks(range(len(names)), list(reversed(names)), color=INK)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    axes.set_xlim(min(0.0, axes.get_xlim()[0]), max(1.0, axes.get_xlim()[1]) * 1.12)
+    axes.axvline(1, color=QUIET, linewidth=0.8, linestyle="--")
+    axes.set_xlabel(f"share with {largest:,} rounds, 95% interval", color=INK)
+    axes.grid(axis="x", color="#E5E7EB", linewidth=0.8)
+    _quiet(axes)
+
+
+def _curves(axes: Axes, found: Sequence[Result], looks: Mapping[str, dict[str, Any]]) -> None:
+    """A line for each learner: its share by the rounds that it could play."""
+    for name, look in looks.items():
+        mine = sorted((one for one in found if one.learner == name), key=lambda one: one.budget)
+        budgets = [one.budget for one in mine]
+        value, low, high = np.maximum(np.array([one.share for one in mine]).reshape(-1, 3).T, _LOWEST)
+        axes.fill_between(budgets, low, high, color=look["color"], alpha=0.13, linewidth=0)
+        axes.plot(budgets, value, marker="o", markersize=3.5, linewidth=1.7, label=name, **look)
+    axes.axhline(1, color=QUIET, linewidth=0.8, linestyle="--")
+    axes.axhline(0, color=QUIET, linewidth=0.8)
+    budgets = sorted({one.budget for one in found})
+    axes.set_xscale("log")
+    axes.set_xticks(budgets, [f"{budget / 1000:g}k" for budget in budgets])
+    axes.set_xticks([], minor=True)
+    axes.set_xlabel("rounds of play", color=INK)
+    axes.grid(axis="y", color="#E5E7EB", linewidth=0.8)
+    _quiet(axes)
+
+
+def _quiet(axes: Axes) -> None:
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)

@@ -1,0 +1,159 @@
+"""Every trust model under the same attacks: a row for each model, a column for each attack, small and alike."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from rich.progress import Progress
+
+from roletrust_env import JointPolicy
+from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.metrics.confidence import Floats
+from roletrust_env.metrics.score import mean_where
+from roletrust_env.world.roster import Roster
+from roletrust_experiments.playing.group_measures import attack_rounds
+from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
+
+_ROW, _HEAD = 0.82, 1.5  # inches
+_SMALL = 3.6, 2.7
+_COLOURS = {"honest": HONEST[0], "attackers": ATTACKER}
+_TRUSTS: dict[str, tuple[Any, float]] = {"ToP": ("-", 1.7), "ToR": (DASHES[2], 1.5)}
+_WORDS = {
+    ("ToP", "honest"): "honest providers",
+    ("ToR", "honest"): "honest raters",
+    ("ToP", "attackers"): "attacking providers",
+    ("ToR", "attackers"): "attacking raters",
+}
+
+
+class Panel(NamedTuple):
+    """One model under one attack.
+
+    Attributes:
+        time_s: seconds, (T,).
+        lines: mean trust over agents and games, (T,), by the trust, `"ToR"` or `"ToP"`, and whose, `"honest"` or
+            `"attackers"`, as far as there are such agents and the model rates them.
+        attacked: seconds from and to which the attack lasts.
+    """
+
+    time_s: Floats
+    lines: Mapping[tuple[str, str], Floats]
+    attacked: tuple[float, float]
+
+
+def play_panel(joint_policy: JointPolicy, seed: int, progress: Progress, label: str, *, games: int) -> Panel:
+    """Play games of one model under one attack; see `record`."""
+    game = joint_policy.game
+    curves = record(joint_policy, seed, progress, label, games=games)
+    lines = mean_lines(game.roster, curves, joint_policy.attackers, game.model.rates_raters)
+    start, stop = (r * game.scenario.period_s for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles))
+    return Panel(curves.time_s, lines, (start, stop))
+
+
+def mean_lines(
+    roster: Roster, curves: Curves, attackers: Sequence[str], rates_raters: bool
+) -> dict[tuple[str, str], Floats]:
+    """The lines of a panel.
+
+    Args:
+        roster: who is who.
+        curves: of the games.
+        attackers: names of the attackers.
+        rates_raters: whether the model does.
+    """
+    sides = [("ToP", roster.provider_names, curves.top)]
+    sides += [("ToR", roster.rater_names, curves.tor)] if rates_raters else []
+    found = {}
+    for trust, names, values in sides:
+        bad = np.array([name in attackers for name in names])
+        for whose, places in (("honest", ~bad), ("attackers", bad)):
+            if places.any():
+                found[trust, whose] = mean_where(values[:, places], axis=(1, 2))
+    return found
+
+
+def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[str, str], note: str) -> Figure:
+    """Small multiples.
+
+    Args:
+        panels: by model and by attack; the same attacks for every model.
+        families: of the models.
+        note: what is shown, for the foot of the page.
+    """
+    attacks = list(next(iter(panels.values())))
+    size = 2.6 + 2.5 * len(attacks), _HEAD + _ROW * len(panels)
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.03, hspace=0.02))
+    grid = figure.subplots(len(panels), len(attacks), sharex=True, sharey=True, squeeze=False)
+    for row, (model, by_attack) in zip(grid, panels.items(), strict=True):
+        for axes, attack in zip(row, attacks, strict=True):
+            _draw(axes, by_attack[attack])
+        row[0].set_ylabel(model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold")
+        row[0].annotate(
+            families[model],
+            (0, 0.5),
+            xytext=(-33, -12),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=8,
+            color=QUIET,
+        )
+    for axes, attack in zip(grid[0], attacks, strict=True):
+        axes.set_title(attack, color=INK, fontsize=10)
+    for axes in grid[-1]:
+        axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    shown = [panel for by_attack in panels.values() for panel in by_attack.values()]
+    figure.legend(handles=_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
+    figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
+    return figure
+
+
+def panel_figure(panel: Panel, title: str) -> Figure:
+    """One panel by itself, small."""
+    figure = Figure(figsize=_SMALL, layout="constrained")
+    axes = figure.subplots()
+    _draw(axes, panel)
+    axes.set_title(title, color=INK, fontsize=10)
+    axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    axes.set_ylabel("trust", color=INK, fontsize=9)
+    figure.legend(
+        handles=_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
+    )
+    return figure
+
+
+def in_words(panel: Panel) -> str:
+    """What a panel shows, for who cannot see it."""
+    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
+    told = []
+    for (trust, whose), values in panel.lines.items():
+        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
+        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
+    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    tidy(axes, "")
+    axes.tick_params(labelsize=8)
+    shade(axes, [panel.attacked], ATTACKED)
+    for (trust, whose), values in panel.lines.items():
+        dashes, width = _TRUSTS[trust]
+        axes.plot(panel.time_s, values, color=_COLOURS[whose], linestyle=dashes, linewidth=width)
+    axes.set_xlim(0, panel.time_s[-1])
+
+
+def _keys(panels: Iterable[Panel]) -> list[Line2D]:
+    """A line for each kind of line that there is."""
+    shown = {key for panel in panels for key in panel.lines}
+    return [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{_WORDS[trust, whose]}, {trust}")
+        for whose, colour in _COLOURS.items()
+        for trust, (dashes, width) in _TRUSTS.items()
+        if (trust, whose) in shown
+    ]

@@ -1,0 +1,148 @@
+"""The figures of the page. They come without data: `page.js` fills them with what the reader chose."""
+
+from typing import Any
+
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LinearColorMapper, NumeralTickFormatter, Range1d
+from bokeh.models.annotations import ColorBar, Span, TeeHead, Whisker
+from bokeh.palettes import Cividis256
+from bokeh.plotting import figure
+
+from roletrust_experiments.report.content import Content
+from roletrust_experiments.report.learners import Learners
+from roletrust_experiments.report.robustness import Robustness
+
+_TOOLS = "box_zoom,reset,save"
+_SURE = "@utility{0.000} ± @utility_half_95{0.000}"
+
+
+def figures(content: Content) -> dict[str, Any]:
+    """The figures by the name of their table."""
+    found: dict[str, Any] = {}
+    if content.robustness:
+        found |= {
+            "heatmap": _heatmap(content.robustness),
+            "curves": _curves(),
+            "breakdown": _breakdown(),
+            "tradeoff": _tradeoff(),
+        }
+    if content.learners:
+        found["learners"] = _learners(content.learners)
+    return found
+
+
+def _heatmap(told: Robustness) -> Any:
+    """A row for each model, a column for each attack, the darker the less is left; a frame around a worst case."""
+    table = told.tables["heatmap"]
+    source = _source("cells", *table.header, "column", "text", "ink", "frame")
+    left = [row[table.header.index("utility")] for row in table.rows]
+    mapper = LinearColorMapper(palette=Cividis256, low=min(left, default=0.0), high=1.0)
+    found = _figure(
+        x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above", height=190 + 24 * len(told.order)
+    )
+    fill: Any = {"field": "utility", "transform": mapper}
+    cells = found.rect("column", "model", 1, 1, source=source, fill_color=fill, line_color=fill)
+    found.rect("column", "model", 0.86, 0.84, source=source, fill_color=None, line_color="frame", line_width=2)
+    found.text(
+        "column", "model", "text", source=source, text_color="ink", text_align="center", text_baseline="middle",
+        text_font_size="11px",
+    )  # fmt: skip
+    found.xaxis.major_label_orientation = 0.9
+    found.grid.visible = False
+    _hover(
+        found, cells, ("where", "@condition"), ("under", "@attack, @rung"), ("utility", _SURE), ("blindly", "@blind")
+    )
+    found.add_layout(ColorBar(color_mapper=mapper, title="utility", width=12, background_fill_color=None), "right")
+    return found
+
+
+def _curves() -> Any:
+    """A line for each model, or for each attack on it."""
+    found = _figure(x_axis_label="round", y_axis_label="utility in the round", height=400)
+    lines = _lines(found, "lines", "model", "attack", "wide", "strength", line_width="wide", line_alpha="strength")
+    _hover(found, lines, ("under", "@attack"), ("round", "$x{0}"), ("utility", "$y{0.000}"))
+    return found
+
+
+def _breakdown() -> Any:
+    """A line for each model from share to share, with intervals."""
+    found = _figure(x_axis_label="share of the compromised", y_axis_label="utility in the worst case", height=400)
+    found.xaxis.formatter = NumeralTickFormatter(format="0%")
+    _lines(found, "lines", "model", line_width=2.2)
+    points = _source("points", "share", "utility", "utility_half_95", "low", "high", "model", "attack", *_LOOK)
+    marks = _marks_with_ends(found, "share", "utility", points)
+    _hover(found, marks, ("share", "@share{0%}"), ("under", "@attack"), ("utility", _SURE))
+    return found
+
+
+def _tradeoff() -> Any:
+    """A mark for each attack on each model; a large one for the worst case."""
+    found = _figure(x_axis_label="detectability (AUC)", y_axis_label="damage to the honest", height=440)
+    found.x_range = Range1d(start=-0.03, end=1.03)
+    more = ("auc_half_95", "damage_half_95", "attack", "size")
+    points = _source("points", "auc", "damage", "model", *more, *_LOOK)
+    marks = found.scatter(
+        "auc", "damage", source=points, marker="mark", size="size", color="colour", fill_alpha=0.75, line_alpha=1
+    )
+    found.add_layout(_level(0.5, "height"))
+    _hover(found, marks, ("under", "@attack"), _with_half("damage"), _with_half("auc"))
+    return found
+
+
+def _learners(told: Learners) -> Any:
+    """A line for each learner from budget to budget, with intervals."""
+    found = _figure(x_axis_label="rounds of play", y_axis_label="share of the optimum", height=400, x_axis_type="log")
+    found.y_range = Range1d(start=0.0, end=1.0)
+    found.xaxis.ticker = list(told.suite.budgets)
+    found.xaxis.formatter = NumeralTickFormatter(format="0,0")
+    for level in (0, 1):
+        found.add_layout(_level(level, "width"))
+    _lines(found, "lines", "learner", line_width=2.2)
+    points = _source("points", "budget", "share", "low", "high", "runs", "score", "task", "learner", *_LOOK)
+    marks = _marks_with_ends(found, "budget", "share", points)
+    _hover(
+        found, marks, ("on", "@task"), ("rounds", "@budget{0,0}"), ("runs", "@runs"),
+        ("share", "@share{0.000}, from @low{0.000} to @high{0.000}"), who="@learner",
+    )  # fmt: skip
+    return found
+
+
+_LOOK = ("colour", "mark")
+
+
+def _figure(**options: Any) -> Any:
+    found = figure(
+        sizing_mode="stretch_width", tools=_TOOLS, active_drag=None, toolbar_location="below", min_width=280, **options
+    )
+    found.toolbar.logo = None
+    found.outline_line_color = None
+    return found
+
+
+def _level(value: float, along: Any) -> Span:
+    """A line that means something: chance, honest play, the optimum."""
+    return Span(location=value, dimension=along, line_color="#8b949e", line_dash="dashed", line_width=1)
+
+
+def _source(name: str, *columns: str) -> ColumnDataSource:
+    return ColumnDataSource({column: [] for column in columns}, name=name)
+
+
+def _lines(found: Any, name: str, *more: str, **how: Any) -> Any:
+    source = _source(name, "xs", "ys", "colour", "dash", *more)
+    return found.multi_line("xs", "ys", source=source, line_color="colour", line_dash={"field": "dash"}, **how)
+
+
+def _marks_with_ends(found: Any, x: str, y: str, source: ColumnDataSource) -> Any:
+    """Marks, each with its interval."""
+    heads: Any = [TeeHead(size=7, line_color="colour") for _ in range(2)]
+    ends: Any = {"base": x, "lower": "low", "upper": "high", "lower_head": heads[0], "upper_head": heads[1]}
+    found.add_layout(Whisker(source=source, line_color="colour", **ends))
+    return found.scatter(x, y, source=source, marker="mark", size=9, color="colour", fill_alpha=0.75)
+
+
+def _hover(found: Any, renderer: Any, *said: tuple[str, str], who: str = "@model") -> None:
+    found.add_tools(HoverTool(renderers=[renderer], tooltips=[("", who), *said]))
+
+
+def _with_half(name: str) -> tuple[str, str]:
+    return name, f"@{name}{{0.000}} ± @{name}_half_95{{0.000}}"

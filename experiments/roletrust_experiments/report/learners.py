@@ -1,0 +1,75 @@
+"""What a learners' suite found, as the report tells it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.learners.leaderboard import standings
+from roletrust_env.benchmark.learners.shares import EVERY, HEADER, Result, Scale, lines, ranked
+from roletrust_env.benchmark.learners.suite import LearnersSuite
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.metrics.confidence import Interval
+from roletrust_experiments.report.table import Table
+
+
+class Learners(NamedTuple):
+    """The learners' part of a report.
+
+    Attributes:
+        suite: that was played.
+        software: that it was played with.
+        command: that plays it.
+        scales: what share 0 and 1 are on each task.
+        found: what each learner reaches.
+        warnings: what a reader should know.
+    """
+
+    suite: LearnersSuite
+    software: dict[str, Any]
+    command: str
+    scales: dict[str, Scale]
+    found: list[Result]
+    warnings: list[str]
+
+    @classmethod
+    def of(cls, suite: LearnersSuite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
+        """What a run found.
+
+        Args:
+            suite: of the run.
+            kept: its trials, with what became of them.
+            software: that it was played with.
+            path: of its file.
+
+        Raises:
+            ValueError: not one learner of it has been played.
+        """
+        scales, found = standings(suite, kept)
+        if not found:
+            raise ValueError(f"{path} holds no learner that was played; let `roletrust benchmark` go on first")
+        warnings = [f"{trial.key}: {done.failed}" for trial, done in kept if done.failed]
+        unfit = {f"{trial.learner} on {trial.task}": done.unsuitable for trial, done in kept if done.unsuitable}
+        warnings += [f"{who}: {why}" for who, why in unfit.items() if who.partition(" on ")[0] in suite.learners]
+        return cls(suite, software, command(suite, path), scales, found, warnings)
+
+    @property
+    def order(self) -> list[str]:
+        """The learners, the best first."""
+        return ranked(self.found)
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        """The one table, by the name of what shows it."""
+        tasks, names = [EVERY, *self.scales], self.order
+        found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
+        return {"learners": Table(HEADER, lines(found))}
+
+    @property
+    def shares(self) -> dict[str, dict[str, Interval]]:
+        """What each learner reaches with the largest budget, the best learner first: over all tasks, and on each."""
+        largest = self.suite.budgets[-1]
+        mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
+        nothing = Interval(float("nan"), float("nan"), float("nan"))
+        tasks = (EVERY, *self.scales)
+        return {name: {task: mine.get((name, task), nothing) for task in tasks} for name in self.order}

@@ -1,0 +1,193 @@
+"""What a suite for trust models found, as tables: the page shows them, and each is a CSV file beside it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmark.caveats import caveats
+from roletrust_env.benchmark.cells import cells, models
+from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.leaderboard import (
+    HEADER,
+    AttackScores,
+    Condition,
+    LeaderboardRow,
+    attack_scores,
+    leaderboard_rows,
+    worst,
+)
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.metrics.confidence import over_games
+from roletrust_env.metrics.score import ratio
+from roletrust_experiments.report.table import Table
+
+_POINTS = 40
+"""Of a curve at the most; the rounds of longer games are averaged a few at a time."""
+
+Floats = npt.NDArray[np.float64]
+
+
+class Robustness(NamedTuple):
+    """The trust models' part of a report.
+
+    Attributes:
+        suite: that was played.
+        software: that it was played with.
+        command: that plays it.
+        standings: the leaderboard, the best first.
+        blind: utility of choosing blindly in the games of the first one's worst cases.
+        conditions: in which there are attacks.
+        tables: by the name of what shows them.
+        warnings: what a reader should know.
+    """
+
+    suite: Suite
+    software: dict[str, Any]
+    command: str
+    standings: list[LeaderboardRow]
+    blind: float
+    conditions: list[str]
+    tables: dict[str, Table]
+    warnings: list[str]
+
+    @classmethod
+    def of(cls, suite: Suite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
+        """What a run found. Arguments as for `roletrust_experiments.report.learners.Learners.of`.
+
+        Raises:
+            ValueError: not one attack of it has been played.
+        """
+        names, attacks = models(suite), attack_scores(kept)
+        struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
+        if not struck:
+            raise ValueError(f"{path} holds no attack that was played; let `roletrust benchmark` go on first")
+        rows = leaderboard_rows(suite, kept, names, len(cells(suite)) // len(names))
+        places = _places(suite, [row.model for row in rows])
+        for some in (attacks, struck):
+            some.sort(key=places)
+        cases = worst(attacks)
+        tables = {
+            "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
+            "heatmap": _heatmap(struck, cases),
+            "curves": _curves(suite, attacks, cases),
+            "breakdown": _breakdown(suite, cases),
+            "tradeoff": _tradeoff(attacks, cases),
+        }
+        first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
+        blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
+        where = list(dict.fromkeys(called(one.condition) for one in struck))
+        warnings = caveats(suite, kept, attacks, names)
+        return cls(suite, software, command(suite, path), rows, blind, where, tables, warnings)
+
+    @property
+    def order(self) -> list[str]:
+        """The models, the best first."""
+        return [row.model for row in self.standings]
+
+
+def called(condition: Condition) -> str:
+    """A condition in words."""
+    share = f" {condition.share:.0%}" if condition.share else ""
+    return f"{condition.scenario}, {condition.track}{share}"
+
+
+def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tuple[Any, ...]]:
+    """Sorts by condition, as the suite has them, and in each the best model first."""
+    scenarios, tracks = list(suite.scenarios), list(suite.tracks)
+
+    def place(one: AttackScores) -> tuple[Any, ...]:
+        where = one.condition
+        found = scenarios.index(where.scenario), tracks.index(where.track), where.share
+        return *found, order.index(one.model), one.attack
+
+    return place
+
+
+_Worst = dict[tuple[str, Condition], AttackScores]
+
+
+def _is_worst(one: AttackScores, cases: _Worst) -> bool:
+    return cases.get((one.model, one.condition)) is one
+
+
+def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
+    """Utility under each attack; in each condition those first that do most harm to all models."""
+    harm: dict[tuple[Condition, str], list[float]] = {}
+    for one in struck:
+        harm.setdefault((one.condition, one.attack), []).append(_mean(one.measured["utility"])[0])
+    means = {key: float(np.nanmean(values)) for key, values in harm.items()}
+    where = list(dict.fromkeys(one.condition for one in struck))
+    struck = sorted(struck, key=lambda one: (where.index(one.condition), means[one.condition, one.attack]))
+    header = ("condition", "attack", "model", "rung", "utility", "utility_half_95", "blind", "worst")
+    return Table(header, [(*_name(one), one.rung, *_utility(one), _is_worst(one, cases)) for one in struck])
+
+
+def _name(one: AttackScores) -> tuple[str, str, str]:
+    return called(one.condition), one.attack, one.model
+
+
+def _utility(one: AttackScores) -> tuple[float, float, float]:
+    return *_mean(one.measured["utility"]), _mean(one.measured["blind"])[0]
+
+
+def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Table:
+    """Utility from round to round; the conditions in which all are honest come last."""
+    header = ("condition", "attack", "model", "worst", "rounds", "utility")
+    rows = []
+    for one in sorted(attacks, key=lambda one: not suite.tracks[one.condition.track].roles):
+        if len(one.by_round):
+            rounds, utility = _few(one.by_round)
+            rows.append((*_name(one), _is_worst(one, cases), rounds, utility))
+    return Table(header, rows)
+
+
+def _few(by_round: Floats) -> tuple[list[float], list[float]]:
+    """A curve with not too many points, and the rounds, counted from 1, in the middle of which each stands."""
+    many = -(-len(by_round) // _POINTS)
+    starts, there = np.arange(0, len(by_round), many), ~np.isnan(by_round)
+    rounds = np.add.reduceat(np.arange(len(by_round)) + 2.0, starts) / np.diff([*starts, len(by_round)])
+    sums = np.add.reduceat(np.where(there, by_round, 0.0), starts)
+    utility: Floats = ratio(sums, np.add.reduceat(there.astype(np.float64), starts))
+    return rounds.tolist(), utility.tolist()
+
+
+def _breakdown(suite: Suite, cases: _Worst) -> Table:
+    """Utility in the worst case by the share of the compromised, from 0 where everybody is honest in the same world."""
+    header = ("where", "share", "model", "attack", "utility", "utility_half_95")
+    rows = []
+    for (model, where), one in cases.items():
+        for scenario, track in _stand_for(suite, where):
+            mean, half = _mean(one.utility)
+            rows.append((f"{scenario}, {track}", where.share, model, one.attack, mean, half))
+    tracks = [f"{scenario}, {track}" for scenario in suite.scenarios for track in suite.tracks]
+    rows.sort(key=lambda row: (tracks.index(row[0]), row[2], row[1]))
+    return Table(header, rows)
+
+
+def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
+    """The tracks of which a condition is a point: its own; if all are honest there, those that change the same."""
+    mine = suite.tracks[where.track]
+    for name, track in suite.tracks.items():
+        if track.roles and (name == where.track or (not mine.roles and track.set == mine.set)):
+            yield where.scenario, name
+
+
+def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
+    """What an attack costs the honest, and how well it is told apart."""
+    header = ("condition", "attack", "model", "damage", "damage_half_95", "auc", "auc_half_95", "worst")
+    rows = []
+    for one in attacks:
+        damage, auc = _mean(one.measured["damage"]), _mean(one.measured["auc"])
+        if not np.isnan([damage[0], auc[0]]).any():
+            rows.append((*_name(one), *damage, *auc, _is_worst(one, cases)))
+    return Table(header, rows)
+
+
+def _mean(values: Floats) -> tuple[float, float]:
+    """A mean and half its interval; over games."""
+    mean, half, _ = over_games(values)
+    return float(mean), float(half)

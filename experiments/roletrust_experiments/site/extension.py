@@ -1,0 +1,38 @@
+"""The extension: pages are written before Sphinx reads them, docstrings are read as this project writes them."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from myst_nb.core import render
+from sphinx.application import Sphinx
+from sphinx.config import Config
+
+from roletrust_experiments.site import docstrings
+from roletrust_experiments.site.arrows import Arrows
+from roletrust_experiments.site.pages import write_pages
+from roletrust_experiments.site.streams import whole_streams
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """What Sphinx calls when it loads the extension.
+
+    `site_quick` makes the same pages with pictures of shorter games, for tests.
+    """
+    app.add_directive("mermaid", Arrows)
+    render.coalesce_streams = whole_streams
+    app.add_config_value("site_quick", False, "env", (bool,))
+    app.connect("config-inited", _begin, priority=700)  # before it is seen whether there are the folders it names
+    app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", docstrings.as_written)
+    app.connect("autodoc-skip-member", docstrings.skipped)
+    app.connect("missing-reference", docstrings.found_by_its_last_names)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _begin(app: Sphinx, config: Config) -> None:
+    # Tutorials call `roletrust` of the environment that builds the site, whether it is activated or not.
+    os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # tables have room, and no colours of a terminal
+    write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)

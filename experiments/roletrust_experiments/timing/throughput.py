@@ -1,0 +1,50 @@
+"""What searching for the worst case costs beside playing: env-steps of scripted cells and of the bare game."""
+
+from collections.abc import Iterator
+from time import process_time
+from typing import NamedTuple
+
+from roletrust_env import Game, JointPolicy
+from roletrust_env.benchmark.cells import Cell, cells, place
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.game.rollout import play
+
+
+class Throughput(NamedTuple):
+    """Env-steps, rounds x games, in a second of one core.
+
+    Attributes:
+        cell: from the name of a cell to its scores: everything that is done for them.
+        game: of the same scenario in a batch of the same size, played honestly by `roletrust_env.game.rollout.play`.
+    """
+
+    cell: float
+    game: float
+
+
+def throughput(suite: Suite, models: tuple[str, ...] = ("role-trust", "mean"), turns: int = 3) -> Iterator[Throughput]:
+    """Measure both in turn for the scripted cells of some models: one cell for each model and track with attackers.
+
+    Args:
+        suite: whose cells they are.
+        models: trust models.
+        turns: of each of the two; the fastest counts, which other work on the machine disturbed least.
+    """
+    chosen: dict[tuple[str, str], Cell] = {}
+    for cell in cells(suite.model_copy(update={"models": models, "rungs": ("scripted",)})):
+        if suite.tracks[cell.track].roles:
+            chosen.setdefault((cell.model, cell.track), cell)
+    for cell in chosen.values():
+        yield Throughput(*map(max, zip(*(_turn(suite, cell) for _ in range(turns)), strict=True)))
+
+
+def _turn(suite: Suite, cell: Cell) -> Throughput:
+    began = process_time()
+    done = play_cell(suite, cell)
+    between = process_time()
+    scenario = place(suite, cell).scenario
+    game, batch = Game(scenario, parse_trust_model(cell.model, scenario)), (len(done.rows), 2 * suite.games)
+    steps = batch[0] * batch[1] * sum(1 for _ in play(JointPolicy(game, {}), game.random(cell.seed), batch))
+    return Throughput(done.env_steps / (between - began), steps / (process_time() - between))

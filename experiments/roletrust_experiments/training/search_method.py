@@ -1,0 +1,67 @@
+"""A learner of Stable-Baselines3 as a rung of the ladder: it learns now, for the budget that all have."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from roletrust_agents.learned.methods import Mind
+
+from roletrust_env.evaluation.search import OnRounds, RoundCounter, SearchResult, TaskArguments, UnsuitableError
+from roletrust_env.game.attack_task import make_task
+from roletrust_experiments.training.settings import Algo
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+_GAMES = 32
+"""That are played as one batch, at the most: a small budget leaves time for many updates of few games, and not for few
+of many."""
+
+
+@dataclass(frozen=True)
+class Learner:
+    """Learns from what its agents see in life, and plays what it has learned at the end, without exploring.
+
+    Attributes:
+        algo: how it learns.
+        name: in tables.
+    """
+
+    algo: Algo
+    name: str = "PPO"
+
+    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
+        """See `Rung.attack`."""
+        from roletrust_experiments.training.experience import StaggeredGames
+        from roletrust_experiments.training.learners import make_model, network_of, normalising_rounds
+        from roletrust_experiments.training.settings import make_settings
+
+        task = make_task(**arguments, like=np.zeros((), np.float32))
+        settings = make_settings("", self.algo, {})
+        settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
+        used = RoundCounter(tell)
+        used.count(normalising_rounds(task))
+        model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)
+        kept: Any = settings
+        rollout = settings.games * getattr(kept, "n_steps", 1)
+        steps = (budget - used.rounds) // rollout * rollout
+        if steps < 1:
+            raise UnsuitableError(f"the budget of {budget} rounds is too small for {self.name}")
+        model.learn(steps)
+        used.count(steps)
+        return SearchResult(Mind(network_of(model), "black_box"), used.rounds, f"{self.name} in {steps} rounds")
+
+
+def ppo() -> Learner:
+    """Return PPO."""
+    return Learner("ppo", "PPO")
+
+
+def recurrent_ppo() -> Learner:
+    """Return PPO with an LSTM."""
+    return Learner("recurrent-ppo", "recurrent PPO")
+
+
+def sac() -> Learner:
+    """Return SAC."""
+    return Learner("sac", "SAC")

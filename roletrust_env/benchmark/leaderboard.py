@@ -1,0 +1,226 @@
+"""The leaderboard: for every trust model the worst case over all attacks, chosen on some games and measured on others.
+
+A condition is a scenario, a track and a share. In each the worst case is the attack that leaves consumers the least
+utility in the games for choosing, over all rungs but those that know more than an attacker has in life. What counts is
+its utility in the other games; and never less than going to any provider blindly would have brought in them, for that a
+consumer can always do. A model that ignores ratings has just that everywhere, and is last.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmark.schema import AttackResult
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.benchmark.suite import OPEN, Suite
+from roletrust_env.metrics.confidence import Estimate, over_games
+from roletrust_env.metrics.score import mean_where
+
+Floats = npt.NDArray[np.float64]
+
+_RESAMPLES = 2000
+
+
+class Condition(NamedTuple):
+    """Where a model is attack_scores."""
+
+    scenario: str
+    track: str
+    share: float
+
+
+class AttackScores(NamedTuple):
+    """What one attack did to one model in one condition.
+
+    Attributes:
+        model: its name.
+        condition: where.
+        attack: its name.
+        rung: that found it.
+        words: what it is.
+        chosen: utility in the games for choosing, of all seeds one after the other, (G,).
+        measured: what was measured in the other games, (G,) each, by the names of `play.MEASURED`.
+        by_round: utility in each round of these from the second on, the mean over them, (T - 1,).
+    """
+
+    model: str
+    condition: Condition
+    attack: str
+    rung: str
+    words: str
+    chosen: Floats
+    measured: Mapping[str, Floats]
+    by_round: Floats
+
+    @property
+    def utility(self) -> Floats:
+        """What counts: utility, and in the mean never less than going blindly, (G,)."""
+        got, blind = self.measured["utility"], self.measured["blind"]
+        return got if np.nanmean(got) >= np.nanmean(blind) else blind
+
+
+class LeaderboardRow(NamedTuple):
+    """A line of the leaderboard; each number with half its 95% interval over the games.
+
+    Attributes:
+        rank: from 1.
+        model: its name.
+        clean: utility while everybody is honest, the mean over the tracks on which nobody is compromised.
+        worst: utility in the worst case, the mean over the conditions.
+        open_worst: the same where rungs that know more count, too.
+        damage: what the honest lost of their trust in the worst case.
+        false_alarms: share of the honest taken for attackers while everybody is honest.
+        detection: AUC in the worst case.
+        holds: probability that the rank is the same on new games.
+        missing: cells that failed, wholly or in part, or are not played yet.
+    """
+
+    rank: int
+    model: str
+    clean: Estimate
+    worst: Estimate
+    open_worst: Estimate
+    damage: Estimate
+    false_alarms: Estimate
+    detection: Estimate
+    holds: float
+    missing: int
+
+    def line(self) -> list[object]:
+        """It as plain values, see `HEADER`."""
+        numbers = [value for estimate in self[2:8] for value in estimate[:2]]
+        return [self.rank, self.model, *numbers, self.holds, self.missing]
+
+
+HEADER = (
+    "rank",
+    "model",
+    *(f"{name}{end}" for name in LeaderboardRow._fields[2:8] for end in ("", "_half_95")),
+    "holds",
+    "missing",
+)
+"""Of the leaderboard as a table."""
+
+
+def attack_scores(kept: Iterable[StoredCell]) -> list[AttackScores]:
+    """All attacks of a run, those of several seeds as one."""
+    found: dict[tuple[str, Condition, str, str], list[AttackResult]] = {}
+    for cell, done in kept:
+        for row in done.rows:
+            where = Condition(cell.scenario, cell.track, cell.share)
+            found.setdefault((cell.model, where, row.attack, cell.rung), []).append(row)
+    return [
+        AttackScores(
+            model,
+            where,
+            attack,
+            rung,
+            "; ".join(dict.fromkeys(row.words for row in rows)),
+            np.concatenate([numbers(row.chosen["utility"]) for row in rows]),
+            {name: np.concatenate([numbers(row.measured[name]) for row in rows]) for name in rows[0].measured},
+            mean_where(np.stack([numbers(row.by_round) for row in rows]), axis=0),
+        )
+        for (model, where, attack, rung), rows in found.items()
+    ]
+
+
+def worst(
+    attacks: Iterable[AttackScores], knowing: frozenset[str] = frozenset()
+) -> dict[tuple[str, Condition], AttackScores]:
+    """The worst case of every model in every condition: the least utility in the games for choosing.
+
+    Args:
+        attacks: all there are.
+        knowing: rungs among `OPEN` that count, too.
+    """
+    found: dict[tuple[str, Condition], AttackScores] = {}
+    for one in attacks:
+        if one.rung in OPEN - knowing:
+            continue
+        key = one.model, one.condition
+        if key not in found or np.nanmean(one.chosen) < np.nanmean(found[key].chosen):
+            found[key] = one
+    return found
+
+
+def leaderboard_rows(
+    suite: Suite, kept: Sequence[StoredCell], models: Sequence[str], cells_each: int
+) -> list[LeaderboardRow]:
+    """The leaderboard, the best first.
+
+    Args:
+        suite: of the run.
+        kept: its cells.
+        models: that are ranked.
+        cells_each: how many cells each of them has.
+    """
+    attacks = attack_scores(kept)
+    honest = {name for name, track in suite.tracks.items() if not track.roles}
+    closed, opened = worst(attacks), worst(attacks, OPEN)
+    rows, games = [], {}
+    for model in models:
+        mine = [one for (name, _), one in closed.items() if name == model]
+        calm = [one for one in mine if one.condition.track in honest]
+        struck = [one for one in mine if one.condition.track not in honest]
+        known = [one for (name, where), one in opened.items() if name == model and where.track not in honest]
+        played = sum(cell.model == model and not done.failed for cell, done in kept)
+        games[model] = _over_conditions(one.utility for one in struck)
+        rows.append(
+            LeaderboardRow(
+                0,
+                model,
+                _estimate(one.measured["utility"] for one in calm),
+                _estimate(one.utility for one in struck),
+                _estimate(one.utility for one in known),
+                _estimate(one.measured["damage"] for one in struck),
+                _estimate(one.measured["false_alarms"] for one in calm),
+                _estimate(one.measured["auc"] for one in struck),
+                np.nan,
+                cells_each - played,
+            )
+        )
+    rows.sort(key=lambda row: (row.missing > 0, *_order(row.worst.mean, row.clean.mean)))
+    holds = _holding([games[row.model] for row in rows if not row.missing])
+    return [row._replace(rank=k + 1, holds=holds[k] if k < len(holds) else np.nan) for k, row in enumerate(rows)]
+
+
+def _order(worst: float, clean: float) -> tuple[float, float]:
+    """Sorts the best first, and what is undefined last; what differs by rounding only is equal."""
+    return tuple(np.inf if np.isnan(x) else -round(x, 9) for x in (worst, clean))  # type: ignore[return-value]
+
+
+def _holding(games: Sequence[Floats]) -> list[float]:
+    """The probability of each place of a ranking on new games: the share of resamples of the games that keep it.
+
+    All models have the same games, so these are drawn together (a paired bootstrap, Efron and Tibshirani 1993).
+    """
+    if not games or any(len(row) != len(games[0]) for row in games):
+        return [np.nan] * len(games)
+    scores = np.stack(games)
+    picks = np.random.default_rng(0).integers(0, scores.shape[1], (_RESAMPLES, scores.shape[1]))
+    means = np.stack([scores[:, pick].mean(axis=1) for pick in picks])
+    places = (-means).argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+    return [float(share) for share in (places == np.arange(len(games))).mean(axis=0)]
+
+
+def _estimate(of_conditions: Iterable[Floats]) -> Estimate:
+    """The mean over conditions and games, and half its interval: over the games, of their means over conditions."""
+    mean, half, _ = over_games(_over_conditions(of_conditions))
+    return Estimate(float(mean), float(half))
+
+
+def _over_conditions(rows: Iterable[Floats]) -> Floats:
+    """The mean over conditions, for each game; NaN of none."""
+    columns = list(rows)
+    if not columns:
+        return np.full(1, np.nan)
+    length = max(map(len, columns))
+    padded = [np.pad(row, (0, length - len(row)), constant_values=np.nan) for row in columns]
+    return mean_where(np.stack(padded), axis=0)
+
+
+def numbers(values: Sequence[float | None]) -> Floats:
+    """Numbers as they are kept; NaN where there is none."""
+    return np.array([np.nan if x is None else x for x in values], np.float64)

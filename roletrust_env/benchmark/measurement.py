@@ -1,0 +1,134 @@
+"""How a cell's games are watched, and what is read off them."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env import metrics
+from roletrust_env.evaluation.attackers import Attacker, Scripted
+from roletrust_env.evaluation.search import HELD_OUT, sources, turns
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.consumer import Bought
+from roletrust_env.game.joint_policy import check_chosen
+from roletrust_env.metrics.score import mean_where, ratio
+from roletrust_env.trust import Traits
+
+Floats = npt.NDArray[np.float64]
+
+MEASURED = ("utility", "blind", "damage", "false_alarms", "auc")
+"""What is read off a game.
+
+`utility` and `blind`: see `metrics.utility` and `metrics.blind_utility`; `damage`: what the honest lost of their trust,
+see `metrics.damage`; `false_alarms`: how often they were taken for attackers, see `metrics.false_alarms`; `auc`: how
+well the mean trust tells the attackers from the honest of their role, see `metrics.auc`.
+"""
+
+Scores = dict[str, Floats]
+"""A number for each game, (K, G), by the names of `MEASURED`; NaN where it is undefined."""
+
+
+class Watched(NamedTuple):
+    """What T rounds of K x G games left behind.
+
+    Attributes:
+        trust: of the agents, each by its role, (T, N, K, G); NaN where one was not there.
+        bought: what consumers got, from the second round on: before it there is no trust to go by, (T - 1, K, G).
+    """
+
+    trust: Floats
+    bought: Bought
+
+
+class Measured(NamedTuple):
+    """The scores of some attacks, in games with luck that no search has seen.
+
+    Attributes:
+        chosen: in the first half of the games: by these the worst case is chosen.
+        measured: in the second half: what that worst case comes to.
+        by_round: utility there in each round from the second on, the mean over the games, (T - 1, K); NaN where none
+            served well.
+    """
+
+    chosen: Scores
+    measured: Scores
+    by_round: Floats
+
+    @classmethod
+    def halves(cls, scores: Scores, bought: Bought) -> Self:
+        """Of the scores in all games, (K, 2 G), and of what was bought in them."""
+        first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
+        got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
+        chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
+        return cls(chosen, measured, mean_where(ratio(got, best), axis=-1))
+
+
+def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
+    """Play held-out games to the end and keep what is measured. Arguments as for `evaluation.search.turns`.
+
+    Raises:
+        ValueError: somebody chose what is not allowed, or a trust model of another package fails.
+    """
+    game, trusts, bought = task.game, [], []
+    for turn in turns(task, attacker, batch, *sources(task, seed, HELD_OUT)):
+        check_chosen(turn.joint, game, f"round {int(turn.before.game.round.reshape(-1)[0])}")
+        state = turn.after.game
+        trust, present = game.agent_trust(state), game.present(state)
+        trusts.append(trust if present is None else np.where(present, trust, np.nan))
+        bought.append(task.bought(turn.before.game, turn.joint, state))
+    return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
+
+
+def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Measured:
+    """Play some attacks side by side, and the same games once with everybody honest, and measure them.
+
+    Args:
+        task: what is played, exactly.
+        attacker: K attacks side by side, or one.
+        seed: of all luck.
+        batch: (K, G), K attacks in G games each to choose the worst case, and in G others to measure it.
+    """
+    games, judged = 2 * batch[1], _judged(task)
+    seen = watch(task, attacker, seed, (batch[0], games))
+    twin = watch(task, Scripted({}), seed, (1, games))
+    honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
+    damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
+    auc = _told_apart(task, seen.trust, judged)
+    return Measured.halves({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought)
+
+
+def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
+    """The same where everybody is honest: there is nothing to lose and nobody to find."""
+    judged = _judged(task)
+    everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
+    nothing = np.full((1, 2 * games), np.nan)
+    seen = watch(task, Scripted({}), seed, nothing.shape)
+    return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing}, seen.bought)
+
+
+def _judged(task: AttackTask) -> tuple[str, ...]:
+    """The agents that the trust model tells apart: all, or the providers."""
+    roster = task.game.roster
+    return roster.names if Traits.of(task.game.model).rates_raters else roster.provider_names
+
+
+def _read(seen: Watched, honest: list[int]) -> Scores:
+    """What takes no other games to compare with."""
+    got, best, blind = seen.bought
+    return {
+        "utility": metrics.share_of_best(got, best).value,
+        "blind": metrics.share_of_best(blind, best).value,
+        "false_alarms": metrics.false_alarms(seen.trust, honest).value,
+    }
+
+
+def _told_apart(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:
+    """The AUC of the mean trust, the mean over the roles that have attackers and trust."""
+    mean, roster = mean_where(trust, axis=0), task.game.roster
+    found = []
+    for names in (roster.rater_names, roster.provider_names):
+        places = [i for i, name in enumerate(roster.names) if name in names and name in judged]
+        bad = [k for k, i in enumerate(places) if roster.names[i] in task.identities]
+        if bad:
+            found.append(metrics.auc(mean[places], bad).value)
+    return mean_where(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)

@@ -1,0 +1,75 @@
+"""What was run: the source of a model's or an attack's class, and the package that it is of."""
+
+import hashlib
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import packages_distributions, version
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from roletrust_env.storage.untrusted import UntrustedModel
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Word = Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""One line of text, which a terminal shows as it is."""
+
+
+class Source(UntrustedModel):
+    """Of a class."""
+
+    made_by: Word
+    """The class, as `package.module.Class`."""
+    package: Word
+    """The installed package that it is of; empty if it is of none."""
+    version: Word
+    """Of the package."""
+    sha256: Sha256
+    """Of the files in which it and the classes that it is derived from stand, without Python's own."""
+
+
+def source_of(factory: Callable[..., Any]) -> Source:
+    """The source of what a registry holds.
+
+    Raises:
+        ValueError: some of it stands in no file.
+    """
+    kinds = inspect.getmro(factory) if isinstance(factory, type) else (factory,)
+    modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(f"{module}\n".encode() + _text(module))
+    package, number = _package(_top(factory.__module__))
+    made_by = f"{factory.__module__}.{getattr(factory, '__qualname__', type(factory).__qualname__)}"
+    return Source(made_by=made_by, package=package, version=number, sha256=digest.hexdigest())
+
+
+def hashes(named: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
+    """The hash of the source of each, by its name; of those that stand in files."""
+    found = {}
+    for name, factory in named.items():
+        with suppress(ValueError):
+            found[name] = source_of(factory).sha256
+    return found
+
+
+def _text(module: str) -> bytes:
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or not Path(file).is_file():
+        raise ValueError(f"{module} stands in no file, so nobody could see later whether it is the same")
+    return Path(file).read_bytes()
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]
+
+
+@cache
+def _package(top: str) -> tuple[str, str]:
+    """The name and the version of the installed package that brings a top-level module."""
+    found = packages_distributions().get(top)
+    return (found[0], version(found[0])) if found else ("", "")

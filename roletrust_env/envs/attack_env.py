@@ -1,0 +1,171 @@
+"""The Gymnasium face of an attack: one learner controls some agents, everybody else is scripted."""
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.spaces import Box
+
+from roletrust_env.envs.arguments import refuse_unknown
+from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.randomness import Random
+
+Vector = npt.NDArray[np.float32]
+
+
+def task_spaces(task: AttackTask) -> tuple[Box, Box]:
+    """The observation space and the action space of one game of a task."""
+    trial = TaskBatch(task)
+    trial.restart(task.game.random(0))  # luck has no part in the shape
+    bound = np.inf if task.knowledge == "white_box" else 1.0
+    low = -np.inf if task.knowledge == "white_box" else 0.0
+    seen = trial.observe().shape[0]
+    return Box(low, bound, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
+
+
+class AttackEnv(gymnasium.Env[Vector, Vector]):
+    """One learner attacks: it controls the compromised agents of a game, everybody else is scripted.
+
+    ## Description
+
+    The base of the tasks `RoleTrust/ProviderAttack-v0`, `RoleTrust/RaterAttack-v0`, `RoleTrust/DualAttack-v0` and
+    `RoleTrust/CollusionAttack-v0`, which differ in whom the learner controls and what it is after. The game is that of
+    `RoleTrustParallelEnv`: qualities and ratings are chosen at once, and ratings are for the services of the step
+    before.
+
+    ## Action Space
+
+    `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
+    P providers, if it rates. `Scaled` and `Levels` of `roletrust_env` make other actions of it.
+
+    ## Observation Space
+
+    `Box(0, 1, (K,), float32)`, by `knowledge`:
+
+    | knowledge | observation |
+    |---|---|
+    | `black_box` | the observation of each compromised agent in turn, what they would see in life |
+    | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
+    | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
+
+    ## Rewards
+
+    The objective less the stealth weight times the cost. `damage`: mean over honest providers of 1 - ToP. `exploit`:
+    mean over own providers of the published ToP at which the service was sold times 1 - quality delivered. `promote`:
+    the same for the accomplices. `mislead`: the best quality that there was, less that of the provider with the highest
+    ToP published before. The cost is the mean over the compromised agents of max(0, gap - tolerance), the gap
+    being the mean trust of the honest agents of its role less its own, the larger one if it has both roles.
+
+    ## Starting State
+
+    That of the game: everybody has the initial trust, nothing has been served.
+
+    ## Episode End
+
+    Truncation after the scenario's `max_cycles` steps, which `spec.max_episode_steps` tells. Termination when all
+    compromised agents are gone for good, cut off by admission control or left.
+
+    ## Information
+
+    `objective`, and `cost`, unweighted, as libraries for safe learning expect it.
+
+    ## Arguments
+
+    See `make_task`; and `render_mode`, `"human"`, `"rgb_array"` or `"ansi"`, of the game with the learner marked.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    metadata = {**RENDERING}  # noqa: RUF012 - as Gymnasium has it
+
+    defaults: ClassVar[dict[str, Any]] = {}
+    """Arguments of `make_task` where none are given."""
+
+    def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
+        refuse_unknown(type(self), arguments, make_task)
+        if not isinstance(arguments.get("like"), np.ndarray | None):
+            raise ValueError("like is of another library; this face is NumPy's, see make_vec for batches of tensors")
+        self.task = make_task(**{**self.defaults, **arguments})
+        self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
+        self.render_mode = render_mode
+        self._batch = TaskBatch(self.task)
+        self._random: Random | None = None
+        self._playing = False
+        self._spectator = Spectator(self.task.game, render_mode)
+        self._spectator.attackers = self.task.compromised
+        self._spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from, with the length of an episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        # The registry cannot know the length, and Gymnasium would cut longer games off at the one it knew.
+        self._spec = spec and replace(spec, max_episode_steps=self._batch.rounds)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Vector, dict[str, Any]]:
+        """Begin a new episode; see `gymnasium.Env.reset`."""
+        super().reset(seed=seed)
+        if seed is not None or self._random is None:
+            self._random = Random(self.np_random, self.task.game.like)
+        self._batch.restart(self._random)
+        self._playing = True
+        self._spectator.follow(self._batch.games)
+        return self._observe(), {"objective": 0.0, "cost": 0.0}
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
+        """Play one round; see `gymnasium.Env.step`.
+
+        Raises:
+            ValueError: the action is of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
+            RuntimeError: `reset` was not called.
+        """
+        action = check_action(action, self.action_space.shape or ())
+        if not self._playing or self._random is None:
+            raise RuntimeError("call reset() before step(): the episode has not begun or is over")
+        outcome = self._batch.step(action, self._random)
+        self._playing = not (bool(outcome.caught) or bool(outcome.over))
+        self._spectator.follow(self._batch.games)
+        info = {"objective": float(outcome.objective), "cost": float(outcome.cost)}
+        caught = bool(outcome.caught)
+        return self._observe(), float(outcome.reward), caught, bool(outcome.over) and not caught, info
+
+    def render(self) -> Any:
+        """Show the game as it stands, as `render_mode` says."""
+        return self._spectator.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._spectator.close()
+
+    def _observe(self) -> Vector:
+        observation: Vector = self._batch.observe().astype(np.float32)
+        return observation
+
+
+def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:
+    """An action as it is, if it is one.
+
+    Raises:
+        ValueError: it is of the wrong shape, NaN or outside [low, 1].
+    """
+    try:
+        action = np.asarray(action)
+    except (ValueError, TypeError, RuntimeError) as error:  # rows of many lengths, or a tensor that NumPy cannot have
+        raise ValueError(f"the action is no array: {error}; it must be numbers, of shape {shape}") from None
+    if action.shape != shape or action.dtype.kind not in "fiu":
+        raise ValueError(f"the action has shape {action.shape} and dtype {action.dtype}; it must have shape {shape}")
+    if not (action.min() >= low and action.max() <= 1):
+        wrong = action[~((action >= low) & (action <= 1))]
+        raise ValueError(f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]")
+    checked: Vector = action.astype(np.float32, copy=False)
+    return checked

@@ -1,0 +1,85 @@
+"""A batch of attack tasks that is played, observed and restarted: the state behind every face of a task."""
+
+from collections.abc import Callable
+from typing import Any
+
+from array_api_compat import to_device
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
+from roletrust_env.game.state import State
+from roletrust_env.randomness import Random
+
+
+class TaskBatch:
+    """Games of one task in progress.
+
+    Args:
+        task: what is played.
+        shape: of the batch: `()` for one game, `(E,)` for E.
+        rounds: length of an episode, if less than that of a game; None is a whole game.
+
+    Attributes:
+        rounds: length of an episode.
+    """
+
+    def __init__(self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None) -> None:
+        self.task = task
+        self.shape = shape
+        self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
+        self.state: TaskState | None = None
+
+    def restart(self, random: Random, ended: Array | None = None) -> None:
+        """Begin all games anew, or those that have ended, (E,); the others go on."""
+        fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
+        self.state = fresh if ended is None else _choose(ended, fresh, self.state)
+
+    def step(self, action: Array, random: Random, waiting: Array | None = None) -> Outcome:
+        """Play one round of all games but those that wait, (E,); `action` has shape (A, ...).
+
+        What the outcome says of a game that waits means nothing.
+        """
+        if self.state is None:
+            raise RuntimeError("call reset() before step(): there is no episode")
+        noise = self.task.game.draw(random, self.shape)
+        after, outcome = self.task.step(self.state, action, noise, random)
+        self.state = after if waiting is None else _choose(waiting, self.state, after)
+        if self.rounds < self.task.game.scenario.max_cycles:
+            outcome = outcome._replace(over=after.game.round >= self.rounds)
+        return outcome
+
+    def observe(self) -> Array:
+        """What the attacker sees, shape (K, ...)."""
+        if self.state is None:
+            raise RuntimeError("call reset() before observe(): there is no episode")
+        return self.task.observe(self.state)
+
+    @property
+    def games(self) -> State:
+        """The state of the games."""
+        if self.state is None:
+            raise RuntimeError("call reset() first: there is no episode")
+        return self.state.game
+
+
+def first_game(state: State) -> State:
+    """The state of the first game of a batch, (E,), for a person to see: on the CPU; that of a single game as it is."""
+    first: State = _each(lambda leaf: to_device(leaf[..., 0], "cpu"), state) if state.round.ndim else state
+    return first
+
+
+def _choose(condition: Array, yes: Any, no: Any) -> Any:
+    """Leaf by leaf of two alike trees, by game."""
+    xp = namespace(condition)
+    return _each(lambda a, b: xp.where(condition, a, b), yes, no)
+
+
+def _each(change: Callable[..., Array], *trees: Any) -> Any:
+    """The tree of what is made of each leaf of alike trees; what is a fact of all games holds if it holds of each."""
+    tree = trees[0]
+    if tree is None or isinstance(tree, bool):
+        return tree and trees[-1]
+    if isinstance(tree, tuple):
+        parts = [_each(change, *branches) for branches in zip(*trees, strict=True)]
+        return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)
+    return change(*trees)

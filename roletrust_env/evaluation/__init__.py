@@ -1,0 +1,1 @@
+"""Evaluation: how an attack is named, found and measured."""

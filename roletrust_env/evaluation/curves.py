@@ -1,0 +1,97 @@
+"""Playing to the end with a progress bar, keeping the curves and not the ratings, of which a crowd has too many."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from rich.progress import Progress
+
+from roletrust_env import JointPolicy, Random, State
+from roletrust_env.game.rollout import stacked
+
+Floats = npt.NDArray[np.float64]
+
+
+class Curves(NamedTuple):
+    """What T rounds of E games left behind; NaN where an agent was not present.
+
+    Attributes:
+        time_s: seconds, (T,). The state after round r, counted from 0, stands at (r + 1) * period_s: the end of
+            that round.
+        tor: trust of the raters, (T, S, E).
+        top: trust of the providers, (T, P, E).
+        trust: trust of the agents, each by its role, (T, N, E).
+        rewards: (T, N, E).
+        offered: quality that the providers had for whoever came, (T, P, E), or for each rater, (T, S, P, E), where any
+            treats them differently, see `Game.offered`.
+    """
+
+    time_s: Floats
+    tor: Floats
+    top: Floats
+    trust: Floats
+    rewards: Floats
+    offered: Floats
+
+
+def kept_bytes(joint_policy: JointPolicy) -> int:
+    """The memory that the `Curves` of each game take."""
+    game, roster = joint_policy.game, joint_policy.game.roster
+    differs = any("treatment" in policy.attacks for policy in joint_policy.policies.values())
+    of_each = roster.n_raters if differs else 1
+    columns = roster.n_raters + (1 + of_each) * roster.n_providers + 2 * roster.n_agents
+    return columns * game.scenario.max_cycles * np.dtype(np.float64).itemsize
+
+
+def record(
+    joint_policy: JointPolicy,
+    seed: int,
+    progress: Progress,
+    label: str,
+    *,
+    games: int = 1,
+    watch: Callable[[State], None] = lambda state: None,
+) -> Curves:
+    """Play games to the scenario's end, all of them as one batch.
+
+    The luck of the games and that of the policies are drawn apart: with the same seed, games have the same luck
+    whoever plays, so that a run under attack can be paired with one without.
+
+    Args:
+        joint_policy: the game, and who plays how.
+        seed: of all luck.
+        progress: where to show how far it is.
+        label: what to call it there.
+        games: number of games E.
+        watch: is shown the state after each round.
+
+    Raises:
+        ValueError: a trust model or a policy fails.
+    """
+    game = joint_policy.game
+    rows: list[tuple[Floats, ...]] = []
+    offered: list[Floats] = []
+    roster, length = game.roster, game.scenario.max_cycles
+    luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
+    state, memories = game.start(game.draw(luck, (games,), start=True)), joint_policy.begin(whims, (games,))
+    for _ in progress.track(range(length), description=label):
+        actions, memories = joint_policy.checked_act(state, memories, whims)
+        before = state
+        state, rewards = game.step(before, actions, game.draw(luck, (games,)))
+        offered.append(game.offered(before, actions, state))
+        here = game.present(state)
+        present = np.ones(rewards.shape, dtype=bool) if here is None else here
+        tor, top = game.published(state)
+        rows.append(
+            (
+                np.where(roster.raters(present), tor, np.nan),
+                np.where(roster.providers(present), top, np.nan),
+                np.where(present, game.agent_trust(state), np.nan),
+                np.where(present, rewards, np.nan),
+            )
+        )
+        watch(state)
+    time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
+    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
+    return Curves(time_s, *columns)

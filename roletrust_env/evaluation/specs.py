@@ -1,0 +1,294 @@
+"""What is written behind `--attack`, `--trust-model` and `--set`, as policies, models and values."""
+
+import inspect
+import os
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import Any
+
+from roletrust_env import Policy, Scenario
+from roletrust_env.evaluation.attack_space import Kind, told
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.registry import Registry, Thing
+from roletrust_env.trust import TrustModel
+from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.world.roster import Roster
+
+# A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
+_COMMA = re.compile(r""",(?=(?:[^\[\]{}"']|\[[^\]]*\]|\{[^}]*\}|"[^"]*"|'[^']*')*$)""")
+
+# The parameters of an attack that are places on the provider or the rater axis, and may be named.
+_PROVIDERS, _RATERS = ("targets", "accomplices"), ("raters",)
+
+# The parameters of a trust model that a field of the scenario gives it.
+_SHARED = {"lam": "lam", "initial": "initial_trust"}
+
+
+def parse_value(text: str) -> Any:
+    """A value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else the text itself.
+
+    Example:
+        >>> parse_value("0.5"), parse_value("[0, 1]"), parse_value("random")
+        (0.5, (0, 1), 'random')
+    """
+    try:
+        data = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return _frozen(data["value"]) if len(data) == 1 else text
+
+
+def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
+    """`field=value` texts as a dict.
+
+    Args:
+        settings: the texts.
+        option: where they come from, for error messages.
+
+    Raises:
+        ValueError: a text is not of that form, or names a field again.
+    """
+    parsed: dict[str, Any] = {}
+    for setting in settings:
+        field, equals, value = setting.partition("=")
+        field = field.strip()
+        if not equals or not field:
+            raise ValueError(f"{option} has {setting!r}; it must be of the form field=value")
+        if field in parsed:
+            raise ValueError(f"{option} sets {field!r} twice")
+        parsed[field] = parse_value(value.strip())
+    return parsed
+
+
+def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
+    """The scenario with the settings of `--set`.
+
+    Raises:
+        ValueError: a field does not exist or a value is not allowed.
+    """
+    fields = [*Scenario.model_fields, "noise"]
+    for field in settings:
+        if field not in fields:
+            near = get_close_matches(field, fields, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else "."
+            raise ValueError(f"--set: there is no field {field!r}{hint} There are {', '.join(fields)}")
+    return scenario.change(**settings) if settings else scenario
+
+
+def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]:
+    """`AGENT=NAME:key=value,key=value` texts as policies by agent.
+
+    Args:
+        texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
+            `targets`, `accomplices` and `raters` may be names of agents. Accomplices that are not given are all the
+            providers that attack, and the length of the game is the scenario's, where an attack asks for them.
+        scenario: whose agents they are.
+
+    Raises:
+        ValueError: a text is not of that form, names no agent or an agent again, or the attacker cannot be made.
+    """
+    roster, seated = Roster.of(scenario), []
+    for text in texts:
+        pattern, equals, attacker = text.partition("=")
+        if not equals or not pattern or not attacker:
+            raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
+        seated.append((_agents(pattern.strip(), roster.first_names), attacker))
+    attacked = {agent for agents, _ in seated for agent in agents}
+    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
+    policies: dict[str, Policy] = {}
+    for agents, attacker in seated:
+        registry, name, parameters = _parsed_attack(attacker, roster)
+        facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
+        policy = _made(registry, name, {**facts, **parameters}, attacker)
+        for agent in agents:
+            if agent in policies:
+                raise ValueError(f"--attack gives agent {agent!r} two attacks; an agent has one policy")
+            policies[agent] = policy
+    return policies
+
+
+def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[Kind, ...]:
+    """`NAME` or `NAME:key=value,...` texts as kinds of attack whose other parameters are searched.
+
+    Args:
+        texts: as behind the = of `parse_attacks`.
+        scenario: whose agents `targets` and `accomplices` may name.
+
+    Raises:
+        ValueError: a text is not of that form, or the attack has no such parameter.
+    """
+    kinds, roster = [], Roster.of(scenario)
+    for text in texts:
+        registry, name, parameters = _parsed_attack(text, roster)
+        kind = registry.factory(name)
+        known = inspect.signature(kind).parameters
+        for key in parameters:
+            if key not in known:
+                raise ValueError(f"attacker {text!r} has no parameter {key!r}; it takes {', '.join(known)}")
+        kinds.append(partial(kind, **parameters) if parameters else kind)
+    return tuple(kinds)
+
+
+def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
+    """`NAME` or `NAME:key=value,...` as a trust model. Arguments and errors as for `read_trust_model`."""
+    registry, name, parameters = read_trust_model(text, scenario, settings)
+    model: TrustModel[Any] = _made(registry, name, parameters, text)
+    return model
+
+
+def read_trust_model(
+    text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
+) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Where a trust model is found, its name there and its parameters, the scenario's own where they are not given.
+
+    Args:
+        text: NAME may be `package.module:Class`.
+        scenario: that it is for, as changed by the settings.
+        settings: what `--set` says.
+
+    Raises:
+        ValueError: the name is unknown, the model does not take these parameters, or the settings contradict them.
+    """
+    registry, name, parameters = _parsed(trust_models, text)
+    for key, field in _SHARED.items():
+        if key in parameters and field in (settings or {}) and parameters[key] != getattr(scenario, field):
+            raise ValueError(
+                f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
+            )
+    given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
+    return registry, name, {**given, **parameters}
+
+
+def parse_named(registry: Registry[Thing], text: str) -> Thing:
+    """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+
+    Raises:
+        ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
+    """
+    made: Thing = _made(*_parsed(registry, text), text)
+    return made
+
+
+def named_factory(registry: Registry[Thing], text: str) -> Callable[..., Thing]:
+    """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+
+    Raises:
+        ValueError: the name is unknown, or what it names is not of the registry's kind.
+    """
+    found, name, _ = _parsed(registry, text)
+    factory: Callable[..., Thing] = found.factory(name)
+    return factory
+
+
+def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None:
+    """See that names from a file are those of what is installed: nothing else is imported for a file's sake.
+
+    Args:
+        registry: of the things that are named.
+        texts: their names, with parameters; a single word, such as `all`, names nothing.
+
+    Raises:
+        ValueError: a name is none of the registry's.
+    """
+    for text in () if isinstance(texts, str) else texts:
+        if text.strip().partition(":")[0] not in registry.names():
+            raise ValueError(
+                f"the file names the {registry.kind} {text!r}, which is not installed; if you trust whoever wrote "
+                "it, --allow-code lets it import what it names"
+            )
+
+
+def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
+    name, _, rest = text.strip().partition(":")
+    owner, _, after = rest.partition(":")
+    if name not in registry:
+        if name and owner.strip().isidentifier():
+            registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
+        else:
+            _explain_unknown(registry, name)
+    return registry, name, parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+
+
+def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
+    """The same of an attack, with its places by number."""
+    registry, name, parameters = _parsed(attackers, text)
+    axes = ((_PROVIDERS, "providers", roster.provider_names), (_RATERS, "raters", roster.rater_names))
+    for keys, who, names in axes:
+        for key in keys:
+            if key in parameters:
+                parameters[key] = _places(key, parameters[key], who, names)
+    return registry, name, parameters
+
+
+def _explain_unknown(registry: Registry[Any], name: str) -> None:
+    try:
+        registry.factory(name)
+    except ValueError as error:
+        raise ValueError(
+            f"{error}. Your own is package.module:Class, or a name that a package declares as an entry point "
+            f"in the group {registry.group!r}"
+        ) from None
+
+
+def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
+    """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    return registry.own(module, name)
+
+
+def _check_ring(kind: Kind, parameters: Mapping[str, Any], text: str) -> None:
+    """Refuse a ring of raters that has no provider to praise."""
+    wanted = inspect.signature(kind).parameters.get("accomplices")
+    if wanted and wanted.default is wanted.empty and "accomplices" not in parameters:
+        raise ValueError(
+            f"attacker {text!r} has no accomplices: seat an attack at a provider, too, such as --attack sp_0={text}, "
+            "or name them, such as accomplices=[sp_0]"
+        )
+
+
+def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], text: str) -> Any:
+    try:
+        return registry.make(name, **parameters)
+    except TypeError as error:  # a value of the wrong type, which the maker compared or computed with
+        raise ValueError(f"{text!r}: a value is of the wrong type ({error})") from None
+    except (LookupError, ArithmeticError, AttributeError, RuntimeError) as error:  # of a class that others wrote
+        raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
+
+
+def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
+    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the axis of the names."""
+    if isinstance(given, str):
+        given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
+    if isinstance(given, int) and not isinstance(given, bool):
+        given = (given,)
+    if not isinstance(given, tuple):
+        return given
+    for place in given:
+        if isinstance(place, str) and place not in names:
+            raise ValueError(f"{key} has {place!r}; the {who} are {names[0]} ... {names[-1]}")
+    return tuple(names.index(place) if isinstance(place, str) else place for place in given)
+
+
+def _agents(pattern: str, names: Sequence[str]) -> list[str]:
+    """The agents that a pattern names; the game itself checks a plain name."""
+    if not any(character in pattern for character in "*?["):
+        return [pattern]
+    found = [name for name in names if fnmatchcase(name, pattern)]
+    if not found:
+        raise ValueError(f"--attack names {pattern!r}, which no agent matches; they are {names[0]} ... {names[-1]}")
+    return found
+
+
+def _frozen(value: Any) -> Any:
+    """Lists as tuples, so that a policy that holds them can be hashed."""
+    if isinstance(value, list):
+        return tuple(_frozen(item) for item in value)
+    return {key: _frozen(item) for key, item in value.items()} if isinstance(value, dict) else value

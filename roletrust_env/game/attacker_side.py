@@ -1,0 +1,122 @@
+"""The attacker's side of a game: who belongs to it, identities in reserve included, and how far they are told apart."""
+
+from collections.abc import Sequence
+from functools import reduce
+
+from roletrust_env.arrays import Array, mean_where, namespace
+from roletrust_env.game.state import Actions
+from roletrust_env.world.presence import PRESENT, WAITING
+from roletrust_env.world.roster import Roster
+
+
+class AttackerSide:
+    """The compromised agents and their identities.
+
+    Args:
+        roster: of the game.
+        compromised: names of the agents that the attacker controls, no identities in reserve among them.
+        honest: names of agents that no script makes attack; those of this side do not count.
+        like: an array of the game's library, dtype and device.
+
+    Attributes:
+        identities: names of the compromised agents, each followed by its identities in reserve.
+        honest_providers: places of the honest providers, on the provider axis.
+    """
+
+    def __init__(self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array) -> None:
+        owned = [[name for name, owner in roster.owners.items() if owner == agent] for agent in compromised]
+        self.identities = tuple(name for names in owned for name in names)
+        others = [name for name in honest if name not in self.identities]
+        self._raters = places(self.identities, roster.rater_names)
+        self._providers = places(self.identities, roster.provider_names)
+        self._honest_raters = places(others, roster.rater_names)
+        self.honest_providers = places(others, roster.provider_names)
+        self._sellers = [found for names in owned if (found := places(names, roster.provider_names))]
+        self._agents = places(self.identities, roster.names)
+        rows = [
+            name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
+        ]
+        self._in_gap = places(rows, roster.names)
+        self._reserve = self._mask(like, [roster.turn[place] > 0 for place in self._in_gap])
+        of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
+        longest = max(map(len, of_agent))
+        self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
+        masks = ([name in self.identities for name in axis] for axis in (roster.rater_names, roster.provider_names))
+        self._rates, self._provides = (self._mask(like, mask) for mask in masks)
+        self._is = self._mask(like, [name in self.identities for name in roster.names])
+
+    def joint(self, others: Actions, own: Actions) -> Actions:
+        """What all do: the attacker's identities as in one set of actions, everybody else as in the other."""
+        xp = namespace(own.quality)
+        rates, provides, is_ours = (
+            mask.reshape(-1, *[1] * (own.quality.ndim - 1)) for mask in (self._rates, self._provides, self._is)
+        )
+
+        def choose(mine: Array, ours: Array | None, theirs: Array | None, usual: Array) -> Array | None:
+            if ours is None and theirs is None:
+                return None
+            return xp.where(mine, usual if ours is None else ours, usual if theirs is None else theirs)
+
+        return Actions(
+            quality=xp.where(provides, own.quality, others.quality),
+            ratings=xp.where(rates[:, None, ...], own.ratings, others.ratings),
+            presence=None if own.presence is None else xp.where(is_ours, own.presence, others.presence),
+            withheld=choose(rates[:, None, ...], own.withheld, others.withheld, own.ratings < 0),
+            treatment=choose(provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1),
+        )
+
+    def gone(self, phase: Array) -> Array:
+        """Whether all identities are gone for good, (...); one that waits in reserve is not."""
+        return (phase[self._agents, ...] > PRESENT).all(axis=0)
+
+    def mean_of_sellers(self, values: Array, present: Array | None) -> Array:
+        """The mean over the agents that provide; of one with several identities the mean over those that are there."""
+        if present is None or all(len(own) == 1 for own in self._sellers):
+            return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
+        means = [mean_where(values[own, ...], present[own, ...]) for own in self._sellers]
+        return namespace(values).stack(means).mean(axis=0)
+
+    def gap(
+        self,
+        trust: tuple[Array, Array],
+        present: tuple[Array | None, Array | None],
+        phase: Array | None,
+        tolerance: float,
+    ) -> Array:
+        """How far the trust of each compromised agent is below that of the honest ones, beyond a tolerance, (n, ...).
+
+        Of its roles and identities the largest gap counts. Who waits in reserve has none, and who is gone keeps it.
+
+        Args:
+            trust: ToR (S, ...) and ToP (P, ...).
+            present: which raters and which providers are there; None where all always are.
+            phase: of all agents, see `Population`; None where all are always there.
+            tolerance: what costs nothing.
+        """
+        gaps = []
+        sides = (self._honest_raters, self._raters), (self.honest_providers, self._providers)
+        for values, there, (honest, mine) in zip(trust, present, sides, strict=True):
+            if mine:
+                own = values[mine, ...]
+                gaps.append(mean_of(values, honest, there) - own - tolerance if honest else 0 * own)
+        xp = namespace(gaps[0])
+        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
+        if phase is not None:
+            unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (phase[self._in_gap, ...] == WAITING)
+            gap = xp.where(unseen, 0 * gap, gap)
+        return gap if len(self._columns) == 1 else reduce(xp.maximum, (gap[column, ...] for column in self._columns))
+
+    @staticmethod
+    def _mask(like: Array, flags: Sequence[bool]) -> Array:
+        return namespace(like).asarray(list(flags), device=like.device)
+
+
+def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
+    """Where those of the names that are on an axis stand on it, in the order of the names."""
+    return [axis.index(name) for name in names if name in axis]
+
+
+def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
+    """The mean of some rows, of those that are present; 0 if none is."""
+    rows = values[places, ...]
+    return rows.mean(axis=0) if present is None else mean_where(rows, present[places, ...])

@@ -1,0 +1,306 @@
+"""The joint_policy: policies seated at the agents of a game, in one game or a batch."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Channel, Policy, policy_name
+from roletrust_env.game.state import Actions, State
+from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
+from roletrust_env.randomness import Random
+from roletrust_env.world.presence import PRESENT
+
+_CHANNELS: dict[str, frozenset[Channel]] = {
+    "sr": frozenset({"ratings"}),
+    "sp": frozenset({"quality"}),
+    "srsp": frozenset({"quality", "ratings"}),
+}
+"""What an action in PettingZoo holds, by role."""
+
+_NONE: frozenset[Channel] = frozenset()
+_TREATMENT: frozenset[Channel] = frozenset({"treatment"})
+_SILENCE: frozenset[Channel] = frozenset({"silence"})
+_PRESENCE: frozenset[Channel] = frozenset({"presence"})
+
+
+class Player:
+    """A policy seated at one agent of a PettingZoo game: a function from its observation to its action.
+
+    It remembers for its policy, so make a new one for each episode.
+
+    Args:
+        policy: how the agent plays.
+        agent: its name, such as `sr_0`; the role is read off it.
+        layout: the game's, see `RoleTrustParallelEnv.layout`.
+        seed: for policies that play at random.
+
+    Raises:
+        ValueError: the policy attacks on no channel that the agent has, or takes identities in reserve: in PettingZoo
+            they stay where they are, and whoever can rate does.
+    """
+
+    def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
+        _check_channels(agent, policy)
+        self.policy = policy
+        self._role = _role(agent)
+        self._layout = layout
+        self._random = Random(np.random.default_rng(seed))
+        self._memory = policy.begin(self._random, ())
+
+    def __call__(self, observation: Array) -> Array:
+        """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
+        policy, memory, random = self.policy, self._memory, self._random
+        if self._role == "srsp":
+            quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
+            action = [np.reshape(quality, 1), ratings]
+        elif self._role == "sp":
+            quality, self._memory = policy.quality(self._layout.provider(observation), memory, random)
+            action = [np.reshape(quality, 1)]
+        else:
+            ratings, self._memory = policy.ratings(self._layout.rater(observation), memory, random)
+            action = [ratings]
+        return np.concatenate(action, dtype=np.float32)
+
+
+class _Seats(NamedTuple):
+    """Agents that share a policy and a role, by their places on the provider, the rater and the agent axis."""
+
+    policy: Policy
+    provider: list[int]
+    rater: list[int]
+    agent: list[int]
+
+
+class _Deeds(NamedTuple):
+    """What agents that share a policy and a role do, as fields of `Actions`, the agents' own axis first."""
+
+    quality: Array | None = None
+    treatment: Array | None = None
+    ratings: Array | None = None
+    withheld: Array | None = None
+
+
+class JointPolicy:
+    """Who plays how, in a game or a batch of games.
+
+    Agents with the same role and equal policies are asked together.
+
+    Args:
+        game: the game to play.
+        policies: agent's name -> policy, which plays its identities in reserve, too; agents not named play honestly.
+
+    Raises:
+        ValueError: a name is no agent of the scenario or an identity in reserve, a policy attacks on no channel that
+            its agent has, or takes more identities than it has in reserve.
+    """
+
+    def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
+        self.game = game
+        self.policies = dict(policies)
+        for name, policy in policies.items():
+            _check_seat(game, name, policy)
+        honest, roster = Policy(), game.roster
+        seated = roster.with_reserves(policies)
+        groups: dict[tuple[str, Policy], _Seats] = {}
+        for place, name in enumerate(roster.names):
+            policy = seated.get(name, honest)
+            seats = groups.setdefault((_role(name), policy), _Seats(policy, [], [], []))
+            seats.agent.append(place)
+            if name in roster.provider_names:
+                seats.provider.append(roster.provider_names.index(name))
+            if name in roster.rater_names:
+                seats.rater.append(roster.rater_names.index(name))
+        self._seats = tuple(groups.values())
+        self._has_reserve = any(roster.turn)
+        self._before = list(roster.before)
+        self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+
+    @property
+    def attackers(self) -> tuple[str, ...]:
+        """The names of the agents that do not play honestly, their identities in reserve included."""
+        policies = self.game.roster.with_reserves(self.policies)
+        return tuple(name for name, policy in policies.items() if policy.attacks)
+
+    def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
+        """What the policies remember before the first round."""
+        return tuple(seats.policy.begin(random, (len(seats.agent), *batch)) for seats in self._seats)
+
+    def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What everybody does in a state, and what they remember of it."""
+        views = self.game.views(state)
+        identities = self._identities(state) if self._has_reserve else None
+        providing, rating, wanted, after = [], [], [], []
+        for seats, memory in zip(self._seats, memories, strict=True):
+            deeds, remembered = self._ask(seats, state, *views, memory, random)
+            providing += [deeds] if seats.provider else []
+            rating += [deeds] if seats.rater else []
+            if identities is not None:
+                mine = IdentityView(*(field[seats.agent, ...] for field in identities))
+                there, remembered = seats.policy.presence(mine, remembered, random)
+                wanted.append(there)
+            after.append(remembered)
+        providers, raters = [i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]
+        qualities, ratings = [deeds.quality for deeds in providing], [deeds.ratings for deeds in rating]
+        treatment = _unusual([deeds.treatment for deeds in providing], qualities, self._alike, providers)
+        actions = Actions(
+            quality=_arrange(qualities, providers),
+            ratings=_arrange(ratings, raters),
+            presence=_arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None,
+            withheld=_unusual([deeds.withheld for deeds in rating], ratings, _sent, raters),
+            treatment=None if treatment is None else treatment.swapaxes(0, 1),
+        )
+        return actions, tuple(after)
+
+    def checked_act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
+        """What `act` gives, if it can be played: for policies that others wrote.
+
+        Raises:
+            ValueError: a policy raised something, or chose what is NaN or outside [0, 1]. The message names the round.
+        """
+        where = f"round {int(state.round.reshape(-1)[0])}"
+        try:
+            actions, memories = self.act(state, memories, random)
+        except MemoryError:
+            raise
+        except Exception as error:  # whatever a foreign policy raises
+            whose = ", ".join(dict.fromkeys(map(policy_name, self.policies.values())))
+            what = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+            raise ValueError(f"{where}: a policy ({whose}) fails: {what}") from error
+        check_chosen(actions, self.game, where)
+        return actions, memories
+
+    def _alike(self, quality: Array) -> Array:
+        """The treatment, (n, S, ...), by providers that serve all raters alike, with this quality, (n, ...)."""
+        shape = (quality.shape[0], self.game.roster.n_raters, *quality.shape[1:])
+        return namespace(quality).broadcast_to((0 * quality + 1)[:, None, ...], shape)
+
+    def _identities(self, state: State) -> IdentityView:
+        """What is known of all identities, with one further axis, (N, ...)."""
+        assert state.population is not None  # somebody has a reserve
+        trust, phase = self.game.agent_trust(state), state.population.phase
+        over = namespace(trust).broadcast_to
+        turn = over(self._turn.reshape(-1, *[1] * (trust.ndim - 1)), trust.shape)
+        return IdentityView(
+            over(state.round, trust.shape), trust, turn, phase == PRESENT, phase[self._before, ...] > PRESENT
+        )
+
+    def _ask(
+        self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
+    ) -> tuple[_Deeds, Any]:
+        """What agents that share a policy do, and their memory."""
+        provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
+        rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
+        quality = treatment = given = withheld = None
+        if provider is not None and rater is not None:
+            trust = self.game.agent_trust(state)[seats.agent, ...]
+            quality, given, memory = seats.policy.both(AgentView(trust, provider, rater), memory, random)
+        elif provider is not None:
+            quality, memory = seats.policy.quality(provider, memory, random)
+        elif rater is not None:
+            given, memory = seats.policy.ratings(rater, memory, random)
+        if provider is not None:
+            treatment, memory = seats.policy.treats(provider, memory, random)
+        if rater is not None:
+            withheld, memory = seats.policy.withholds(rater, memory, random)
+        return _Deeds(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
+
+
+def check_chosen(actions: Actions, game: Game, where: str) -> None:
+    """See that everybody chose what is allowed.
+
+    Raises:
+        ValueError: names, after `where`, an agent and what it chose that is NaN or outside [0, 1].
+    """
+    raters, providers = game.roster.rater_names, game.roster.provider_names
+    treatment = None if actions.treatment is None else actions.treatment.swapaxes(0, 1)
+    for channel, chosen, names in (
+        ("quality", actions.quality, providers),
+        ("ratings", actions.ratings, raters),
+        ("treatment", treatment, providers),
+    ):
+        if chosen is not None and bool((wrong := ~((chosen >= 0) & (chosen <= 1))).any()):
+            agent = names[int(np.argwhere(np.asarray(wrong.reshape(len(names), -1).any(axis=1)))[0, 0])]
+            raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
+
+
+def _role(agent: str) -> str:
+    """The role in an agent's name: `sr`, `sp` or `srsp`."""
+    return agent.partition("_")[0]
+
+
+def _check_seat(game: Game, name: str, policy: Policy) -> None:
+    names, owners = game.roster.names, game.roster.owners
+    if name in names and owners[name] != name:
+        raise ValueError(f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that")
+    if name not in names:
+        shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
+        raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
+    reserve = list(owners.values()).count(name) - 1
+    further = _TREATMENT if name in game.roster.provider_names else _NONE
+    further |= (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
+    _check_channels(name, policy, further, reserve)
+
+
+def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NONE, reserve: int = 0) -> None:
+    """Refuse a policy that an agent with further channels and so many identities in reserve cannot play."""
+    if not isinstance(policy, Policy):
+        raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
+    if not isinstance(policy.attacks, frozenset):
+        raise ValueError(
+            f"{policy_name(policy)} attacks by {policy.attacks!r}; attacks must be a frozenset of channels"
+        )
+    if type(policy).__hash__ is None:
+        raise ValueError(f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen dataclass")
+    if _role(name) not in _CHANNELS:
+        raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
+    channels = _CHANNELS[_role(name)] | further
+    if policy.attacks and not policy.attacks & channels:
+        raise ValueError(
+            f"agent {name!r} cannot play {policy_name(policy)}: that attacks by {_words(policy.attacks)}, "
+            f"and the agent only decides on {_words(channels)}"
+        )
+    if policy.reserve > reserve:
+        raise ValueError(
+            f"agent {name!r} cannot play {policy_name(policy)}: that needs a reserve of {policy.reserve}, and the "
+            f"agent has {reserve} here; its group in the scenario gives it identities, by reserve = {policy.reserve}, "
+            "and PettingZoo leaves them out"
+        )
+
+
+def _words(channels: frozenset[Channel]) -> str:
+    return " and ".join(sorted(channels))
+
+
+def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
+    """The fields of a view of all agents, for some of them."""
+    _xp, one = namespace(view.trust), view.trust.ndim
+    return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
+
+
+def _own_axis_first(of_others: Array | None) -> Array | None:
+    """What agents do to each other agent, (others, n, ...), with their own axis first, (n, others, ...)."""
+    return None if of_others is None else of_others.swapaxes(0, 1)
+
+
+def _sent(ratings: Array) -> Array:
+    """That none of the ratings is withheld."""
+    return ratings < 0
+
+
+def _unusual(
+    parts: Sequence[Array | None], deeds: Sequence[Array], usual: Callable[[Array], Array], places: list[int]
+) -> Array | None:
+    """What few do, arranged; who gave None does the usual, which follows from its deeds. None if all do."""
+    if all(part is None for part in parts):
+        return None
+    whole = [usual(done) if part is None else part for part, done in zip(parts, deeds, strict=True)]
+    return _arrange(whole, places)
+
+
+def _arrange(parts: Sequence[Array], places: list[int]) -> Array:
+    """Concatenate the parts and put their rows in their places."""
+    rows = namespace(parts[0]).concat(parts) if len(parts) > 1 else parts[0]
+    return rows if places == sorted(places) else rows[np.argsort(places).tolist()]

@@ -1,0 +1,110 @@
+"""A tiny suite, models and attackers that misbehave, and a run that can be killed: `python benchmark_cases.py FILE`."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from roletrust_env import Policy
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.pool import LocalPool
+from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.trust.models.central.mean import Mean
+
+GROUPS = [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}]
+TINY = {
+    "name": "tiny",
+    "models": ["mean", "role-trust"],
+    "attacks": ["bad-mouthing", "random-rating", "on-off"],
+    "scenarios": {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": GROUPS}}},
+    "tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5]}},
+    "rungs": ["scripted", "random search"],
+    "budget": 200,
+    "games": 3,
+    "limit_s": 60.0,
+}
+
+
+def tiny(**changes):
+    return Suite.model_validate({**TINY, **changes})
+
+
+def results(kept):
+    """All but seconds, which differ from run to run."""
+    return {cell.key: done._replace(seconds=0.0) for cell, done in kept}
+
+
+class _Bad(Mean):
+    """The mean, but for what it does from the second round on."""
+
+    def update(self, state, ratings, mask=None):
+        self.misbehave()
+        return super().update(state, ratings, mask)
+
+    def misbehave(self):
+        pass
+
+
+class Hanging(_Bad):
+    def misbehave(self):
+        time.sleep(1000)
+
+
+class Raising(_Bad):
+    def misbehave(self):
+        raise RuntimeError("two\nlines")
+
+
+class Leaving(_Bad):
+    def misbehave(self):
+        sys.exit(3)
+
+
+class Dying(_Bad):
+    def misbehave(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class NotANumber(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state) * np.nan
+
+
+class TooMuch(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state) + 1
+
+
+class WildRater(Policy):
+    attacks = frozenset({"ratings"})
+
+    def ratings(self, view, memory, random):
+        return view.service + 2, memory
+
+
+class NanRater(WildRater):
+    def ratings(self, view, memory, random):
+        return view.service * np.nan, memory
+
+
+class BrokenRater(WildRater):
+    def ratings(self, view, memory, random):
+        raise ZeroDivisionError("by nothing")
+
+
+def run(path):
+    """What a run does: play what is not there yet, and keep it."""
+    suite = tiny(seeds=[0, 1])
+    with Store(path, suite) as store:
+        left = [cell for cell in cells(suite) if cell.key not in store.finished()]
+        for cell, done in LocalPool(2).play(suite, left):
+            store.add(cell, done)
+        return store.all()
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))

@@ -1,0 +1,82 @@
+"""Shares of the optimum and their interquartile means, by hand and from the formula."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from roletrust_env.benchmark.learners.shares import EVERY, Run, ranked, results, scale
+from roletrust_env.metrics.confidence import interquartile_mean
+
+FLOATS = st.floats(-2, 2, allow_nan=False)
+
+
+@given(st.lists(FLOATS, min_size=2, max_size=12), st.lists(FLOATS, min_size=2, max_size=12))
+def test_the_middle_half_of_all_runs(first, second):
+    """Sorted, a quarter (rounded down) gone at both ends, and the mean of what is left; within its own interval."""
+    runs = sorted(first + second)
+    gone = len(runs) // 4
+    found = interquartile_mean([np.array(first), np.array(second)])
+    assert found.value == pytest.approx(np.mean(runs[gone : len(runs) - gone]), abs=1e-12)
+    assert min(runs) - 1e-12 <= found.low <= found.high <= max(runs) + 1e-12
+
+
+def test_tasks_are_resampled_apart():
+    """Runs that are alike in each task have no spread, however far the tasks are from each other."""
+    alike = interquartile_mean([np.full(5, 0.1), np.full(5, 0.9)])
+    assert (alike.low, alike.high) == (alike.value, alike.value)
+    assert interquartile_mean([np.array([0.1] * 5 + [0.9] * 5)]).low < 0.4
+
+
+def test_the_interval_covers_the_middle_of_a_normal():
+    draws = np.random.default_rng(0).normal(0.5, 0.1, (200, 2, 10))
+    found = [interquartile_mean(list(runs)) for runs in draws]
+    covered = np.mean([one.low <= 0.5 <= one.high for one in found])
+    assert 0.85 < covered <= 0.99  # 20 runs are few for a bootstrap
+    assert found[0] == interquartile_mean(list(draws[0]))
+
+
+def test_what_is_not_there_has_no_interval():
+    assert np.isnan(interquartile_mean([])).all()
+    assert np.isnan(interquartile_mean([np.ones(3), np.ones(0)])).all()
+    single = interquartile_mean([np.array([0.3])])
+    assert single.value == pytest.approx(0.3)
+    assert np.isnan([single.low, single.high]).all()
+
+
+FOOT = {"a": [Run("a", "honest play", 0, s, 0.1 * s) for s in (0, 1)], "b": [Run("b", "honest play", 0, 0, 0.2)]}
+RUNS = [
+    Run("a", "PPO", 10, 0, 0.5),
+    Run("a", "PPO", 10, 1, 0.5),
+    Run("a", "SAC", 10, 0, 0.2),
+    Run("a", "SAC", 20, 0, 0.3),
+    Run("b", "SAC", 10, 0, 0.6),
+    Run("b", "SAC", 20, 0, 0.4),
+]
+
+
+def test_a_share_is_of_the_way_from_honest_play_in_the_same_games_to_the_top():
+    known = scale(FOOT["a"], {"the exact optimum": 1.05}, RUNS[:4])
+    assert known.words == "the exact optimum"
+    assert [known.share(run) for run in RUNS[:2]] == pytest.approx([0.5, 0.4])  # 0.05 is honest play in the mean
+    best = scale(FOOT["b"], {}, RUNS[4:])
+    assert best.words == "the best that was found, by SAC with 10 rounds"
+    assert best.share(RUNS[4]) == 1
+    assert best.share(RUNS[5]) == pytest.approx(0.5)
+
+
+def test_where_nobody_beats_honest_play_there_is_no_share():
+    flat = scale(FOOT["b"], {}, [Run("b", "PPO", 10, 0, 0.2)])
+    assert np.isnan(flat.share(RUNS[4]))
+
+
+def test_who_lacks_a_task_has_no_result_over_all():
+    scales = {"a": scale(FOOT["a"], {"the exact optimum": 1.05}, RUNS[:4]), "b": scale(FOOT["b"], {}, RUNS[4:])}
+    found = results(scales, RUNS)
+    every = {(one.learner, one.budget): one for one in found if one.task == EVERY}
+    assert list(every) == [("SAC", 10), ("SAC", 20)]
+    assert every["SAC", 10].share.value == pytest.approx((0.2 + 1) / 2)
+    assert np.isnan(every["SAC", 10].score)
+    assert ranked(found) == ["SAC", "PPO"]
+    ppo = next(one for one in found if one.learner == "PPO")
+    assert (ppo.task, ppo.runs, ppo.score) == ("a", 2, 0.5)

@@ -1,0 +1,163 @@
+"""The worst case, its intervals and the ranking, by hand and on games."""
+
+import numpy as np
+import pytest
+from small_suites import small
+
+from roletrust_env.benchmark.caveats import caveats
+from roletrust_env.benchmark.cells import Cell, cells, models
+from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.schema import AttackResult, CellResult
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.trust import register_trust_model
+from roletrust_env.trust.models.central.mean import Mean
+
+SUITE = small(
+    models=["mean", "median"],
+    rungs=["scripted", "white-box planner"],
+    tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}},
+)
+
+
+def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0.1) -> AttackResult:
+    measured = {
+        "utility": utility,
+        "blind": [blind] * 2,
+        "damage": [0.2, 0.4],
+        "false_alarms": [0, 0],
+        "auc": [1, None],
+    }
+    return AttackResult(attack, attack, 0, {"utility": chosen}, measured)
+
+
+def kept(model: str, *rows: AttackResult, track: str = "raters", rung: str = "scripted") -> StoredCell:
+    cell = Cell(model, "market", track, 0.5 if track == "raters" else 0.0, rung, 0)
+    return StoredCell(cell, CellResult(rows, 1.0))
+
+
+RUN = [
+    kept("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", rung="nobody"),
+    kept("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
+    kept("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), rung="white-box planner"),
+    kept("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", rung="nobody"),
+    kept("median", row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5), row("silence", [0.6, 0.7], [0.1, 0.1])),
+]
+
+
+def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
+    found = {model: one.attack for (model, where), one in worst(attack_scores(RUN)).items() if where.track == "raters"}
+    assert found == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
+
+
+def test_the_leaderboard_by_hand() -> None:
+    first, second = leaderboard_rows(SUITE, RUN, ["mean", "median"], 3)
+    assert (first.rank, first.model, first.missing) == (1, "mean", 0)
+    assert first.clean.mean == pytest.approx(0.9)
+    assert first.worst.mean == pytest.approx(0.8)  # 0.9 and 0.7: never that of the planner, who knows more
+    assert first.worst.half == pytest.approx(12.706 * 0.1, abs=1e-3)  # Student's t of two games
+    assert first.open_worst.mean == pytest.approx(0.3)
+    assert first.damage.mean == pytest.approx(0.3)
+    assert first.detection.mean == 1  # of the game in which it is defined
+    assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust: whoever goes blindly gets 0.5
+    assert second.missing == 1  # nobody has planned against it
+
+
+def test_a_rank_holds_as_often_as_new_games_confirm_it() -> None:
+    sure = [kept("mean", row("a", [0.5] * 2, [0.9, 0.8])), kept("median", row("a", [0.5] * 2, [0.3, 0.2]))]
+    assert [line.holds for line in leaderboard_rows(SUITE, sure, ["mean", "median"], 1)] == [1, 1]
+    even = [kept("mean", row("a", [0.5] * 2, [0.9, 0.2])), kept("median", row("a", [0.5] * 2, [0.3, 0.7]))]
+    assert (
+        0.4 < leaderboard_rows(SUITE, even, ["mean", "median"], 1)[0].holds < 0.8
+    )  # of four resamples one is the other way
+
+
+@pytest.fixture(scope="module")
+def played() -> list[StoredCell]:
+    suite = small(models=["constant", "mean", "role-trust"], games=16)
+    return [StoredCell(cell, play_cell(suite, cell)) for cell in cells(suite)]
+
+
+def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
+    """It takes no damage, and whoever goes by it goes blindly."""
+    suite = small(models=["constant", "mean", "role-trust"], games=16)
+    rows = leaderboard_rows(suite, played, models(suite), len(played) // 3)
+    last = rows[-1]
+    assert last.model == "constant"
+    assert last.damage.mean == 0
+    for one in attack_scores(played):
+        if one.model == "constant":
+            assert one.measured["utility"] == pytest.approx(one.measured["blind"], abs=1e-12)
+    assert rows[-2].worst.mean > last.worst.mean
+    assert any(
+        "constant: whoever goes by it" in line for line in caveats(suite, played, attack_scores(played), ["constant"])
+    )
+
+
+class Moody(Mean):
+    """Draws from a source of its own, so little that a game lets it pass."""
+
+    def provider_trust(self, state: object) -> object:
+        return super().provider_trust(state) * (1 - 1e-8 * np.random.default_rng().random())
+
+
+def test_what_plays_at_random_is_told() -> None:
+    register_trust_model("moody", Moody)
+    run = [kept(model, row("lies", [0.5] * 2, [0.5] * 2)) for model in ("moody", "mean")]
+    told = caveats(small(), run, attack_scores(run), ["moody", "mean"])
+    assert [line for line in told if "at random" in line] == [
+        "moody: it plays at random, so that other runs find other numbers"
+    ]
+
+
+def test_a_model_that_has_never_played_is_not_played_for_a_warning() -> None:
+    class Bomb(Mean):
+        def update(self, state: object, ratings: object, mask: object = None) -> object:
+            raise SystemExit(3)
+
+    register_trust_model("bomb", Bomb)
+    failed = StoredCell(Cell("bomb", "market", "raters", 0.5, "scripted", 0), CellResult((), 1.0, failed="given up"))
+    assert caveats(small(), [failed], [], ["bomb"]) == ["bomb, market, raters 0.5, scripted: given up"]
+
+
+def test_a_cell_of_which_a_part_failed_is_told_and_not_whole() -> None:
+    partly = RUN[1]._replace(done=RUN[1].done._replace(failed="attack noise: it broke"))
+    line = leaderboard_rows(SUITE, [RUN[0], partly, RUN[2]], ["mean"], 3)[0]
+    assert line.missing == 1
+    assert line.worst.mean == pytest.approx(0.8)
+    (told,) = caveats(SUITE, [partly], attack_scores([partly]), [])
+    assert told == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
+
+
+def test_nothing_is_said_of_a_planner_that_the_suite_has_not() -> None:
+    run = [kept("median", row("lies", [0.5] * 2, [0.5] * 2))]
+    jumps = "median: trust jumps, so the white-box planner could not attack it"
+    for rungs, said in ((["scripted"], False), (["scripted", "white-box planner"], True)):
+        assert (jumps in caveats(small(rungs=rungs), run, attack_scores(run), ["median"])) == said
+
+
+def test_searches_that_never_beat_the_scripts_are_told() -> None:
+    weak = [kept("mean", row("lies", [0.5] * 2, [0.5] * 2)), kept("mean", row("PPO", [0.6] * 2, [0.5] * 2), rung="PPO")]
+    assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(weak), []))
+    strong = [weak[0], kept("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
+    assert not caveats(SUITE, strong, attack_scores(strong), [])
+
+
+def test_searches_that_could_not_play_and_conditions_without_attack_are_told() -> None:
+    idle = StoredCell(
+        Cell("mean", "market", "raters", 0.5, "random search", 0), CellResult((), 1.0, unsuitable="too few rounds")
+    )
+    assert "random search attack_scores nothing: too few rounds" in caveats(
+        SUITE, [RUN[1], idle], attack_scores([RUN[1]]), []
+    )
+    assert not any("attack_scores nothing" in line for line in caveats(SUITE, RUN, attack_scores(RUN), []))
+    (told,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(RUN[:1]), []) if "no attack" in line)
+    assert told == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
+
+
+def test_cells_that_fail_alike_are_one_line() -> None:
+    bad = [
+        StoredCell(Cell("mine", "market", "raters", share, "scripted", 0), CellResult((), 1.0, failed="NaN"))
+        for share in (0.1, 0.3, 0.5)
+    ]
+    assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 cells more: NaN"]

@@ -1,0 +1,148 @@
+"""What a run would take of the resources, said before it starts."""
+
+import re
+import tracemalloc
+
+import numpy as np
+import pytest
+from rich.progress import Progress
+from roletrust_agents.learned.saved import ZOO
+from roletrust_baselines import BadMouthing
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands import play
+from roletrust_experiments.playing.games import foresee, play_games, task_memory
+from typer.testing import CliRunner
+
+from roletrust_env import Game, JointPolicy, make_scenario
+from roletrust_env.evaluation import resources
+from roletrust_env.metrics.confidence import over_games, student_95
+from roletrust_env.world.presets import scenarios
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+def peak(work):
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("scenario", "games", "rounds", "models"),
+    [("paper-3x3", 6000, 10, 1), ("crowd-10x10", 600, 40, 1), ("robots-that-move", 600, 20, 2)],
+)
+@pytest.mark.parametrize("attacked", [True, False])
+def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked):
+    game = Game(make_scenario(scenario).change(max_cycles=rounds))
+    attackers = {"sr_0": BadMouthing()} if attacked else {}
+    joint_policies = [JointPolicy(game, attackers)] * models
+    foreseen = games * foresee(joint_policies, attackers).memory
+
+    def work():
+        with Progress(disable=True) as progress:
+            return [
+                play_games("", joint_policy, attackers, games=games, seed=0, progress=progress)
+                for joint_policy in joint_policies
+            ]
+
+    assert 0.9 < foreseen / peak(work) < 1.35
+
+
+def test_measured_attackers_take_what_was_foreseen():
+    from roletrust_agents.learned.methods import Mind
+    from roletrust_agents.learned.policy import play_task
+    from roletrust_agents.learned.saved import carded_task, load_attacker
+
+    attacker = load_attacker(ZOO / "collusion-10x10")
+    card, network = attacker.card, attacker.network
+    task = carded_task(card.task, card.trust_model, card.scenario.change(max_cycles=10))
+    foreseen = 1000 * task_memory(task, Mind(network, "black_box"))
+    assert 0.9 < foreseen / peak(lambda: play_task(task, network, games=1000, seed=0)) < 1.35
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "work"),
+    [
+        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "commands.play.play_games"),
+        (["zoo", "provider-3x3"], "--games ", "commands.zoo.measure"),
+        (["ladder", "RaterAttack"], "--games ", "commands.ladder.climb"),
+        (["train", "RaterAttack", "--set", "max_cycles=10"], "--learner games=", "training.loop.train"),
+    ],
+    ids=["play", "zoo", "ladder", "train"],
+)
+def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch, command, option, work):
+    class BegunError(ValueError):
+        pass
+
+    def begin(*_, **__):
+        raise BegunError("it has begun")
+
+    monkeypatch.setattr(f"experiments.{work}", begin)
+    monkeypatch.setattr("roletrust_experiments.training.loop.MANY", 50)  # quickly tried
+    monkeypatch.setattr(resources, "available", lambda: 1e9)
+    monkeypatch.chdir(tmp_path)
+
+    def attempt(number):
+        result = run(*command, *f"{option}{number}".split())
+        assert result.exit_code == 2
+        return " ".join(result.stderr.split())
+
+    said = attempt(9_000_000)
+    name = option.strip("= ")
+    pattern = (
+        rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "
+    )
+    assert re.match(pattern, said), said
+    assert not list(tmp_path.iterdir())
+    fits = int(said.rpartition("about ")[2].replace(",", ""))
+    assert 1000 < fits < 9_000_000
+    assert "it has begun" in attempt(fits // 50)
+
+
+def test_one_game_that_is_too_long_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(resources, "available", lambda: 5e8)
+    monkeypatch.setattr(play, "play_games", lambda *_, **__: pytest.fail("it has begun"))
+    result = run("play", "--set", "max_cycles=1000000", "--attack", "sr_0=bad-mouthing", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    pattern = r"Error: max_cycles 1,000,000 would take about 5\d\d MB .*400 MB can be had, enough for about [\d,]+"
+    assert re.match(pattern, " ".join(result.stderr.split())), result.stderr
+
+
+def test_what_takes_long_says_how_long(tmp_path, monkeypatch):
+    arguments = ["play", "--set", "max_cycles=5", "--games", 2, "--out", tmp_path]
+    assert "This takes" not in run(*arguments).output
+    monkeypatch.setattr(play, "_LONG_S", 0.0)
+    assert re.search(r"This takes about [\d.]+ seconds and [\d.]+ MB of memory", run(*arguments).output)
+
+
+def test_memory_is_that_of_the_kernel_and_of_the_container(monkeypatch):
+    assert 0 < resources.available() < 2**50
+    files = {"/proc/meminfo": "MemTotal: 9 kB\nMemAvailable:    4000000 kB\n", "/sys/fs/cgroup/memory.max": "max\n"}
+    monkeypatch.setattr(resources, "_read", lambda path: files[path])
+    assert resources.available() == 4_096_000_000
+    files["/sys/fs/cgroup/memory.max"] = "1000000000\n"
+    assert resources.available() == 1e9
+
+
+def test_intervals_of_very_many_games():
+    for freedom, quantile in ((1000, 1.9623390808), (1001, 1.9623367056), (30_000, 1.9600430330)):
+        assert student_95(freedom) == pytest.approx(quantile, abs=2e-6)
+    values = np.random.default_rng(0).random((3, 200_000))
+    values[1, 100_000:] = np.nan
+    mean, half, games = over_games(values)
+    assert mean == pytest.approx([0.5] * 3, abs=0.005)
+    assert games.tolist() == [200_000, 100_000, 200_000]
+    assert half[1] == pytest.approx(1.96 * 12**-0.5 * 100_000**-0.5, rel=0.01)
+
+
+def test_every_scenario_can_be_tried_out():
+    for name in scenarios():
+        game = Game(make_scenario(name))
+        cost = foresee([JointPolicy(game, {})], {})
+        assert cost.memory > 0
+        assert cost.seconds >= 0

@@ -1,0 +1,116 @@
+"""What is written behind `--attack`, `--trust-model` and `--set`."""
+
+import sys
+
+import pytest
+from roletrust_experiments.cli import app
+from typer.testing import CliRunner
+
+from roletrust_env import make_scenario
+from roletrust_env.evaluation.scripts import Scripts
+from roletrust_env.evaluation.specs import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
+from roletrust_env.game.attack_task import make_task
+
+PAPER = make_scenario("paper-3x3")
+
+
+def test_values():
+    assert parse_value("[0, [1]]") == (0, (1,))
+    assert parse_value("true") is True
+    assert parse_value("random") == "random"
+    assert parse_value("1\nother = 2") == "1\nother = 2"
+    assert parse_settings(['access={kind = "choice", providers = 2}'])["access"]["providers"] == 2
+
+
+def test_commas_inside_values_do_not_split():
+    policy = parse_attacks(["sr_0=bad-mouthing:targets=[0,1],lie=relative"], make_scenario("paper-3x3"))["sr_0"]
+    assert (policy.targets, policy.lie) == ((0, 1), "relative")
+
+
+@pytest.mark.parametrize("targets", ["[1,sp_2]", '["sp_1","sp_2"]', "[ sp_1, sp_2 ]", "[1,2]"])
+def test_targets_by_name(targets):
+    policy = parse_attacks([f"sr_0=bad-mouthing:targets={targets}"], make_scenario("paper-3x3"))["sr_0"]
+    assert policy.targets == (1, 2)
+    one = parse_attacks(["srsp_0=bad-mouthing:targets=srsp_3"], make_scenario("peers"))["srsp_0"]
+    assert one.targets == (3,)
+    assert parse_attacks(["sr_0=bad-mouthing:targets=2"], PAPER)["sr_0"].targets == (2,)
+
+
+def test_trust_model_takes_the_scenarios_lam_unless_told():
+    scenario = make_scenario("paper-3x3").change(lam=0.7)
+    assert parse_trust_model("role-trust", scenario).lam == 0.7
+    assert parse_trust_model("role-trust:lam=0.6", scenario).lam == 0.6
+
+
+def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, monkeypatch):
+    """It is one file and one line of the package's own; nothing here knows of it."""
+    (tmp_path / "package_of_lies.py").write_text(
+        "from dataclasses import dataclass\n"
+        "from typing import Annotated, ClassVar\n"
+        "from roletrust_env import Policy\n"
+        "from roletrust_env.ranges import Searched\n"
+        "@dataclass(frozen=True)\n"
+        "class Shift(Policy):\n"
+        "    by: Annotated[int, Searched(-3, 3)] = 0\n"
+        "    attacks: ClassVar = frozenset({'ratings'})\n"
+    )
+    about = tmp_path / "package_of_lies-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: package-of-lies\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[roletrust_env.attackers]\nshift = package_of_lies:Shift\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    kinds = parse_kinds(["shift", "shift:by=2"], PAPER)
+    space = Scripts.of(make_task(PAPER, ("sr_0",)), kinds)
+    found = [space.decode([kind, x])["sr_0"].by for kind, x in ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0))]
+    assert found == [-3, 0, 3, 2]
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """A module of the user's own, in the folder where we are; each of its parts makes a file when it is called."""
+    (tmp_path / "mine_for_attacks.py").write_text(
+        "from pathlib import Path\n"
+        "def touch(**parameters): Path('called').touch()\n"
+        "class Alien:\n"
+        "    def __init__(self, **parameters): touch()\n"
+        "class HalfAModel(Alien):\n"
+        "    start = update = rater_trust = touch\n"
+        "class NoModel(HalfAModel):\n"
+        "    provider_trust = 0.5\n"
+        "alien = object()\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield "mine_for_attacks"
+    sys.modules.pop("mine_for_attacks", None)
+
+
+@pytest.mark.parametrize("name", ["touch", "Alien", "HalfAModel", "NoModel", "alien"])
+def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
+    with pytest.raises(ValueError, match=f"attacker '{mine}:{name}' must make a Policy, so it must be a class derived"):
+        parse_attacks([f"sr_1={mine}:{name}:level=0"], PAPER)
+    with pytest.raises(ValueError, match=f"trust model '{mine}:{name}' must make a TrustModel, .* start, update"):
+        parse_trust_model(f"{mine}:{name}", PAPER)
+    assert not (tmp_path / "called").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["play", "--attack", "sr_1=os:system:command=touch called"],
+        ["play", "--trust-model", "mine_for_attacks:touch"],
+        ["ladder", "RaterAttack", "--trust-model", "mine_for_attacks:touch"],
+    ],
+)
+def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert "so it must be a class" in result.stderr
+    assert not (tmp_path / "called").exists()
+
+
+def test_what_a_class_made_is_looked_at(tmp_path, mine):
+    with (tmp_path / f"{mine}.py").open("a") as file:
+        file.write("from roletrust_env.trust import Mean\nclass Cuckoo(Mean):\n    def __new__(cls, **_): return 7\n")
+    with pytest.raises(ValueError, match="trust model 'Cuckoo' made 7; it must make a TrustModel"):
+        parse_trust_model(f"{mine}:Cuckoo", PAPER)

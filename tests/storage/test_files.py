@@ -1,0 +1,120 @@
+"""Results on disk: whole or not there, and nothing left behind."""
+
+import os
+import platform
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from roletrust_experiments.cli import app
+from typer.testing import CliRunner
+
+from roletrust_env.storage import files
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from roletrust_env.storage.files import replacing
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    print("writing", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, error):
+    path = tmp_path / "table.csv"
+    files.write_csv(path, ["a"], [[1.0]])
+
+    def rows():
+        yield [2.0]
+        raise error
+
+    with pytest.raises(error):
+        files.write_csv(path, ["a"], rows())
+    assert path.read_text() == "a\n1.000000\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
+
+
+def test_what_a_killed_run_left_goes_at_the_next_start_and_what_is_being_written_stays(tmp_path):
+    for name in ("killed.csv", "living.csv"):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(tmp_path / name)],
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == b"writing\n"
+        if name == "killed.csv":
+            writer.kill()
+            writer.wait()
+            writer.stdout.close()
+    others = [".bashrc", ".my.notes.1.txt", f".killed.elsewhere-{writer.pid}.csv"]
+    for other in others:
+        (tmp_path / other).touch()
+    (tmp_path / files.unfinished(tmp_path / "mine.csv").name).touch()
+    assert len(list(tmp_path.glob(".killed.*"))) == 2
+    files.prepare_folder(tmp_path)
+    here = f"{platform.node()}-{writer.pid}.csv"
+    mine = f".mine.{platform.node()}-{os.getpid()}.csv"
+    assert {path.name for path in tmp_path.iterdir()} == {*others, mine, f".living.{here}"}
+    writer.send_signal(signal.SIGKILL)
+    writer.communicate()
+
+
+def test_a_folder_is_tried_and_left_as_it_was(tmp_path):
+    (tmp_path / "probe").write_text("not to be lost")
+    files.prepare_folder(tmp_path)
+    files.prepare_folder(tmp_path / "a" / "b")
+    assert [path.name for path in tmp_path.iterdir()] == ["probe"]
+    with pytest.raises(OSError, match="probe"):
+        files.prepare_folder(tmp_path / "probe" / "out")
+
+
+def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypatch):
+    touch = Path.touch
+
+    def meanwhile(path):
+        touch(path)
+        (tmp_path / "results" / "play").mkdir()
+
+    monkeypatch.setattr(Path, "touch", meanwhile)
+    files.prepare_folder(tmp_path / "results" / "train")
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["play"]
+    monkeypatch.undo()
+    files.prepare_folder(tmp_path / "new" / ".." / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["ladder", "RaterAttack"],
+        ["speed", "--quick"],
+        ["train", "RaterAttack"],
+        ["play"],
+        ["figures", "--service", "synthetic"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command, out):
+    def work(*_, **__):
+        raise AssertionError("it works before it knows where to write")
+
+    for module, name in (
+        ("commands.ladder", "climb"),
+        ("commands.speed", "_race"),
+        ("training.loop", "train"),
+        ("commands.play", "play_games"),
+        ("commands.figures", "record"),
+    ):
+        monkeypatch.setattr(f"experiments.{module}.{name}", work)
+    (tmp_path / "file").write_text("in the way")
+    result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / out)])
+    assert result.exit_code == 2, result.output
+    assert str(tmp_path / "file") in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
