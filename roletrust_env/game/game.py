@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, copied, joint_policy, mean_where, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
@@ -332,7 +332,7 @@ class Game:
 
     def _clock(self, state: State) -> Array:
         """The number of the round, in the dtype of everything else."""
-        return joint_policy(state.round, self.like.dtype)
+        return cast(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
         """A constant, such as one of shape (S, P), for every game of a batch.

@@ -1,4 +1,4 @@
-"""Playing a game to its end with a joint_policy of policies, in one game or a batch."""
+"""Playing a game to its end with a joint policy, in one game or a batch."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
