@@ -16,7 +16,8 @@ from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.search import UnsuitableError, exact_task, find
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.search import UnsuitableError, find
 
 CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
 
@@ -116,7 +117,7 @@ def test_other_attacks_are_searched_also_your_own_and_with_some_parameters_given
 def test_a_trained_attacker():
     zoo = Learned(ZOO / "provider-3x3")
     arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
-    measured = {"budget": 0, "seed": 0, "games": 2, "tell": lambda rounds: None}
+    measured = {"budget": 0, "seed": 0, "games": 2}
     trained = find(zoo, {**arguments, "compromised": ("sp_2",)}, **measured)
     assert trained.scores.mean() > 0.23  # the best regular script has 0.230
     assert trained.rounds > 100_000
@@ -149,7 +150,7 @@ def test_the_runs_of_a_training_are_one_rung(tmp_path):
 
 def test_trajectory_is_what_was_played():
     arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
-    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2, tell=lambda rounds: None)
+    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2)
     seen = watch(arguments, finding, 0)
     assert seen.quality["sp_0"].tolist() == [0, 1] * 6
     assert seen.ratings["sr_2"].shape == (12, 2)
