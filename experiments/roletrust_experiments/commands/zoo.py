@@ -47,7 +47,7 @@ def zoo(
     """
     require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned import saved
-    from roletrust_agents.learned.methods import Mind
+    from roletrust_agents.learned.network_attacker import NetworkAttacker
 
     folder = folder or saved.ZOO
     known = saved.zoo(folder)
