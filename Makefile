@@ -41,7 +41,7 @@ test-site: docs
 
 # The wheel with each extra alone, in fresh environments.
 test-extras: setup
-	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/benchmark
+	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
 
 # Teams of processes on DDS, one after the other.
 test-live: setup
