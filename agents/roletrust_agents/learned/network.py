@@ -135,6 +135,11 @@ class Network:
         self.weights = dict(weights)
         self._order = np.argsort([place for head in architecture.heads for place in head.outputs]).tolist()
 
+    @property
+    def has_memory(self) -> bool:
+        """Whether there is an LSTM."""
+        return self.architecture.lstm > 0
+
     def begin(self, like: Array) -> Array | None:
         """The memory before the first observation: (2 H, ...) for `like` of shape (...); None without an LSTM."""
         if not self.architecture.lstm:
