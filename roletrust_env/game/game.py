@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
+from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
@@ -86,6 +87,9 @@ class Game:
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({game_facts(self)})"
 
     def random(self, seed: int | None = None) -> Random:
         """A source of luck for this game: of its array library, dtype and device.

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.brief import game_facts, players
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
@@ -47,10 +48,13 @@ class Player:
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
         self._role = role_in_name(agent)
         _check_channels(agent, self._role, policy)
-        self.policy = policy
+        self.policy, self.agent = policy, agent
         self._layout = layout
         self._random = Random(np.random.default_rng(seed))
         self._memory = policy.begin(self._random, ())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.agent!r}, {self.policy!r})"
 
     def __call__(self, observation: Array) -> Array:
         """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
@@ -106,7 +110,7 @@ class JointPolicy:
             _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
         seated = roster.with_reserves(policies)
-        groups: dict[tuple[str, Policy], _Seats] = {}
+        groups: dict[tuple[Role, Policy], _Seats] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
             seats = groups.setdefault((game.roster.role(name), policy), _Seats(policy, [], [], []))
@@ -119,6 +123,10 @@ class JointPolicy:
         self._has_reserve = any(roster.turn)
         self._before = list(roster.before)
         self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+
+    def __repr__(self) -> str:
+        seated = players(self.policies) or "all play honestly"
+        return f"{type(self).__name__}({game_facts(self.game)}; {seated})"
 
     @property
     def attackers(self) -> tuple[str, ...]:

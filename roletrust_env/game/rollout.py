@@ -52,6 +52,11 @@ class History(NamedTuple):
     present: Array
     offered: Array
 
+    def __repr__(self) -> str:
+        rounds, raters, providers, *batch = self.ratings.shape
+        agents = f"raters: {raters}, providers: {providers}, agents: {self.trust.shape[1]}"
+        return f"History(rounds: {rounds}, {agents}, batch: {tuple(batch)})"
+
 
 def play(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
     """Play round after round, to the scenario's end.
