@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_agents.learned.methods import Mind
 from roletrust_agents.learned.network import Floats
+from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.policy import LearnedPolicy, policy_for
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.attack_env import task_spaces
@@ -39,8 +39,8 @@ def policy_of(model: Any, task: AttackTask) -> LearnedPolicy:
     """
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
-            f"the task compromises {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy is one agent "
-            "with black_box knowledge. Use attacker_of(model, task), which decides for all of them"
+            f"the task compromises {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy is for one "
+            "agent with black_box knowledge. Use attacker_of(model, task), which decides for all of them"
         )
     role = task.game.roster.role(task.compromised[0])
     return policy_for(role, SB3Decider(model, task), task.game.layout, _described(model, task))
@@ -58,15 +58,15 @@ def attacker_of(model: Any, task: AttackTask) -> Attacker:
 
     Example:
         >>> from roletrust_env import AttackVecEnv, make_task
-        >>> from roletrust_env.evaluation.search import HELD_OUT, measure
+        >>> from roletrust_env.evaluation.attacked_games import HELD_OUT, mean_rewards
         >>> from stable_baselines3 import PPO
         >>> task = make_task("crowd-10x10", ("sr_8", "sr_9", "sp_9"), max_cycles=20)
         >>> model = PPO("MlpPolicy", AttackVecEnv(task, 8), n_steps=25, batch_size=200).learn(200)
-        >>> reward, objective, cost = measure(task, attacker_of(model, task), 0, (1, 5), HELD_OUT)
+        >>> reward, objective, cost = mean_rewards(task, attacker_of(model, task), 0, (1, 5), HELD_OUT)
         >>> reward.shape
         (1, 5)
     """
-    return Mind(SB3Decider(model, task), task.knowledge)
+    return NetworkAttacker(SB3Decider(model, task), task.knowledge)
 
 
 class SB3Decider:
