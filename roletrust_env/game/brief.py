@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array
+from roletrust_env.arrays import library_of
 from roletrust_env.world.roster import Roster
 
 _FEW = 4  # agents that are named one by one
@@ -29,11 +29,6 @@ def game_facts(game: Any, batch: tuple[int, ...] | None = None) -> str:
     games = "" if not batch else f", batch {batch}"
     rounds, agents = game.scenario.max_cycles, population(game.roster)
     return f"{game.scenario.name!r}, {game.model!r}, agents: {agents}, rounds: {rounds}{games}{library}"
-
-
-def library_of(like: Array) -> str:
-    """Return the array library and the dtype of an array, such as `torch float32`."""
-    return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"
 
 
 def shapes(record: Any) -> str:
