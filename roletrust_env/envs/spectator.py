@@ -86,7 +86,7 @@ class Spectator:
         now = tuple(np.asarray(trust) for trust in self._game.published(state))
         before = tuple(np.full_like(trust, np.nan) for trust in now)
         # Without a render mode there is no record of the rounds before.
-        curves = self.curves or [*[before] * int(state.round), now]
+        curves: Any = self.curves or [*[before] * int(state.round), now]
         try:
             return f"{heading}<br>{_image(self._game, state, curves, self.attackers)}"
         except DependencyNotInstalled:
@@ -107,7 +107,7 @@ def _image(game: Game, state: State, curves: Any, attackers: tuple[str, ...]) ->
     from roletrust_env.rendering.renderer import Renderer
 
     renderer = Renderer(game, "rgb_array")
-    picture = renderer.render(state, curves, attackers)
+    picture = np.asarray(renderer.render(state, curves, attackers))
     from matplotlib.image import imsave
 
     file = BytesIO()
