@@ -67,7 +67,7 @@ def measure(
         trust, rewards = curves.trust[:, places], curves.rewards[:, places]
         present = estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
         measures = _measures(trust, rewards, since)
-        if not _rated(role, rates_raters):
+        if not _rated(roster.role(roster.names[places[0]]), rates_raters):
             measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
         groups.append(Group(label, policy is None, len(places), present, measures))
     return groups
