@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from small_suites import MARKET
 
-from roletrust_env.benchmark.cells import HONEST, Cell, attacks, cells
-from roletrust_env.benchmark.learners.suite import FOOT, LearnersSuite, Trial, trials
+from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, cells
+from roletrust_env.benchmark.learners.suite import HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite, read_suite
@@ -43,7 +43,7 @@ def large(**fields: Any) -> Suite:
 
 def kept(suite: Suite) -> list[StoredCell]:
     """What became of its cells."""
-    scripts, found = attacks(suite), []
+    scripts, found = attack_names(suite), []
     for cell in cells(suite):
         names = scripts if cell.rung == "scripted" else [cell.rung]
         rows = tuple(_row(suite.models, [HONEST, *scripts, *suite.rungs[1:]], cell, name) for name in names)
@@ -90,7 +90,7 @@ def _row(names: Sequence[str], ways: Sequence[str], cell: Cell, attack: str) -> 
 
 def _learnt(suite: LearnersSuite, trial: Trial) -> Sequence[AttackResult]:
     draw = np.random.default_rng([trial.seed, trial.budget, len(trial.learner), list(suite.tasks).index(trial.task)])
-    if trial.learner == FOOT:
+    if trial.learner == HONEST_PLAY:
         score = 0.05
     elif trial.learner in suite.learners:
         skill = 1 - suite.learners.index(trial.learner) / 8

@@ -7,8 +7,8 @@ import pytest
 from roletrust_experiments.commands.benchmark import _asked
 from small_suites import small
 
-from roletrust_env.benchmark.cells import attacks, models
-from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.cells import attack_names, model_names
+from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.suite import load_suite
 
 FILE = Path("results/my run/results.sqlite")
@@ -26,7 +26,7 @@ FILE = Path("results/my run/results.sqlite")
 )
 def test_a_suite_of_the_project_is_played_by_its_name(suite, fields):
     played = load_suite(suite).model_copy(update=fields)
-    words = shlex.split(command(played, FILE))
+    words = shlex.split(reproduction_command(played, FILE))
     assert words[:2] == ["roletrust", "benchmark"]
     given = {}
     for option, value in zip(words[2::2], words[3::2], strict=True):
@@ -39,10 +39,10 @@ def test_a_suite_of_the_project_is_played_by_its_name(suite, fields):
 def test_what_the_command_keeps_gives_it_back():
     """`all` is kept as the names that it stood for."""
     asked = _asked(load_suite("quick"), None, None, None, allow_code=False)
-    assert (list(asked.models), list(asked.attacks)) == (models(asked), attacks(asked))
-    assert command(asked, FILE) == "roletrust benchmark --suite quick --out 'results/my run'"
+    assert (list(asked.models), list(asked.attacks)) == (model_names(asked), attack_names(asked))
+    assert reproduction_command(asked, FILE) == "roletrust benchmark --suite quick --out 'results/my run'"
 
 
 def test_another_suite_is_played_by_its_file():
-    assert "--suite small.toml " in command(small(name="small"), FILE)
-    assert "--suite quick.toml " in command(load_suite("quick").model_copy(update={"games": 2}), FILE)
+    assert "--suite small.toml " in reproduction_command(small(name="small"), FILE)
+    assert "--suite quick.toml " in reproduction_command(load_suite("quick").model_copy(update={"games": 2}), FILE)

@@ -4,7 +4,7 @@ import csv
 import re
 from pathlib import Path
 
-from roletrust_env.benchmark.cells import models
+from roletrust_env.benchmark.cells import model_names
 from roletrust_env.benchmark.suite import load_suite, suites
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -13,7 +13,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 def test_the_table_is_the_leaderboard_of_the_development_suite() -> None:
     with (DOCS / "better-model.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert sorted(row["model"] for row in rows) == sorted(models(load_suite("development")))
+    assert sorted(row["model"] for row in rows) == sorted(model_names(load_suite("development")))
     shown = [
         f"| {row['model']} | {float(row['worst']):.3f} ± {float(row['worst_half_95']):.3f} "
         f"| {float(row['clean']):.3f} ± {float(row['clean_half_95']):.3f} | {float(row['false_alarms']):.3f} |"

@@ -49,7 +49,7 @@ def workers(process):
 def kept(path):
     """How many cells a file holds; none, as long as it has no tables."""
     with suppress(ValueError), Store(path) as store:
-        return len(store.finished())
+        return len(store.finished_keys())
     return 0
 
 

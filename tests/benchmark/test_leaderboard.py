@@ -5,8 +5,8 @@ import pytest
 from small_suites import small
 
 from roletrust_env.benchmark.caveats import caveats
-from roletrust_env.benchmark.cells import Cell, cells, models
-from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst
+from roletrust_env.benchmark.cells import Cell, cells, model_names
+from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst_cases
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import StoredCell
@@ -46,7 +46,9 @@ RUN = [
 
 
 def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
-    found = {model: one.attack for (model, where), one in worst(attack_scores(RUN)).items() if where.track == "raters"}
+    found = {
+        model: one.attack for (model, where), one in worst_cases(attack_scores(RUN)).items() if where.track == "raters"
+    }
     assert found == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
 
 
@@ -81,7 +83,7 @@ def played() -> list[StoredCell]:
 def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
     """It takes no damage, and whoever goes by it goes blindly."""
     suite = small(models=["constant", "mean", "role-trust"], games=16)
-    rows = leaderboard_rows(suite, played, models(suite), len(played) // 3)
+    rows = leaderboard_rows(suite, played, model_names(suite), len(played) // 3)
     last = rows[-1]
     assert last.model == "constant"
     assert last.damage.mean == 0

@@ -57,7 +57,7 @@ def test_what_was_played_with_another_source_is_not_gone_on_with(path, monkeypat
     assert f"another source of trust model {name}, " in refused(path, SUITE)
     with Store(path) as store:  # to look at it is no harm
         assert len(store.all()) == 3
-    with Store(path, SUITE, anew=True) as store:
+    with Store(path, SUITE, overwrite=True) as store:
         assert not store.all()
     Store(path, SUITE).close()
 
@@ -71,11 +71,11 @@ def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
     with Store(path, SUITE) as store:
         store.add(first, DONE._replace(rows=(), failed="it broke"))
         assert len(store.all()) == 3
-        assert first.key not in store.finished()
-        assert second.key in store.finished()
+        assert first.key not in store.finished_keys()
+        assert second.key in store.finished_keys()
         store.add(first, DONE)
         assert results(store.all())[first.key].rows == DONE.rows
-        assert len(store.finished()) == 3
+        assert len(store.finished_keys()) == 3
 
 
 def test_a_run_that_another_holds_is_left_alone(path):
@@ -88,7 +88,7 @@ def test_a_run_that_another_holds_is_left_alone(path):
         told = subprocess.run([sys.executable, "-c", code, path], env=environment, capture_output=True, text=True)
         assert "another run writes" in told.stdout, told.stderr
     with Store(path, SUITE) as store:
-        assert len(store.finished()) == 3
+        assert len(store.finished_keys()) == 3
 
 
 def test_a_file_that_another_program_holds_is_left_alone(path):
@@ -152,9 +152,9 @@ def test_a_file_that_somebody_made_up_is_refused(path, statement):
 def test_who_begins_anew_throws_away_what_nobody_else_writes(path):
     with Store(path, SUITE) as store:
         with pytest.raises(ValueError, match="another run writes"):
-            Store(path, SUITE, anew=True)
+            Store(path, SUITE, overwrite=True)
         assert len(store.all()) == 3
-    with Store(path, tiny(games=4), anew=True) as store:
+    with Store(path, tiny(games=4), overwrite=True) as store:
         assert store.all() == []
 
 
@@ -175,7 +175,7 @@ def test_a_full_disk_loses_nothing(path):
         store._file.execute("PRAGMA max_page_count=100000")
         store.add(cells(SUITE)[3], large)
     with Store(path, SUITE) as store:
-        assert len(store.finished()) == 4
+        assert len(store.finished_keys()) == 4
 
 
 def test_a_folder_in_which_nothing_can_be_written_is_one_line(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from small_suites import MARKET, small
 
 from roletrust_env import attackers
-from roletrust_env.benchmark.cells import Cell, attacks, cells, models, objective, place
+from roletrust_env.benchmark.cells import Cell, attack_names, attacked_scenario, cells, model_names, objective
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.suite import load_suite, suites
 from roletrust_env.benchmark.suite_types import suite_type
@@ -21,27 +21,29 @@ def test_the_suites_that_come_with_the_project_can_be_played(name: str) -> None:
     assert len({cell.key for cell in found}) == len(found)
     for cell in found if suite.kind == "robustness" else ():
         if cell.model == found[0].model:
-            place(suite, cell)
+            attacked_scenario(suite, cell)
 
 
 def test_all_that_is_registered_is_in_the_suites() -> None:
     suite = load_suite("quick")
-    assert models(suite) == list(trust_models())
-    assert set(attackers()) - set(attacks(suite)) == {"learned"}  # which needs a file
+    assert model_names(suite) == list(trust_models())
+    assert set(attackers()) - set(attack_names(suite)) == {"learned"}  # which needs a file
 
 
 def test_every_attack_finds_a_track_of_the_quick_suite() -> None:
     suite = load_suite("quick").model_copy(update={"games": 2, "rungs": ("scripted",)})
     played = [row.attack for cell in cells(suite) if cell.model == "mean" for row in play_cell(suite, cell).rows]
-    assert set(attacks(suite)) <= set(played)
+    assert set(attack_names(suite)) <= set(played)
 
 
 def test_the_compromised_are_the_share_that_is_asked_for() -> None:
     suite = small()
-    one, half = (place(suite, Cell("mean", "market", "raters", share, "scripted", 0)) for share in (0.25, 0.5))
+    one, half = (
+        attacked_scenario(suite, Cell("mean", "market", "raters", share, "scripted", 0)) for share in (0.25, 0.5)
+    )
     assert one.compromised == ("sr_3",)
     assert half.compromised == ("sr_2", "sr_3")
-    both = place(suite, Cell("mean", "market", "identities", 0.3, "scripted", 0))
+    both = attacked_scenario(suite, Cell("mean", "market", "identities", 0.3, "scripted", 0))
     assert both.compromised == ("sr_3", "sp_2")
     assert [(g.role, g.count, g.reserve) for g in both.scenario.agents] == [
         ("SR", 3, 0),
@@ -56,7 +58,7 @@ def test_one_agent_of_a_role_stays_honest() -> None:
     with pytest.raises(
         ValueError, match="compromises 4 of 4 agents with the role SR in scenario 'market'; one at least"
     ):
-        place(suite, cells(suite)[0])
+        attacked_scenario(suite, cells(suite)[0])
 
 
 def test_the_planner_aims_at_what_has_a_gradient() -> None:

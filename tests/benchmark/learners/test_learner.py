@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from roletrust_env.benchmark.learners.contestants import contestant
-from roletrust_env.benchmark.learners.learner import CountedGames, Entered, SpentError, Taught
+from roletrust_env.benchmark.learners.learner import BudgetSpentError, CountedGames, LearnedAttacker, LearnerSearch
+from roletrust_env.benchmark.learners.search_methods import make_search_method
 from roletrust_env.benchmark.learners.suite import Task
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.evaluation.search import Budget, find
@@ -14,7 +14,7 @@ DUAL = Task(task="DualAttack", set={"max_cycles": 12})
 
 
 class Stubborn:
-    """Plays all its rounds, and then the same quality and ratings for ever."""
+    """PlayedCells all its rounds, and then the same quality and ratings for ever."""
 
     games = 4
 
@@ -30,7 +30,7 @@ class Stubborn:
 
 
 def entered(learner, task=PROVIDER, budget=100, games=3, seed=0):
-    return find(Entered(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
+    return find(LearnerSearch(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
 
 
 def test_what_is_learned_is_played_in_games_of_its_own():
@@ -60,7 +60,7 @@ def test_no_round_is_played_beyond_the_budget():
     games.step(quality)
     games.step(quality)
     for _ in range(2):
-        with pytest.raises(SpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
+        with pytest.raises(BudgetSpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
             games.step(quality)
     assert budget.spent == 8
     games.reset(options={"reset_mask": np.ones(4, bool)})  # costs nothing
@@ -99,7 +99,7 @@ def test_who_remembers_begins_anew_with_every_batch():
 
     first, second = (entered(Teaches()).scores for _ in range(2))
     np.testing.assert_array_equal(first, second)
-    taught, task = Taught(Counts()), AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task
+    taught, task = LearnedAttacker(Counts()), AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task
     for _ in range(2):
         taught.begin(task, task.game.random(0), (1, 3))
         assert taught.play.quality.shape == (3, 1)
@@ -133,11 +133,11 @@ def test_nothing_but_a_class_of_learners_is_called(tmp_path, monkeypatch):
     )
     for name in ("function", "Other"):
         with pytest.raises(ValueError, match=f"learner 'somebodys:{name}' must make a Learner"):
-            contestant(f"somebodys:{name}", PROVIDER.id)
+            make_search_method(f"somebodys:{name}", PROVIDER.id)
     import somebodys
 
     assert somebodys.called == []
-    found = contestant("somebodys:Fine:rate=3", PROVIDER.id)
+    found = make_search_method("somebodys:Fine:rate=3", PROVIDER.id)
     assert (found.learner.rate, found.name) == (3, "somebodys:Fine:rate=3")
     for name, message in (
         ("os:system:command=true", "must make a Learner"),
@@ -146,4 +146,4 @@ def test_nothing_but_a_class_of_learners_is_called(tmp_path, monkeypatch):
         ("PPOO", "unknown learner 'PPOO'; known: PPO, recurrent PPO, SAC"),
     ):
         with pytest.raises(ValueError, match=message):
-            contestant(name, PROVIDER.id)
+            make_search_method(name, PROVIDER.id)

@@ -4,10 +4,10 @@ from collections import Counter
 
 import pytest
 
-from roletrust_env.benchmark.learners.leaderboard import standings
+from roletrust_env.benchmark.learners.leaderboard import learner_results
+from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS
 from roletrust_env.benchmark.learners.run_trial import play_trial
-from roletrust_env.benchmark.learners.shares import EVERY
-from roletrust_env.benchmark.learners.suite import FOOT, TOPS, LearnersSuite, Trial, trials
+from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import load_suite, read_suite
@@ -29,7 +29,13 @@ def test_every_learner_has_every_task_budget_and_seed_once():
     suite = small(learners=["CMA-ES", "PPO"])
     found = trials(suite)
     assert len({trial.key for trial in found}) == len(found)
-    assert Counter(trial.learner for trial in found) == {"CMA-ES": 8, "PPO": 8, FOOT: 4, "exact": 2, "best known": 2}
+    assert Counter(trial.learner for trial in found) == {
+        "CMA-ES": 8,
+        "PPO": 8,
+        HONEST_PLAY: 4,
+        "exact": 2,
+        "best known": 2,
+    }
     budgets = [trial.budget for trial in found]
     assert budgets == sorted(budgets, reverse=True)  # the longest first
 
@@ -53,15 +59,15 @@ def test_the_exact_optimum_is_share_1(tmp_path):
         for trial in trials(suite):
             store.add(trial, play_trial(suite, trial))
         kept = store.all()
-        assert store.finished() == {trial.key for trial in trials(suite)}
+        assert store.finished_keys() == {trial.key for trial in trials(suite)}
     assert {one.cell for one in kept} == set(trials(suite))
-    scales, found = standings(suite, kept)
+    scales, found = learner_results(suite, kept)
     assert scales["provider"].words == "the exact optimum"
     assert scales["dual"].words.startswith("the best that was found, by CMA-ES with")
     shares = {(one.task, one.budget): one.share.value for one in found}
     assert 0.3 < shares["provider", 4000] < 1
     assert max(shares["dual", 2000], shares["dual", 4000]) == pytest.approx(1)
-    assert shares[EVERY, 4000] == pytest.approx((shares["provider", 4000] + shares["dual", 4000]) / 2)
+    assert shares[ALL_TASKS, 4000] == pytest.approx((shares["provider", 4000] + shares["dual", 4000]) / 2)
     assert Store(tmp_path / "results.sqlite").suite == suite
 
 
@@ -77,10 +83,10 @@ def test_without_honest_play_there_is_no_scale():
     suite = small()
     row = AttackResult("CMA-ES", "", 0, {}, {"score": [0.5] * 4})
     ran = [StoredCell(Trial("provider", "CMA-ES", 4000, seed), CellResult((row,), 1.0)) for seed in suite.seeds]
-    assert standings(suite, ran) == ({}, [])
-    honest = AttackResult(FOOT, "", 0, {}, {"score": [0.1] * 4})
-    ran += [StoredCell(Trial("provider", FOOT, 0, 3), CellResult((honest,), 1.0))]
-    scales, found = standings(suite, ran)
+    assert learner_results(suite, ran) == ({}, [])
+    honest = AttackResult(HONEST_PLAY, "", 0, {}, {"score": [0.1] * 4})
+    ran += [StoredCell(Trial("provider", HONEST_PLAY, 0, 3), CellResult((honest,), 1.0))]
+    scales, found = learner_results(suite, ran)
     assert list(scales) == ["provider"]
     assert {one.runs for one in found} == {1}  # that with the same seed
 
@@ -90,7 +96,7 @@ def test_the_suites_that_come_with_the_project_can_be_played(name):
     suite = load_suite(name)
     assert isinstance(suite, LearnersSuite)
     assert suite_type(suite).cells(suite) == trials(suite)
-    assert set(TOPS) < {trial.learner for trial in trials(suite)}
+    assert set(BOUNDS) < {trial.learner for trial in trials(suite)}
 
 
 @pytest.mark.parametrize(

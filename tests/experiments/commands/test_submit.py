@@ -15,7 +15,7 @@ from roletrust_env.benchmark import verification
 from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.submission import Measures, fingerprint
+from roletrust_env.benchmark.submission import ClaimedMetrics, fingerprint
 from roletrust_env.benchmark.suite import load_suite
 from roletrust_env.benchmark.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
@@ -68,18 +68,18 @@ def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -
     (tmp_path / "true.json").write_text(text)
     found, suite = read_submission(tmp_path / "true.json")
     kept = [StoredCell(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
-    assert all(check.ok for check in verification.check_all(found, suite, kept, same=True))
+    assert all(check.ok for check in verification.check_scores(found, suite, kept, same=True))
 
 
 def test_a_seed_draws_the_same_cells(tmp_path: Path, text: str) -> None:
     (tmp_path / "true.json").write_text(text)
     found, _ = read_submission(tmp_path / "true.json")
-    assert verification.sample(found, 2, 7) == verification.sample(found, 2, 7)
-    assert len({tuple(claim.cell for claim in verification.sample(found, 2, seed)) for seed in range(20)}) > 5
+    assert verification.sample_claims(found, 2, 7) == verification.sample_claims(found, 2, 7)
+    assert len({tuple(claim.cell for claim in verification.sample_claims(found, 2, seed)) for seed in range(20)}) > 5
 
 
 def test_all_that_is_measured_is_claimed() -> None:
-    assert tuple(Measures.model_fields) == MEASURED
+    assert tuple(ClaimedMetrics.model_fields) == MEASURED
 
 
 def cell(said: Any, track: str = "raters") -> Any:
@@ -161,7 +161,7 @@ def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
     path = played(tmp_path)
     with Store(path, SUITE) as store:
         first = store.all()[0]
-        store.add(first.cell, first.done._replace(failed="attack on-off: it broke"))
+        store.add(first.cell, first.result._replace(failed="attack on-off: it broke"))
     refused = run("submit", str(path), "--out", str(tmp_path / "mine.json"))
     assert refused.exit_code == 2
     assert "1 of 6 cells failed or are not played" in " ".join(refused.output.split())

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roletrust_env.benchmark.learners.shares import EVERY, Run, ranked, results, scale
+from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, LearnerRun, aggregate, make_scale, ranking
 from roletrust_env.metrics.confidence import interquartile_mean
 
 FLOATS = st.floats(-2, 2, allow_nan=False)
@@ -44,39 +44,45 @@ def test_what_is_not_there_has_no_interval():
     assert np.isnan([single.low, single.high]).all()
 
 
-FOOT = {"a": [Run("a", "honest play", 0, s, 0.1 * s) for s in (0, 1)], "b": [Run("b", "honest play", 0, 0, 0.2)]}
+HONEST_PLAY = {
+    "a": [LearnerRun("a", "honest play", 0, s, 0.1 * s) for s in (0, 1)],
+    "b": [LearnerRun("b", "honest play", 0, 0, 0.2)],
+}
 RUNS = [
-    Run("a", "PPO", 10, 0, 0.5),
-    Run("a", "PPO", 10, 1, 0.5),
-    Run("a", "SAC", 10, 0, 0.2),
-    Run("a", "SAC", 20, 0, 0.3),
-    Run("b", "SAC", 10, 0, 0.6),
-    Run("b", "SAC", 20, 0, 0.4),
+    LearnerRun("a", "PPO", 10, 0, 0.5),
+    LearnerRun("a", "PPO", 10, 1, 0.5),
+    LearnerRun("a", "SAC", 10, 0, 0.2),
+    LearnerRun("a", "SAC", 20, 0, 0.3),
+    LearnerRun("b", "SAC", 10, 0, 0.6),
+    LearnerRun("b", "SAC", 20, 0, 0.4),
 ]
 
 
 def test_a_share_is_of_the_way_from_honest_play_in_the_same_games_to_the_top():
-    known = scale(FOOT["a"], {"the exact optimum": 1.05}, RUNS[:4])
+    known = make_scale(HONEST_PLAY["a"], {"the exact optimum": 1.05}, RUNS[:4])
     assert known.words == "the exact optimum"
     assert [known.share(run) for run in RUNS[:2]] == pytest.approx([0.5, 0.4])  # 0.05 is honest play in the mean
-    best = scale(FOOT["b"], {}, RUNS[4:])
+    best = make_scale(HONEST_PLAY["b"], {}, RUNS[4:])
     assert best.words == "the best that was found, by SAC with 10 rounds"
     assert best.share(RUNS[4]) == 1
     assert best.share(RUNS[5]) == pytest.approx(0.5)
 
 
 def test_where_nobody_beats_honest_play_there_is_no_share():
-    flat = scale(FOOT["b"], {}, [Run("b", "PPO", 10, 0, 0.2)])
+    flat = make_scale(HONEST_PLAY["b"], {}, [LearnerRun("b", "PPO", 10, 0, 0.2)])
     assert np.isnan(flat.share(RUNS[4]))
 
 
 def test_who_lacks_a_task_has_no_result_over_all():
-    scales = {"a": scale(FOOT["a"], {"the exact optimum": 1.05}, RUNS[:4]), "b": scale(FOOT["b"], {}, RUNS[4:])}
-    found = results(scales, RUNS)
-    every = {(one.learner, one.budget): one for one in found if one.task == EVERY}
+    scales = {
+        "a": make_scale(HONEST_PLAY["a"], {"the exact optimum": 1.05}, RUNS[:4]),
+        "b": make_scale(HONEST_PLAY["b"], {}, RUNS[4:]),
+    }
+    found = aggregate(scales, RUNS)
+    every = {(one.learner, one.budget): one for one in found if one.task == ALL_TASKS}
     assert list(every) == [("SAC", 10), ("SAC", 20)]
     assert every["SAC", 10].share.value == pytest.approx((0.2 + 1) / 2)
     assert np.isnan(every["SAC", 10].score)
-    assert ranked(found) == ["SAC", "PPO"]
+    assert ranking(found) == ["SAC", "PPO"]
     ppo = next(one for one in found if one.learner == "PPO")
     assert (ppo.task, ppo.runs, ppo.score) == ("a", 2, 0.5)
