@@ -103,16 +103,16 @@ def other_versions(said: Any) -> None:
     ("change", "words"),
     [
         (lambda said: said["standings"]["mean"]["worst"].update(mean=0.99), "scores of mean worst: claimed 0.9900"),
-        (lambda said: said.update(suite_sha256="0" * 64), "it has another hash than is said"),
-        (lambda said: said["suite"].update(games=4), "it has another hash than is said"),
+        (lambda said: said.update(suite_sha256="0" * 64), "its hash is not the stated one"),
+        (lambda said: said["suite"].update(games=4), "its hash is not the stated one"),
         (lambda said: said["models"]["mean"].update(sha256="0" * 64), "model mean another source than here"),
-        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, of roletrust-env 9"),
+        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, from roletrust-env 9"),
     ],
 )
 def test_what_is_not_as_said_is_told_without_playing(verified: Callable, change: Callable, words: str) -> None:
     code, told = verified(change)
     assert words in told
-    assert code == (0 if "of roletrust-env 9" in words else 1)
+    assert code == (0 if "from roletrust-env 9" in words else 1)
 
 
 @pytest.mark.parametrize("forgotten", [False, True])
@@ -125,7 +125,7 @@ def test_numbers_that_were_made_up_are_found(verified: Callable, forgotten: bool
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
-    assert ("left out" if forgotten else "other numbers") in told
+    assert ("missing in the claim" if forgotten else "other numbers") in told
     assert "scores of mean worst case 1.0000" in told  # which goes with the rest of the file
 
 
@@ -154,7 +154,7 @@ def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_pa
 
     code, told = verified(change)
     assert code == 1
-    assert "it is called quick, and is not the one" in told
+    assert "its name is quick, but it differs" in told
 
 
 def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
         store.add(first.cell, first.result._replace(failed="attack on-off: it broke"))
     refused = run("submit", str(path), "--out", str(tmp_path / "mine.json"))
     assert refused.exit_code == 2
-    assert "1 of 6 cells failed or are not played" in " ".join(refused.output.split())
+    assert "1 of 6 cells failed or have not been played" in " ".join(refused.output.split())
     wanted = run("submit", str(path), "--model", "median", "--out", str(tmp_path / "mine.json"))
     assert "has no trust model 'median'" in " ".join(wanted.output.split())
     other = run("submit", str(path), "--model", "role-trust", "--out", str(tmp_path / "mine.json"))
@@ -227,13 +227,13 @@ def renamed(name: str) -> Callable[[Any], None]:
         (renamed("mean\x1b[2J"), "String should match pattern"),
         (lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"), "attacks: not those of the suite"),
         (lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"), "preset is '/etc/passwd"),
-        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "without files"),
-        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "without files"),
+        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "must not use files"),
+        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "must not use files"),
         (lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9), "too many"),
         (lambda said: said["suite"].update(seeds=list(range(1000))), "cells: there are 6; the suite has 6000"),
         (lambda said: said["suite"].update(models="all"), "with its models and attacks by name"),
         (lambda said: said["suite"].update(kind="learners"), "suite: "),
-        (lambda said: said["suite"].update(tracks=[]), "scenarios and tracks must each have one"),
+        (lambda said: said["suite"].update(tracks=[]), "the number of scenarios and that of tracks must be 1 to 100"),
         (lambda said: said["suite"].update(tracks={"a": 1}), "neither a scenario nor a track"),
         (lambda said: said["suite"].update(ghost=1), "there is no field 'ghost'"),
         (lambda said: said.update(ghost=1), "ghost is 1: Extra inputs are not permitted"),
@@ -246,7 +246,7 @@ def renamed(name: str) -> Callable[[Any], None]:
         (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), "the JSON holds NaN"),
         (lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")), "the JSON holds Infinity"),
         (lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None), "is undefined"),
-        (lambda said: cell(said, "honest").update(attacks=[]), "all are honest there"),
+        (lambda said: cell(said, "honest").update(attacks=[]), "all agents are honest there"),
         (lambda said: said["software"].update(python=["3"] * 10**6), "python is ['3', '3'"),
     ],
 )
