@@ -27,15 +27,15 @@ def caveats(
         models: Names of the models.
     """
     return [
-        *_of_models(suite, attacks, models),
-        *_of_searches(attacks),
-        *_of_rungs(stored),
-        *_of_conditions(suite, attacks),
-        *_of_cells(stored),
+        *_model_caveats(suite, attacks, models),
+        *_search_caveats(attacks),
+        *_rung_caveats(stored),
+        *_condition_caveats(suite, attacks),
+        *_failures(stored),
     ]
 
 
-def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
+def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
     played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
     discontinuous = []
@@ -80,7 +80,7 @@ def _trust(game: Game) -> bytes:
     return b"".join(np.asarray(part).tobytes() for part in game.published(state))
 
 
-def _of_searches(attacks: Sequence[AttackScores]) -> Iterator[str]:
+def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield searches and learners that never beat the scripted attacks with default parameters."""
     scripted: dict[tuple[str, Condition], float] = {}
     for one in attacks:
@@ -95,7 +95,7 @@ def _of_searches(attacks: Sequence[AttackScores]) -> Iterator[str]:
             yield f"{rung} never beat the scripts; a larger budget might"
 
 
-def _of_rungs(stored: Sequence[StoredCell]) -> Iterator[str]:
+def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
     """Yield searches and learners that never attacked. The planner is a caveat of the models."""
     for rung in dict.fromkeys(cell.rung for cell, _ in stored if cell.rung not in WHITE_BOX_RUNGS):
         reasons = [result.unsuitable for cell, result in stored if cell.rung == rung]
@@ -103,7 +103,7 @@ def _of_rungs(stored: Sequence[StoredCell]) -> Iterator[str]:
             yield f"{rung} attacked nothing: {reasons[0]}"
 
 
-def _of_conditions(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
+def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield conditions in which no attack can be played, so that they do not count."""
     played = {(one.condition.track, one.condition.share) for one in attacks}
     for name, track in suite.tracks.items():
@@ -113,7 +113,7 @@ def _of_conditions(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[st
             yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"
 
 
-def _of_cells(stored: Sequence[StoredCell]) -> Iterator[str]:
+def _failures(stored: Sequence[StoredCell]) -> Iterator[str]:
     """Yield the failures, one line for each model and error message."""
     failures: dict[tuple[str, str], list[str]] = {}
     for cell, result in stored:
