@@ -160,7 +160,7 @@ def declared_ranges(kind: Any) -> dict[str, SearchRange]:
 
 
 def as_spec(policy: Policy) -> str:
-    """Return the spec of a policy, as `--attack` takes it: the name, and the parameters with a range or no default value.
+    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range or another value.
 
     Numbers are rounded, and of many indices only the first and the last are shown.
     """

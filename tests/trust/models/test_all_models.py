@@ -1,6 +1,5 @@
 """What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
 
-
 import hypothesis.strategies as st
 import numpy as np
 import pytest
