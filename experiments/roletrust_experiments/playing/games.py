@@ -44,7 +44,7 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
     return bool(attackers) and not isinstance(game.scenario.frames, int)
 
 
-def all_curve_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
+def all_kept_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
     """The memory that the curves of every game take at the worst moment, see `foresee`."""
     return curve_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
 
@@ -57,7 +57,7 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
     trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
-    memory = all_curve_bytes(joint_policies, attackers) + trial.memory
+    memory = all_kept_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 
 
