@@ -61,7 +61,7 @@ class Policy:
         return None, memory
 
     def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
-        """Return the quality and the ratings of an SR+SP agent, and the new memory. By default each role decides alone."""
+        """Return quality and ratings of an SR+SP agent, and the new memory. By default each role decides alone."""
         quality, memory = self.quality(view.provider, memory, random)
         ratings, memory = self.ratings(view.rater, memory, random)
         return quality, ratings, memory
