@@ -51,6 +51,10 @@ class WaryRoleTrust:
     both edges of a change; here unsteady service is paid for by the slow way up, on which a newcomer is, too, and what
     is the world's doing is followed as slowly. 1 is as fast as down.
 
+    At a tie, where c[j] lies midway between the lowest and the highest g[i, j] up to rounding, it is set to the exact
+    middle. Of two halves of equally trusted raters who rate 0 and 1, both then lose the same trust, 1 - ToR tends to
+    sqrt(1/2), and neither half wins, in whatever order the raters come. One rater more on one side decides.
+
     Attributes:
         lam: weight of the newest round, in [0.5, 1), for raters, and for providers that fall.
         initial: trust before any rating, in [0, 1].
@@ -82,6 +86,7 @@ class WaryRoleTrust:
         fresh = xp.where(mask, 1.0, self.keep * state.fresh)
         below = last - largest(xp.where(fresh > 0, last, 0.0))  # raters who agree are exactly 0 apart
         consensus = weighted_mean(below, self._weights(fresh, state.tor), axis=0)
+        consensus = _level(consensus, xp.min(xp.where(fresh > 0, below, 0.0), axis=0), len(below))
         distance, given = masked_mean(xp.sqrt(abs(below - consensus)), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         quality = weighted_mean(sinc(1 - last) * last, self._weights(fresh, tor), axis=0)
@@ -107,6 +112,16 @@ class WaryRoleTrust:
     def provider_trust(self, state: WaryState) -> Array:
         """ToP, shape (P, ...)."""
         return state.top
+
+
+def _level(consensus: Array, lowest: Array, raters: int) -> Array:
+    """Return the consensus, at a tie exactly in the middle between the lowest rating and the highest, which is at 0.
+
+    The order of raters would else decide a tie by rounding, and their weights would amplify it.
+    """
+    xp, middle = namespace(consensus), lowest / 2
+    rounding = float(xp.finfo(consensus.dtype).eps) * (4 + raters / 4)
+    return xp.where(abs(consensus - middle) <= rounding * abs(lowest), middle, consensus)
 
 
 def _upper_median(values: Array, there: Array) -> Array:
