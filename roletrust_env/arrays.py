@@ -49,7 +49,7 @@ def copied(array: Array) -> Array:
     return array.copy() if isinstance(array, np.ndarray) else array + 0
 
 
-def joint_policy(array: Array, dtype: Any) -> Array:
+def cast(array: Array, dtype: Any) -> Array:
     """An array in another dtype; also a single number of NumPy, which `astype` of the standard refuses."""
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
 

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from roletrust_env.arrays import Array, joint_policy
+from roletrust_env.arrays import Array, cast
 from roletrust_env.world.heterogeneity import Nature
 from roletrust_env.world.mobility import Places
 from roletrust_env.world.presence import Population
@@ -126,7 +126,5 @@ def fitted(actions: Actions, state: State) -> Actions:
             )
     parts = {"quality": actions.quality, "ratings": actions.ratings, "treatment": actions.treatment}
     dtype = state.ratings.dtype
-    others = {
-        name: joint_policy(part, dtype) for name, part in parts.items() if part is not None and part.dtype != dtype
-    }
+    others = {name: cast(part, dtype) for name, part in parts.items() if part is not None and part.dtype != dtype}
     return actions._replace(**others) if others else actions

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
 from roletrust_env.trust.algorithms import Notes
@@ -83,14 +83,14 @@ class BetaFiltered:
         heard = xp.ones_like(successes)
         for _ in range(min(successes.shape[0] - 1, _PASSES)):
             mean = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
-            still = heard * joint_policy((low <= mean) & (mean <= 1 - below_one), heard.dtype)
+            still = heard * cast((low <= mean) & (mean <= 1 - below_one), heard.dtype)
             heard = xp.where(xp.any((still > 0) & evident, axis=0), still, heard)
         return heard
 
     def _share(self, heard: Array, evidence: Array) -> Array:
         """Of the providers that each rater has rated, the share for which it was kept, shape (S, ...)."""
         xp = namespace(heard)
-        rated = joint_policy(evidence > 0, heard.dtype)
+        rated = cast(evidence > 0, heard.dtype)
         count = rated.sum(axis=1)
         return xp.where(count > 0, (heard * rated).sum(axis=1) / xp.clip(count, 1, None), self.initial)
 

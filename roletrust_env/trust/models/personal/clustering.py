@@ -1,6 +1,6 @@
 """Clustering: a judge believes the raters whose ratings lie in its own cluster."""
 
-from roletrust_env.arrays import Array, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
@@ -43,7 +43,7 @@ class Clustering:
         xp, notes = namespace(ratings), Notes.of(ratings, mask)
         known = state.known.after(notes)
         squares, common = disagreement(known)
-        together = _connected(joint_policy((common > 0) & (squares <= self.threshold**2), ratings.dtype))
+        together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.dtype))
         heard, weight = heeded(together, notes.values, notes.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
@@ -65,5 +65,5 @@ def _connected(links: Array) -> Array:
     """
     reached = with_self(links)
     for _ in range(max(links.shape[0] - 2, 0).bit_length()):
-        reached = joint_policy(product(reached, reached) > 0, links.dtype)
+        reached = cast(product(reached, reached) > 0, links.dtype)
     return reached

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from pydantic import PositiveInt
 
-from roletrust_env.arrays import Array, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
@@ -102,7 +102,7 @@ class Travos:
         low, high = (edge[:, None, ...] for edge in self._edges(successes))
         mean = reputation(successes, failures)[:, None, ...]
         known = (successes + failures > 0)[:, None, ...]
-        return joint_policy(known & (low <= mean) & (mean < high), successes.dtype)
+        return cast(known & (low <= mean) & (mean < high), successes.dtype)
 
     def _edges(self, like: Array) -> tuple[Array, Array]:
         """The lower and the upper edges of the bins, shape (bins, 1, ...), with an axis for each batch axis."""
