@@ -43,7 +43,7 @@ def numbers(found: Score | npt.ArrayLike) -> Floats:
     return np.asarray(found.value if isinstance(found, Score) else found, np.float64)
 
 
-def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+def mean_or_nan(values: Floats, axis: int | tuple[int, ...]) -> Floats:
     """The mean of what is not NaN along some axes; NaN where nothing is."""
     there = ~np.isnan(values)
     return ratio(np.where(there, values, 0.0).sum(axis=axis), there.sum(axis=axis))

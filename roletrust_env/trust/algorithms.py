@@ -51,8 +51,8 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
     if not 0.5 <= lam <= 1:
         raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
     _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
-    notes = Notes.of(ratings, mask)
-    return smooth(rater_quality(notes), previous, lam, notes.given)
+    masked = MaskedRatings.of(ratings, mask)
+    return smooth(rater_quality(masked), previous, lam, masked.given)
 
 
 def provider_trust(
@@ -97,9 +97,9 @@ def provider_trust(
         last_ratings=(last_ratings, "SP"),
         elapsed=(elapsed, "SP"),
     )
-    notes = Notes.of(ratings, mask)
-    quality = provider_quality(notes, tor, last_ratings, _like(elapsed, ratings))
-    return smooth(quality, previous, lam, notes.received)
+    masked = MaskedRatings.of(ratings, mask)
+    quality = provider_quality(masked, tor, last_ratings, _like(elapsed, ratings))
+    return smooth(quality, previous, lam, masked.received)
 
 
 def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
@@ -142,7 +142,7 @@ class Trusts(NamedTuple):
     top: Array
 
 
-class Notes(NamedTuple):
+class MaskedRatings(NamedTuple):
     """The ratings of one round made ready for means, once for all the means that a model takes.
 
     Attributes:
@@ -159,7 +159,7 @@ class Notes(NamedTuple):
     given: Array
 
     @classmethod
-    def of(cls, ratings: Array, mask: Array | None) -> "Notes":
+    def of(cls, ratings: Array, mask: Array | None) -> "MaskedRatings":
         """The notes of ratings inside a mask, both of shape (S, P, ...); None is a mask that is true everywhere."""
         if mask is None:
             return cls(ratings, None, *ratings.shape[:2])
@@ -180,62 +180,64 @@ class Notes(NamedTuple):
         rows = max(1, _BLOCK * raters // values.size)
         return [slice(at, at + rows) for at in range(0, raters, rows)]
 
-    def of_raters(self, some: slice) -> "Notes":
+    def of_raters(self, some: slice) -> "MaskedRatings":
         """The notes of some raters; `received` still counts all."""
         weights = None if self.weights is None else self.weights[some]
-        return Notes(self.values[some], weights, self.received, self.given if weights is None else self.given[some])
+        return MaskedRatings(
+            self.values[some], weights, self.received, self.given if weights is None else self.given[some]
+        )
 
 
 Root = Callable[[Array], Array]
 """What takes the place of a square root."""
 
 
-def rater_quality(notes: Notes, root: Root | None = None) -> Array:
+def rater_quality(masked: MaskedRatings, root: Root | None = None) -> Array:
     """QoR of Algorithm 1, shape (S, ...); 1 for a rater that rated nobody.
 
     Args:
-        notes: of the round.
+        masked: Ratings of the round.
         root: instead of the square root, for who needs a slope at 0.
     """
-    xp = namespace(notes.values)
+    xp = namespace(masked.values)
     root = root or xp.sqrt
     # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    best = largest(notes.values)
-    blocks = notes.blocks()
+    best = largest(masked.values)
+    blocks = masked.blocks()
     if len(blocks) == 1:
-        below = notes.weigh(notes.values - best)
-        return _nearness(notes, below - total(below, 0) * _share(notes.received), root)
-    parts = [notes.of_raters(some) for some in blocks]
+        below = masked.weigh(masked.values - best)
+        return _nearness(masked, below - total(below, 0) * _share(masked.received), root)
+    parts = [masked.of_raters(some) for some in blocks]
     below = reduce(operator.add, (total(part.weigh(part.values - best), 0) for part in parts))
-    average = below * _share(notes.received)
+    average = below * _share(masked.received)
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
-def _nearness(notes: Notes, apart: Array, root: Root) -> Array:
+def _nearness(masked: MaskedRatings, apart: Array, root: Root) -> Array:
     """1 less the mean root of how far apart each rater's notes are from the average ones."""
-    return 1.0 - total(notes.weigh(root(abs(apart))), 1) * _share(notes.given)
+    return 1.0 - total(masked.weigh(root(abs(apart))), 1) * _share(masked.given)
 
 
-def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+def provider_quality(masked: MaskedRatings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """QoP of Algorithm 2, shape (P, ...); 0 for a provider that nobody rated.
 
     Args:
-        notes: of the round.
+        masked: Ratings of the round.
         tor: ToR as just updated by this round, shape (S, ...).
         last_ratings: the note that i gave j last, shape (S, P, ...).
         elapsed: dt, see `provider_trust`; None where it is 1 everywhere.
     """
-    if len(blocks := notes.blocks()) == 1:
-        worth = _worth(notes.values, tor, last_ratings, elapsed)
+    if len(blocks := masked.blocks()) == 1:
+        worth = _worth(masked.values, tor, last_ratings, elapsed)
     else:
         worth = reduce(
             operator.add,
             (
-                _worth(notes.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
+                _worth(masked.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
                 for some in blocks
             ),
         )
-    return worth * _share(notes.received)
+    return worth * _share(masked.received)
 
 
 def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:

@@ -62,7 +62,7 @@ class Traits(NamedTuple):
         rates_raters: whether it has a notion of rater trust.
         family: `"central"`: it sees all ratings as a manager does; `"personal"`: every rater is a judge of its own.
         source: the paper that it comes from.
-        smooth: whether trust follows ratings without jumps, so that gradients are of use.
+        differentiable: Whether trust follows ratings without jumps, so that gradients are of use.
         cost: how time and memory grow with S raters and P providers, such as `"S P"` or `"S^2 P"`.
         takes_full_rounds: whether its `update` takes None for a mask that is true everywhere, which is quicker. A class
             that overrides `update` has to say it anew.
@@ -72,7 +72,7 @@ class Traits(NamedTuple):
     rates_raters: bool = True
     family: Literal["central", "personal"] = "central"
     source: str = ""
-    smooth: bool = True
+    differentiable: bool = True
     cost: str = "S P"
     takes_full_rounds: bool = False
     takes_peers: bool = False

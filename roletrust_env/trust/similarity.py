@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.algorithms import Notes, occurred
+from roletrust_env.trust.algorithms import MaskedRatings, occurred
 from roletrust_env.trust.judges import by_judges, in_common
 
 
@@ -24,9 +24,9 @@ class Experience(NamedTuple):
         xp = namespace(like)
         return cls(xp.zeros_like(like), xp.zeros_like(like))
 
-    def after(self, notes: Notes) -> "Experience":
+    def after(self, masked: MaskedRatings) -> "Experience":
         """With the ratings of one more round."""
-        return Experience(self.counts + notes.weights, self.sums + notes.values)
+        return Experience(self.counts + masked.weights, self.sums + masked.values)
 
 
 class Likened(NamedTuple):

@@ -10,7 +10,7 @@ import scipy
 from model_cases import Matrix, Vector, assert_matches, named
 
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.models.central.huber_mean import STEPS
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
@@ -66,7 +66,7 @@ def test_models_match_their_references(name: str) -> None:
 
 def centre(model: Any, notes: Vector) -> float:
     """Of the ratings of one provider."""
-    return float(model.centre(Notes.of(np.array(notes)[:, None], None))[0])
+    return float(model.centre(MaskedRatings.of(np.array(notes)[:, None], None))[0])
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import Notes, occurred
+from roletrust_env.trust.algorithms import MaskedRatings, occurred
 from roletrust_env.trust.beta import reputation
 
 
@@ -53,10 +53,10 @@ class Beta:
 
     def update(self, state: BetaState, ratings: Array, mask: Array | None) -> BetaState:
         """One round of ratings. See `TrustModel.update`."""
-        notes = Notes.of(ratings, mask)
-        kept, successes = left(self.keep, notes), total(notes.values, 0)
+        masked = MaskedRatings.of(ratings, mask)
+        kept, successes = left(self.keep, masked), total(masked.values, 0)
         return BetaState(
-            kept * state.successes + successes, kept * state.failures + (notes.received - successes), state.tor
+            kept * state.successes + successes, kept * state.failures + (masked.received - successes), state.tor
         )
 
     def rater_trust(self, state: BetaState) -> Array:
@@ -68,6 +68,6 @@ class Beta:
         return reputation(state.successes, state.failures, self.initial)
 
 
-def left(keep: float, notes: Notes) -> Array:
+def left(keep: float, masked: MaskedRatings) -> Array:
     """What is left of each provider's earlier evidence, shape (P, ...): all of it if nobody rated the provider."""
-    return 1 - (1 - keep) * occurred(notes.received)
+    return 1 - (1 - keep) * occurred(masked.received)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.beta import quantile, reputation
 from roletrust_env.trust.models.central.beta import left
 
@@ -56,7 +56,7 @@ class BetaFiltered:
     q: Tail = 0.01
     rates_raters = True
     source = "Whitby, Jøsang and Indulska (2004)"
-    smooth = False
+    differentiable = False
     takes_full_rounds = True
 
     def start(self, like: Array) -> BetaFilteredState:
@@ -66,10 +66,10 @@ class BetaFiltered:
 
     def update(self, state: BetaFilteredState, ratings: Array, mask: Array | None) -> BetaFilteredState:
         """One round of ratings. See `TrustModel.update`."""
-        notes = Notes.of(ratings, mask)
-        kept = left(self.keep, notes)
-        successes = kept * state.successes + notes.values
-        failures = kept * state.failures + ((1 if notes.weights is None else notes.weights) - notes.values)
+        masked = MaskedRatings.of(ratings, mask)
+        kept = left(self.keep, masked)
+        successes = kept * state.successes + masked.values
+        failures = kept * state.failures + ((1 if masked.weights is None else masked.weights) - masked.values)
         heard = self._filter(successes, failures)
         top = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
         return BetaFilteredState(successes, failures, top, self._share(heard, successes + failures))

@@ -16,7 +16,7 @@ class Constant:
 
     initial: Share = 0.5
     rates_raters = True
-    smooth = False  # it has no gradient at all
+    differentiable = False  # it has no gradient at all
     cost = "S + P"
     takes_full_rounds = True
 

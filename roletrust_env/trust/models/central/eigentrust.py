@@ -46,7 +46,7 @@ class EigenTrust:
     rates_raters = True
     source = "Kamvar et al. (2003)"
     cost = "S^2 P + S^3"
-    smooth = False  # a rater's row may become empty at once
+    differentiable = False  # a rater's row may become empty at once
     takes_peers = True
 
     def start(self, like: Array, peers: Array) -> EigenTrustState:

@@ -4,7 +4,7 @@ from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Notes, weighted_mean
+from roletrust_env.trust.algorithms import MaskedRatings, weighted_mean
 from roletrust_env.trust.robust import ByCentre, median
 
 STEPS = 30
@@ -29,10 +29,10 @@ class HuberMean(ByCentre):
     source = "Huber (1964)"
     cost = "S log S P"
 
-    def centre(self, notes: Notes) -> Array:
+    def centre(self, masked: MaskedRatings) -> Array:
         """See `ByCentre.centre`."""
-        xp, centre = namespace(notes.values), median(notes)
+        xp, centre = namespace(masked.values), median(masked)
         for _ in range(STEPS):
-            weights = notes.weigh(self.width / xp.clip(abs(notes.values - centre), self.width, None))
-            centre = weighted_mean(notes.values, weights, axis=0)
+            weights = masked.weigh(self.width / xp.clip(abs(masked.values - centre), self.width, None))
+            centre = weighted_mean(masked.values, weights, axis=0)
         return centre

@@ -2,7 +2,7 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.robust import ByCentre, median
 
 
@@ -14,9 +14,9 @@ class Median(ByCentre):
     """
 
     source = "Huber (1981)"
-    smooth = False  # whose rating is in the middle changes at once, and the others' have no slope
+    differentiable = False  # whose rating is in the middle changes at once, and the others' have no slope
     cost = "S log S P"
 
-    def centre(self, notes: Notes) -> Array:
+    def centre(self, masked: MaskedRatings) -> Array:
         """See `ByCentre.centre`."""
-        return median(notes)
+        return median(masked)

@@ -50,7 +50,7 @@ class PowerTrust:
     rates_raters = True
     source = "Zhou and Hwang (2007)"
     cost = "S^2 P + S^3"
-    smooth = False  # a rater's row may become empty at once
+    differentiable = False  # a rater's row may become empty at once
     takes_peers = True
 
     def start(self, like: Array, peers: Array) -> PowerTrustState:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import Notes, occurred, provider_quality, rater_quality, smooth
+from roletrust_env.trust.algorithms import MaskedRatings, occurred, provider_quality, rater_quality, smooth
 
 
 class RoleTrustState(NamedTuple):
@@ -53,19 +53,19 @@ class RoleTrust:
     def update(self, state: RoleTrustState, ratings: Array, mask: Array | None) -> RoleTrustState:
         """One round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
-        notes = Notes.of(ratings, mask)
-        tor = smooth(self._rater_quality(notes), state.tor, self.lam, notes.given)
-        quality = provider_quality(notes, tor, state.last, None if state.full else state.elapsed)
-        top = smooth(quality, state.top, self.lam, notes.received)
+        masked = MaskedRatings.of(ratings, mask)
+        tor = smooth(self._rater_quality(masked), state.tor, self.lam, masked.given)
+        quality = provider_quality(masked, tor, state.last, None if state.full else state.elapsed)
+        top = smooth(quality, state.top, self.lam, masked.received)
         if mask is None:
             return RoleTrustState(tor, top, ratings, ones(ratings), True)
         last = xp.where(mask, ratings, state.last)
-        elapsed = xp.where(mask, notes.weights, state.elapsed + occurred(state.elapsed))
+        elapsed = xp.where(mask, masked.weights, state.elapsed + occurred(state.elapsed))
         return RoleTrustState(tor, top, last, elapsed)
 
-    def _rater_quality(self, notes: Notes) -> Array:
+    def _rater_quality(self, masked: MaskedRatings) -> Array:
         """QoR, shape (S, ...)."""
-        return rater_quality(notes)
+        return rater_quality(masked)
 
     def rater_trust(self, state: RoleTrustState) -> Array:
         """ToR, shape (S, ...)."""

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import LessThanHalf
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.robust import ByCentre, middle_mean
 
 
@@ -21,9 +21,9 @@ class TrimmedMean(ByCentre):
 
     share: LessThanHalf = 0.25
     source = "Tukey and McLaughlin (1963)"
-    smooth = False  # what is cut has no slope
+    differentiable = False  # what is cut has no slope
     cost = "S log S P"
 
-    def centre(self, notes: Notes) -> Array:
+    def centre(self, masked: MaskedRatings) -> Array:
         """See `ByCentre.centre`."""
-        return middle_mean(notes, self.share * notes.received)
+        return middle_mean(masked, self.share * masked.received)

@@ -72,7 +72,7 @@ class WaryRoleTrust:
     shock: Share = 0.1
     rates_raters = True
     source = "after Su and Saint-Jore (2023)"
-    smooth = False  # the median jumps from one provider to another, and so does forgiving at the shock
+    differentiable = False  # the median jumps from one provider to another, and so does forgiving at the shock
 
     def start(self, like: Array) -> WaryState:
         """Initial trust for everyone, and no note yet. See `TrustModel.start`."""

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import Notes, smooth
+from roletrust_env.trust.algorithms import MaskedRatings, smooth
 from roletrust_env.trust.judges import credences, heeded, product, published_providers, published_raters, with_self
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
@@ -30,7 +30,7 @@ class Clustering:
     rates_raters = True
     family = "personal"
     source = "after Liu et al. (2011)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P + S^3 log S"
 
     def start(self, like: Array) -> Likened:
@@ -40,11 +40,11 @@ class Clustering:
 
     def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
         """One round of ratings. See `TrustModel.update`."""
-        xp, notes = namespace(ratings), Notes.of(ratings, mask)
-        known = state.known.after(notes)
+        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
+        known = state.known.after(masked)
         squares, common = disagreement(known)
         together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.dtype))
-        heard, weight = heeded(together, notes.values, notes.weights)
+        heard, weight = heeded(together, masked.values, masked.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
         return Likened(known, trust, credence)

@@ -81,7 +81,7 @@ class Fire:
     rates_raters = True
     family = "personal"
     source = "Huynh, Jennings and Shadbolt (2006)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P"
 
     def start(self, like: Array) -> FireState:

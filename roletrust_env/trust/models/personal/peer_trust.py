@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
@@ -40,7 +40,7 @@ class PeerTrust:
     def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
         """One round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
-        known = state.known.after(Notes.of(ratings, mask))
+        known = state.known.after(MaskedRatings.of(ratings, mask))
         squares, common = disagreement(known)
         similarity = 1 - xp.sqrt(squares + _TINY)
         mean, weight = heeded(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)

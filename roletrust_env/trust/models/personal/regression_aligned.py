@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Ridge, Share
-from roletrust_env.trust.algorithms import Notes, smooth
+from roletrust_env.trust.algorithms import MaskedRatings, smooth
 from roletrust_env.trust.judges import by_judges, credences, in_common, product, published_providers
 
 
@@ -25,10 +25,10 @@ class Moments(NamedTuple):
     shared: Array
 
     @classmethod
-    def of(cls, notes: Notes) -> "Moments":
+    def of(cls, masked: MaskedRatings) -> "Moments":
         """Those of one round."""
-        values: Array = notes.values
-        weights: Array = notes.weights
+        values: Array = masked.values
+        weights: Array = masked.weights
         theirs = values.swapaxes(0, 1)
         count = in_common(weights)
         mean = product(weights, theirs) / _at_least_1(count)
@@ -95,16 +95,16 @@ class RegressionAligned:
 
     def update(self, state: RegressionAlignedState, ratings: Array, mask: Array) -> RegressionAlignedState:
         """One round of ratings. See `TrustModel.update`."""
-        xp, notes = namespace(ratings), Notes.of(ratings, mask)
+        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
         slope, base = self._lines(state.moments)
 
         def summed(some: slice) -> Array:
-            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * notes.values
-            return (notes.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
+            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * masked.values
+            return (masked.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
 
-        heard = by_judges(summed, ratings) / _at_least_1(notes.received)
-        trust = smooth(heard, state.trust, self.lam, notes.received)
-        return RegressionAlignedState(state.moments.joined(Moments.of(notes)), trust, state.tor)
+        heard = by_judges(summed, ratings) / _at_least_1(masked.received)
+        trust = smooth(heard, state.trust, self.lam, masked.received)
+        return RegressionAlignedState(state.moments.joined(Moments.of(masked)), trust, state.tor)
 
     def _lines(self, known: Moments) -> tuple[Array, Array]:
         """By judge and adviser, a and what an x of 0 becomes, shape (S, S, ...) each."""

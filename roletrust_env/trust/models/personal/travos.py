@@ -8,7 +8,7 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
 from roletrust_env.trust.judges import others, published_providers, published_raters
 
@@ -71,7 +71,7 @@ class Travos:
     rates_raters = True
     family = "personal"
     source = "Teacy et al. (2006)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P"
     takes_full_rounds = True
 
@@ -84,12 +84,12 @@ class Travos:
 
     def update(self, state: TravosState, ratings: Array, mask: Array | None) -> TravosState:
         """One round of ratings. See `TrustModel.update`."""
-        xp, notes = namespace(ratings), Notes.of(ratings, mask)
-        failed = (1 if notes.weights is None else notes.weights) - notes.values
+        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
+        failed = (1 if masked.weights is None else masked.weights) - masked.values
         before = self._held(state.successes, state.failures)
-        good = state.good + xp.einsum("ij...,kbj...->ikb...", notes.values, before)
+        good = state.good + xp.einsum("ij...,kbj...->ikb...", masked.values, before)
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
-        successes, failures = state.successes + notes.values, state.failures + failed
+        successes, failures = state.successes + masked.values, state.failures + failed
         now = self._held(successes, failures)
         accuracy = xp.einsum("ikb...,kbj...->ikj...", self._accuracy(good, bad), now)
         trust = self._trust(successes, failures, accuracy)

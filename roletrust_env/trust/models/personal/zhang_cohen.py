@@ -6,7 +6,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Inside, Lam, Share
-from roletrust_env.trust.algorithms import Notes, smooth
+from roletrust_env.trust.algorithms import MaskedRatings, smooth
 from roletrust_env.trust.judges import (
     compared,
     credences,
@@ -67,7 +67,7 @@ class ZhangCohen:
     rates_raters = True
     family = "personal"
     source = "Zhang and Cohen (2008)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P"
 
     @property
@@ -83,25 +83,25 @@ class ZhangCohen:
 
     def update(self, state: ZhangCohenState, ratings: Array, mask: Array) -> ZhangCohenState:
         """One round of ratings. See `TrustModel.update`."""
-        notes = Notes.of(ratings, mask)
-        checked, consistent = self._consistency(notes)
+        masked = MaskedRatings.of(ratings, mask)
+        checked, consistent = self._consistency(masked)
         evidence = (
-            state.common + in_common(notes.weights),
-            state.agreeing + compared(notes.values, notes.weights, lambda apart: 1 - apart),
+            state.common + in_common(masked.weights),
+            state.agreeing + compared(masked.values, masked.weights, lambda apart: 1 - apart),
             state.checked + checked,
             state.consistent + consistent,
         )
         credence = self._credence(*evidence)
-        heard, weight = heeded(with_self(credence), notes.values, notes.weights)
+        heard, weight = heeded(with_self(credence), masked.values, masked.weights)
         return ZhangCohenState(*evidence, smooth(heard, state.trust, self.lam, weight))
 
-    def _consistency(self, notes: Notes) -> tuple[Array, Array]:
+    def _consistency(self, masked: MaskedRatings) -> tuple[Array, Array]:
         """Of each rater's notes, how many have others beside them, and how many of these are near the others' mean."""
-        xp = namespace(notes.values)
-        beside = notes.received - notes.weights
-        others_mean = (notes.values.sum(axis=0) - notes.values) / xp.where(beside > 0, beside, 1.0)
-        checked = xp.where(beside > 0, notes.weights, 0.0)
-        near = abs(notes.values - others_mean) <= self.tolerance
+        xp = namespace(masked.values)
+        beside = masked.received - masked.weights
+        others_mean = (masked.values.sum(axis=0) - masked.values) / xp.where(beside > 0, beside, 1.0)
+        checked = xp.where(beside > 0, masked.weights, 0.0)
+        near = abs(masked.values - others_mean) <= self.tolerance
         return checked.sum(axis=1), xp.where(near, checked, 0.0).sum(axis=1)
 
     def _credence(self, common: Array, agreeing: Array, checked: Array, consistent: Array) -> Array:
