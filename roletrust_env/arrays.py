@@ -55,7 +55,7 @@ def cast(array: Array, dtype: Any) -> Array:
 
 
 def mean_or_zero(values: Array, there: Array) -> Array:
-    """The mean along the first axis of the values that are there, of the same shape; 0 where none is."""
+    """Return the mean along the first axis of the values that are there, of the same shape; 0 where none is."""
     return (values * there).sum(axis=0) / (there.sum(axis=0, dtype=values.dtype) + 1e-30)
 
 
