@@ -26,10 +26,10 @@ _MEMORY = 10  # notes of a rater on a provider that are kept
 
 
 class QorState(NamedTuple):
-    """What each judge remembers.
+    """Memory of the judges.
 
     Attributes:
-        trust: T in [0, 1], shape (S, P, ...).
+        trust: Trust T in [0, 1], shape (S, P, ...).
         quality: QR, of the recommendations of k to i, in [-1, 1], shape (S, S, ...).
         past: the weighted mean of all QR so far, this one included, shape (S, S, ...).
         weight: the sum of the weights c behind it, shape (S, S, ...).
@@ -59,13 +59,13 @@ class QualityOfRecommendation:
     A note of -1 fades twice as fast as one of 0 or 1. A judge's own notes count with QR 1. Published are T and QR
     moved to [0, 1].
 
-    Left out: contexts, which our services do not have (their distance d is 0 in a further factor l^d of w). Unsure: in
-    the one public code r stands inside the sum, once for each of its terms. Read into it: r weighs 1, as C_F, since a
+    Not included: contexts, which our services do not have (their distance d is 0 in a further factor l^d of w). Unsure: in
+    the one public code r stands inside the sum, once for each of its terms. Added where the paper leaves something open: r weighs 1, as C_F, since a
     judge's own feedback does; there is one QR a round, in whatever order the services came; of one rater's notes on a
-    provider the last 10 are kept; T is reckoned anew for a provider that somebody rated in the round.
+    provider the last 10 are kept; T is updated for providers that were rated in the round.
 
     Attributes:
-        initial: trust before any rating, in [0, 1].
+        initial: Trust before any rating, in [0, 1].
         theta: what is left of a weight after a round, in (0, 1].
     """
 
@@ -82,7 +82,7 @@ class QualityOfRecommendation:
         return QorState(nothing[0] + self.initial, quality, quality, quality, nothing, nothing)
 
     def update(self, state: QorState, ratings: Array, mask: Array) -> QorState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
         outcomes, met = told(ratings, mask)
         common = in_common(met)
@@ -101,5 +101,5 @@ class QualityOfRecommendation:
         return published_raters(0.5 + 0.5 * state.quality)
 
     def provider_trust(self, state: QorState) -> Array:
-        """The judges' mean trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)

@@ -72,7 +72,7 @@ class RegressionAligned:
     smoothed as usual. It has no notion of rater trust: a rater is corrected, and not distrusted.
 
     Attributes:
-        lam: weight of the newest round in the trust of a provider, in [0.5, 1).
+        lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
         initial: trust of a provider before any rating, in [0, 1].
         ridge: how strongly a and b are drawn to 0, at least 0.001: as by so many pairs without a difference (b), or
             by pairs without one whose squared distances from mean x add up to so much (a).
@@ -94,7 +94,7 @@ class RegressionAligned:
         )
 
     def update(self, state: RegressionAlignedState, ratings: Array, mask: Array) -> RegressionAlignedState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
         slope, base = self._lines(state.moments)
 
@@ -117,7 +117,7 @@ class RegressionAligned:
         return state.tor
 
     def provider_trust(self, state: RegressionAlignedState) -> Array:
-        """The mean of the judges' trust, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)
 
 

@@ -19,10 +19,10 @@ from roletrust_env.trust.opinions import Opinion
 
 
 class SubjectiveLogicState(NamedTuple):
-    """What each judge remembers.
+    """Memory of the judges.
 
     Attributes:
-        trust: T, shape (S, P, ...).
+        trust: Trust T, shape (S, P, ...).
         agreed: evidence for adviser k that judge i has, shape (S, S, ...), 0 for itself.
         differed: evidence against it, shape (S, S, ...).
         successes: evidence for provider j that i has, shape (S, P, ...).
@@ -51,8 +51,8 @@ class SubjectiveLogic:
     An adviser passes on its whole opinion, which is what its ratings so far say. Before a judge has compared any
     ratings, no adviser counts.
 
-    Left out: networks of more than one adviser between judge and provider. Read into it: how trust in advisers arises,
-    which the source leaves open; T is reckoned anew for a provider that somebody rated in the round.
+    Not included: networks of more than one adviser between judge and provider. Added where the paper leaves something open: how trust in advisers arises,
+    which the source leaves open; T is updated for providers that were rated in the round.
 
     Attributes:
         initial: the base rate, and so the trust in raters and providers before any evidence, in [0, 1].
@@ -70,7 +70,7 @@ class SubjectiveLogic:
         return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
 
     def update(self, state: SubjectiveLogicState, ratings: Array, mask: Array) -> SubjectiveLogicState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         outcomes, met = told(ratings, mask)
         two = others(ratings)
         agreed = state.agreed + two * compared(outcomes, met, lambda apart: 1 - apart)
@@ -90,5 +90,5 @@ class SubjectiveLogic:
         return published_raters(Opinion.of(state.agreed, state.differed).expectation(self.initial))
 
     def provider_trust(self, state: SubjectiveLogicState) -> Array:
-        """The judges' mean trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)

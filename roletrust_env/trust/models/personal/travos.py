@@ -24,7 +24,7 @@ class TravosState(NamedTuple):
         failures: n, shape (S, P, ...).
         good: successes of judge i after opinions of adviser k in each bin, shape (S, S, bins, ...).
         bad: failures, likewise.
-        trust: of judge i in provider j, shape (S, P, ...).
+        trust: Trust of judge i in provider j, shape (S, P, ...).
         credence: of judge i in adviser k, shape (S, S, ...).
     """
 
@@ -52,7 +52,7 @@ class Travos:
 
     and all m' and n' are added to the judge's own. A rating f counts as f of a success and 1 - f of a failure.
 
-    Read into the paper: an opinion is what an adviser holds before the round in which the judge sees the outcome; an
+    Added where the paper leaves something open: an opinion is what an adviser holds before the round in which the judge sees the outcome; an
     adviser that has seen nothing has none; a bin holds its lower edge; and the credence of a judge in an adviser, which
     the paper has of each opinion only, is the mean of rho over the opinions that the adviser now holds, or 1 / `bins`
     where it holds none, which is the rho of an untried opinion. Left out is the choice of whom to ask: all are.
@@ -83,7 +83,7 @@ class Travos:
         return TravosState(nothing, nothing, untried, untried, nothing + 0.5, untried[:, :, 0, ...] + 1 / self.bins)
 
     def update(self, state: TravosState, ratings: Array, mask: Array | None) -> TravosState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
         failed = (1 if masked.weights is None else masked.weights) - masked.values
         before = self._held(state.successes, state.failures)
@@ -134,9 +134,9 @@ class Travos:
         return namespace(own).where(confidence > self.threshold, own, advised)
 
     def rater_trust(self, state: TravosState) -> Array:
-        """The mean of the other judges' credence in each rater, shape (S, ...)."""
+        """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
 
     def provider_trust(self, state: TravosState) -> Array:
-        """The mean of the judges' trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)

@@ -26,7 +26,7 @@ class ZhangCohenState(NamedTuple):
         agreeing: how many of them agree, shape (S, S, ...).
         checked: number of ratings of each adviser that others could be compared with, shape (S, ...).
         consistent: how many of them are near the others' mean, shape (S, ...).
-        trust: of each judge in each provider, shape (S, P, ...).
+        trust: Trust of each judge in each provider, shape (S, P, ...).
     """
 
     common: Array
@@ -47,12 +47,12 @@ class ZhangCohen:
         T       = C-weighted mean of opinions, then the usual smoothing
 
     Zhang and Cohen (2008). Two ratings are in common if they are of one provider in one round, and agree to the share
-    `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what both hold. Read into it: the others'
+    `1 - |f - g|`: with f of a success and 1 - f of a failure each, that is what both hold. Added where the paper leaves something open: the others'
     mean is that of the same round, and a rating with no other beside it counts in neither; opinions are the ratings of
     the round, the judge's own among them with C = 1; the rounds are smoothed where the paper has sums that forget.
 
     Attributes:
-        lam: weight of the newest round in the trust of a provider, in [0.5, 1).
+        lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
         initial: trust of a provider before any rating, in [0, 1]; credence begins at 1/2.
         tolerance: how far from the others' mean a rating is still consistent, in [0, 1].
         confidence: that the private credence must deserve to count alone, in [0.001, 0.999].
@@ -82,7 +82,7 @@ class ZhangCohen:
         return ZhangCohenState(pairs, pairs, nobody, nobody, nothing + self.initial)
 
     def update(self, state: ZhangCohenState, ratings: Array, mask: Array) -> ZhangCohenState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         masked = MaskedRatings.of(ratings, mask)
         checked, consistent = self._consistency(masked)
         evidence = (
@@ -111,9 +111,9 @@ class ZhangCohen:
         return public + namespace(common).clip(common / self.enough, 0.0, 1.0) * (private - public)
 
     def rater_trust(self, state: ZhangCohenState) -> Array:
-        """The mean of the other judges' credence in each rater, shape (S, ...)."""
+        """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(self._credence(*state[:4]))
 
     def provider_trust(self, state: ZhangCohenState) -> Array:
-        """The mean of the judges' trust, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)
