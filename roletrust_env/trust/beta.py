@@ -1,9 +1,9 @@
 """The Beta distribution in array arithmetic, for models that count successes and failures.
 
-The functions are made for a and b from 1 to a million, which is more than a game counts. In float64, masses are accurate
-to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (quantiles below 1e-3 to 1e-6). In float32,
-quantiles are accurate to 2e-6, and masses to 1e-5 for a and b up to a hundred, to 1e-3 at ten thousand, and worse
-beyond. All functions run on NumPy and torch, on batches, in a fixed number of operations.
+The functions take a and b from 1 to a million, which is more than a game counts. In float64, masses are accurate
+to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (quantiles below 1e-3 to 1e-6). In
+float32, quantiles are accurate to 2e-6, and masses to 1e-5 for a and b up to a hundred, to 1e-3 at ten thousand, and
+worse beyond. All functions run on NumPy and torch, on batches, in a fixed number of operations.
 
 The variable is the log odds. In it the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
 log-concave, and falls off at least exponentially. A tail is therefore an integral over an interval of known length,
@@ -20,9 +20,7 @@ from roletrust_env.arrays import Array, namespace
 _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0]])) / 2).tolist()
 """The Gauss-Legendre rule with 24 nodes on [0, 1]."""
 
-_LOST = (
-    16.0  # a density is neglected where it has fallen by a factor of exp(-16), about 1e-7, since the start of the tail
-)
+_LOST = 16.0  # a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
 _SHIFTS = 3  # shifts the argument of Stirling's series to at least 4
 _TINY = 1e-30  # replaces 0 in logarithms
 

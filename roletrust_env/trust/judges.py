@@ -3,9 +3,9 @@
 The trust T of the judges in the providers has shape (S, P, ...). Their credence C in the raters as advisers has shape
 (S, S, ...). Axis 0 is the judge, axis 1 the judged agent. A compromised judge counts as one of S, and no more.
 
-For a judge, its own ratings are outcomes and the ratings of others are opinions. Where judge and adviser rate a provider
-in the same round, the outcome shows how good the opinion was. Credence is updated first, then trust with the new
-credence.
+For a judge, its own ratings are outcomes and the ratings of others are opinions. Where judge and adviser rate a
+provider in the same round, the outcome shows how good the opinion was. Credence is updated first, then trust with the
+new credence.
 """
 
 import math
@@ -20,7 +20,7 @@ _TINY = 1e-30  # replaces a branch at 0; elsewhere it is lost in rounding
 
 
 def others(like: Array) -> Array:
-    """Return 1 where judge and adviser are different, 0 where they are the same, shape (S, S, 1, ...) to go with (S, S, ...).
+    """Return 1 where judge and adviser differ, 0 elsewhere, shape (S, S, 1, ...) to broadcast with (S, S, ...).
 
     Args:
         like: Array of shape (S, P, ...) that shows S, the number of axes, the dtype and the array library.
@@ -32,7 +32,7 @@ def others(like: Array) -> Array:
 # --- a round ----------------------------------------------------------------------------------------
 
 
-def told(ratings: Array, mask: Array) -> tuple[Array, Array]:
+def mask_ratings(ratings: Array, mask: Array) -> tuple[Array, Array]:
     """Return the ratings, 0 outside the mask, and the mask as numbers, each of shape (S, P, ...)."""
     xp = namespace(ratings)
     met = xp.astype(mask, ratings.dtype)
@@ -52,13 +52,13 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 
 
-def compared(outcomes: Array, met: Array, worth: Callable[[Array], Array]) -> Array:
+def compare_opinions(outcomes: Array, met: Array, worth: Callable[[Array], Array]) -> Array:
     """Return the value of a round's opinions to each judge, summed over common providers, shape (S, S, ...).
 
     Args:
         outcomes: Ratings f, shape (S, P, ...), see `mask_ratings`.
         met: Flag, 1 where i rated j, 0 elsewhere, shape (S, P, ...).
-        worth: Function that gives the value of an opinion by its distance to the outcome, |f[i, j] - f[k, j]| in [0, 1].
+        worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]| in [0, 1].
     """
 
     def of(some: slice) -> Array:
@@ -68,7 +68,7 @@ def compared(outcomes: Array, met: Array, worth: Callable[[Array], Array]) -> Ar
     return by_judges(of, outcomes)
 
 
-def news(met: Array) -> Array:
+def is_rated(met: Array) -> Array:
     """Return whether the provider was rated in the round, boolean, shape (P, ...). Only then is trust in it updated."""
     return total(met, 0) > 0
 
@@ -78,7 +78,7 @@ def in_common(met: Array) -> Array:
     return product(met, met.swapaxes(0, 1))
 
 
-def weighed(credence: Array, said: Array) -> Array:
+def credence_sum(credence: Array, said: Array) -> Array:
     """Return the sum over the advisers k of C[i, k] said[k, j], shape (S, P, ...)."""
     return product(credence, said)
 
@@ -95,7 +95,7 @@ def with_self(credence: Array) -> Array:
     return 1 - others(credence) * (1 - credence)
 
 
-def heeded(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
+def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
     """Return the mean rating of each provider for each judge, weighted by the credence in the raters.
 
     Args:
@@ -106,15 +106,15 @@ def heeded(credence: Array, sums: Array, counts: Array) -> tuple[Array, Array]:
     Returns:
         The means, shape (S, P, ...), in [0, 1], and 0 where there are no ratings; and their total weights.
     """
-    weight = weighed(credence, counts)
-    return _share(mean(weighed(credence, sums), weight)), weight
+    weight = credence_sum(credence, counts)
+    return _share(mean(credence_sum(credence, sums), weight)), weight
 
 
 # --- what is remembered -----------------------------------------------------------------------------
 
 
 def credences(like: Array, value: float) -> Array:
-    """Return the same credence of every judge in every adviser, shape (S, S, ...), for an array of shape (S, P, ...)."""
+    """Return equal credence of all judges in all advisers, shape (S, S, ...), for an array of shape (S, P, ...)."""
     s, shape = like.shape[0], like.shape[2:]
     return namespace(like).zeros((s, s, *shape), dtype=like.dtype, device=like.device) + value
 
@@ -141,7 +141,7 @@ def mean(sums: Array, weights: Array) -> Array:
     return sums / (weights + _TINY)
 
 
-def absorbed(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
+def absorb(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
     """Return a weighted mean after adding `count` values of weight 1 with this sum; unchanged where there are none."""
     return previous + mean(sums - count * previous, weight + count)
 

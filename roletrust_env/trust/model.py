@@ -30,7 +30,7 @@ class TrustModel(Protocol[State]):
         provider are one agent.
 
         Args:
-            like: Array of shape (S, P, ...) that shows the shapes, the dtype, the device and the array library.
+            like: Array of shape (S, P, ...) that shows shapes, dtype, device and array library.
         """
         ...
 
@@ -39,8 +39,8 @@ class TrustModel(Protocol[State]):
 
         Args:
             state: State before the round, which must not be changed.
-            ratings: Ratings f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere. The state may keep
-                them: they are not written to afterwards.
+            ratings: Ratings f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere. The state may
+                keep them: they are not written to afterwards.
             mask: Mask m, shape (S, P, ...), boolean, true where rater i rated provider j in this round. For a
                 model with `takes_full_rounds`, None means that all raters rated all providers.
         """
@@ -121,8 +121,8 @@ def make_trust_model(name: str, **parameters: Any) -> TrustModel[Any]:
 
     Args:
         name: Registered name, or name of an entry point in the group `roletrust_env.trust_models`.
-        **parameters: Parameters of the model; most take `lam`, the weight of the newest round, and `initial`, the trust before
-            any rating.
+        **parameters: Parameters of the model; most take `lam`, the weight of the newest round, and `initial`, the trust
+            before any rating.
 
     Raises:
         ValueError: If the name is unknown, the model has no such parameter, or a value is outside its range.

@@ -4,7 +4,14 @@ from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import MaskedRatings, smooth
-from roletrust_env.trust.judges import credences, heeded, product, published_providers, published_raters, with_self
+from roletrust_env.trust.judges import (
+    credences,
+    product,
+    published_providers,
+    published_raters,
+    weighted_advice,
+    with_self,
+)
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 
@@ -44,7 +51,7 @@ class Clustering:
         known = state.known.after(masked)
         squares, common = disagreement(known)
         together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.dtype))
-        heard, weight = heeded(together, masked.values, masked.weights)
+        heard, weight = weighted_advice(together, masked.values, masked.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
         return Likened(known, trust, credence)

@@ -9,20 +9,20 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
-    absorbed,
+    absorb,
     by_judges,
-    compared,
+    compare_opinions,
+    credence_sum,
     credences,
     in_common,
+    is_rated,
+    mask_ratings,
     mean,
-    news,
     nothing_yet,
     others,
     published_providers,
     published_raters,
     remember,
-    told,
-    weighed,
 )
 
 _MEMORY = 10  # number of own ratings of a provider in memory
@@ -66,8 +66,8 @@ class Fire:
     publishes trust and credibility mapped to [0, 1].
 
     Not included: role-based trust, certified reputation, and how witnesses are found. The values of `tolerance`,
-    `credibility` and the component weights could not be checked in the paper. Added where the paper leaves something open: T is reckoned anew for a
-    provider that somebody rated in the round; it stays where all weights are 0.
+    `credibility` and the component weights could not be checked in the paper. Added where the paper leaves something
+    open: T is updated for providers that were rated in the round; it stays where all weights are 0.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -92,16 +92,16 @@ class Fire:
 
     def update(self, state: FireState, ratings: Array, mask: Array) -> FireState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        outcomes, met = told(ratings, mask)
+        outcomes, met = mask_ratings(ratings, mask)
         judged, count = _FADE * state.judged, in_common(met)
-        credibility = absorbed(state.credibility, judged, compared(outcomes, met, self._credible), count)
+        credibility = absorb(state.credibility, judged, compare_opinions(outcomes, met, self._credible), count)
         values = remember(state.values, 2 * outcomes - 1, mask)
         weights = remember(_FADE * state.weights, met, mask)
         own, own_weight = _interaction(values, weights)
         heard, heard_weight = _witnesses(credibility, values[0], weights[0])
         weight = _INTERACTION * own_weight + _WITNESS * heard_weight
         trust = 0.5 + 0.5 * mean(_INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight)
-        trust = namespace(ratings).where(news(met) & (weight > _FORGOTTEN), trust, state.trust)
+        trust = namespace(ratings).where(is_rated(met) & (weight > _FORGOTTEN), trust, state.trust)
         return FireState(trust, credibility, judged + count, values, weights)
 
     def _credible(self, apart: Array) -> Array:
@@ -133,8 +133,8 @@ def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array
         weights: Weights by age, shape (S, P, ...).
     """
     asked = others(credibility) * namespace(credibility).clip(credibility, 0.0, None)
-    weight = weighed(asked, weights)
-    component = mean(weighed(asked, weights * values), weight)
+    weight = credence_sum(asked, weights)
+    component = mean(credence_sum(asked, weights * values), weight)
 
     def apart(some: slice) -> Array:
         return total(asked[some, :, None] * weights * abs(values - component[some, None]), 1)

@@ -4,7 +4,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import MaskedRatings
-from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
+from roletrust_env.trust.judges import credences, published_providers, published_raters, weighted_advice
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding
@@ -17,10 +17,10 @@ class PeerTrust:
         Sim(v, w) = 1 - sqrt(mean over providers both have rated of the squared difference of their mean ratings)
         T[w, j]   = sum over ratings x of j by v of Sim(v, w) x / sum over the same of Sim(v, w)
 
-    Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters; without the factors
-    of transaction and community context, and without time windows: every rating counts for ever. With no provider
-    in common Sim is 0, and a judge's own ratings have Sim = 1. Added where the paper leaves something open: a judge with nothing to go by
-    keeps its trust, and where two have nothing in common yet, `initial` is published as their credence.
+    Xiong and Liu (2004), with the personalised similarity measure for the credibility of raters; without the factors of
+    transaction and community context, and without time windows: every rating counts for ever. With no provider in
+    common Sim is 0, and a judge's own ratings have Sim = 1. Added where the paper leaves something open: a judge
+    without any ratings to use keeps its trust, and `initial` is the credence of two raters with nothing in common.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -43,7 +43,7 @@ class PeerTrust:
         known = state.known.after(MaskedRatings.of(ratings, mask))
         squares, common = disagreement(known)
         similarity = 1 - xp.sqrt(squares + _TINY)
-        mean, weight = heeded(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)
+        mean, weight = weighted_advice(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)
         trust = xp.where(weight > 0, mean, state.trust)
         return Likened(known, trust, xp.where(common > 0, similarity, self.initial))
 

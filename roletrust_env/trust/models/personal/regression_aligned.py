@@ -1,4 +1,4 @@
-"""A mean of ratings that are brought to the judge's own scale first."""
+"""The mean of ratings that are first mapped to the judge's own scale."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from roletrust_env.trust.judges import by_judges, credences, in_common, product,
 
 
 class Moments(NamedTuple):
-    """The ratings x that an adviser, axis 1, has in common with a judge, axis 0, whose ratings are y; (S, S, ...) each.
+    """Moments of the common ratings x of an adviser, axis 1, and y of a judge, axis 0; each of shape (S, S, ...).
 
     Attributes:
-        count: of pairs (x, y) of one provider in one round.
-        mean: of x; that of y is its transpose.
-        spread: the sum of (x - mean x)^2.
-        shared: the sum of (x - mean x)(y - mean y).
+        count: Number of pairs (x, y) of one provider in one round.
+        mean: Mean of x; the mean of y is its transpose.
+        spread: Sum of (x - mean x)^2.
+        shared: Sum of (x - mean x)(y - mean y).
     """
 
     count: Array
@@ -26,7 +26,7 @@ class Moments(NamedTuple):
 
     @classmethod
     def of(cls, masked: MaskedRatings) -> "Moments":
-        """Those of one round."""
+        """Return the moments of one round."""
         values: Array = masked.values
         weights: Array = masked.weights
         theirs = values.swapaxes(0, 1)
@@ -36,7 +36,7 @@ class Moments(NamedTuple):
         return cls(count, mean, spread, product(values, theirs) - count * mean * mean.swapaxes(0, 1))
 
     def joined(self, newer: "Moments") -> "Moments":
-        """Those of two sets of pairs together, without the large sums whose difference is little (Chan et al. 1979)."""
+        """Return the moments of both sets of pairs, without differences of large sums (Chan et al. 1979)."""
         count = self.count + newer.count
         share = newer.count / _at_least_1(count)
         step = newer.mean - self.mean
@@ -50,7 +50,7 @@ class Moments(NamedTuple):
 
 
 class RegressionAlignedState(NamedTuple):
-    """What the aligned mean remembers: the moments of each pair, the trust (S, P, ...), the raters' (S, ...), all 1."""
+    """Memory of the aligned mean: moments of each pair, trust (S, P, ...), trust of the raters (S, ...), all 1."""
 
     moments: Moments
     trust: Array
@@ -59,23 +59,23 @@ class RegressionAlignedState(NamedTuple):
 
 @checked_dataclass
 class RegressionAligned:
-    """Regression-aligned mean: what raters say, put on the judge's own scale by what both said before, all alike.
+    """Regression-aligned mean: ratings mapped to the judge's own scale by a regression of common ratings, all alike.
 
-    The idea, that subjective ratings are to be aligned to the seeker's scale by regression, is that of Zeynalvand et
-    al. (2018); no formula of theirs was found, and this is not their model. For a judge's ratings y and an adviser's x
-    of the same providers in the same rounds so far, N of them, a ridge regression of the difference,
+    Zeynalvand et al. (2018) had the idea to align subjective ratings to the seeker's scale by regression. No formula of
+    theirs was found, and this is not their model. Let y be a judge's ratings and x an adviser's ratings of the same
+    providers in the same rounds so far, N of them. A ridge regression of the difference,
 
         y - x = b + a (x - mean x),   sum of squared errors + ridge (a^2 + b^2) least,
 
-    turns a new x into x + b + a (x - mean x), clipped to [0, 1]. With little in common x stays nearly as it is, and
-    with nothing exactly. The judge hears the mean of the aligned ratings, its own among them; the rounds are then
-    smoothed as usual. It has no notion of rater trust: a rater is corrected, and not distrusted.
+    turns a new x into x + b + a (x - mean x), clipped to [0, 1]. With few common ratings x hardly
+    changes, and without any it does not change. The judge takes the mean of the aligned ratings, its own among them;
+    the rounds are then smoothed as usual. There is no rater trust: a rater is corrected, not distrusted.
 
     Attributes:
         lam: Weight of the newest round in the trust of a provider, in [0.5, 1).
-        initial: trust of a provider before any rating, in [0, 1].
-        ridge: how strongly a and b are drawn to 0, at least 0.001: as by so many pairs without a difference (b), or
-            by pairs without one whose squared distances from mean x add up to so much (a).
+        initial: Trust of a provider before any rating, in [0, 1].
+        ridge: Strength of the pull of a and b to 0, at least 0.001. It equals this number of pairs without a
+            difference (b), or pairs without one whose squared distances from mean x have this sum (a).
     """
 
     lam: Lam = 0.5
@@ -87,7 +87,7 @@ class RegressionAligned:
     cost = "S^2 P"
 
     def start(self, like: Array) -> RegressionAlignedState:
-        """Initial trust for every provider. See `TrustModel.start`."""
+        """Return the state with initial trust in every provider. See `TrustModel.start`."""
         nothing, pairs = namespace(like).zeros_like(like), credences(like, 0.0)
         return RegressionAlignedState(
             Moments(pairs, pairs, pairs, pairs), nothing + self.initial, nothing[:, 0, ...] + 1
@@ -107,13 +107,13 @@ class RegressionAligned:
         return RegressionAlignedState(state.moments.joined(Moments.of(masked)), trust, state.tor)
 
     def _lines(self, known: Moments) -> tuple[Array, Array]:
-        """By judge and adviser, a and what an x of 0 becomes, shape (S, S, ...) each."""
+        """Return, by judge and adviser, a and the image of x = 0, each of shape (S, S, ...)."""
         slope = (known.shared - known.spread) / (known.spread + self.ridge)
         shift = known.count * (known.mean.swapaxes(0, 1) - known.mean) / (known.count + self.ridge)
         return slope, shift - slope * known.mean
 
     def rater_trust(self, state: RegressionAlignedState) -> Array:
-        """1 for every rater, shape (S, ...): the model has no notion of rater trust."""
+        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
         return state.tor
 
     def provider_trust(self, state: RegressionAlignedState) -> Array:
@@ -122,5 +122,5 @@ class RegressionAligned:
 
 
 def _at_least_1(count: Array) -> Array:
-    """A count to divide by where its sum is 0 with it."""
+    """Return the count, or 1 where it is 0, as a divisor."""
     return namespace(count).where(count > 0, count, 1.0)

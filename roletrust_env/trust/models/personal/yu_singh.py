@@ -8,17 +8,17 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Share
 from roletrust_env.trust.judges import (
-    compared,
+    compare_opinions,
+    credence_sum,
     credences,
+    is_rated,
+    mask_ratings,
     mean,
-    news,
     nothing_yet,
     others,
     published_providers,
     published_raters,
     remember,
-    told,
-    weighed,
 )
 
 _FAINT = -40.0
@@ -54,8 +54,9 @@ class YuSingh:
     `local` is the mean of i's last `memory` ratings of j, and h is their number over `memory`. After `memory` ratings
     a judge relies on its own experience alone. `said` is the newest rating that k gave j, if any.
 
-    Not included: the search for witnesses along chains of referrals. A judge hears all raters. Added where the paper leaves something open: without advisers
-    T is all `local`, and it is updated for providers that were rated in the round.
+    Not included: the search for witnesses along chains of referrals. A judge hears all raters. Added where the paper
+    leaves something open: without advisers T is all `local`, and it is updated for providers that were rated in the
+    round.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
@@ -79,16 +80,17 @@ class YuSingh:
     def update(self, state: YuSinghState, ratings: Array, mask: Array) -> YuSinghState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
-        outcomes, met = told(ratings, mask)
-        log_credence = state.log_credence + compared(outcomes, met, lambda apart: xp.log(1 - (1 - self.beta) * apart))
+        outcomes, met = mask_ratings(ratings, mask)
+        lost = compare_opinions(outcomes, met, lambda apart: xp.log(1 - (1 - self.beta) * apart))
+        log_credence = state.log_credence + lost
         recent, known = remember(state.recent, outcomes, mask), remember(state.known, met, mask)
         experiences = total(known, 0)
         local, h = mean(total(recent, 0), experiences), experiences / self.memory
         credence = _relative(log_credence)
-        believed = weighed(credence, known[0])
-        advice = mean(weighed(credence, recent[0]), believed)
+        believed = credence_sum(credence, known[0])
+        advice = mean(credence_sum(credence, recent[0]), believed)
         trust = xp.where(believed > 0, h * local + (1 - h) * advice, local)
-        return YuSinghState(xp.where(news(met), trust, state.trust), log_credence, recent, known)
+        return YuSinghState(xp.where(is_rated(met), trust, state.trust), log_credence, recent, known)
 
     def rater_trust(self, state: YuSinghState) -> Array:
         """Return the mean credence of the others in each rater, shape (S, ...)."""
