@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from roletrust_env.arrays import Array, compiling, copied, namespace
+import numpy as np
+
+from roletrust_env.arrays import Array, compiling, copied, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
 
 
@@ -32,9 +34,9 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
     mask[0, 0] = False
     try:
         start = start_model(model, ratings, peers)
-    except Exception as error:  # whatever a foreign model raises
-        raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
-    _, *trusts = _updated(model, start, ratings, mask, where)
+    except Exception as error:  # a model of another package may raise anything
+        raise ValueError(f"{where}: {type(error).__name__}: {error}{_on_library(like)}") from error
+    _, *trusts = _updated(model, start, ratings, mask, where, _on_library(like))
     if not needs_watching(model):
         return
     if not bool((ratings == 0.25).all()) or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
@@ -70,14 +72,14 @@ def watched_update(
 
 
 def _updated(
-    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str
+    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str, advice: str = ""
 ) -> tuple[State, Array, Array]:
     """Return the state after a round, and the valid trust of raters and providers."""
     try:
         after = model.update(state, ratings, mask)
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
-    except Exception as error:  # whatever a foreign model raises
-        raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
+    except Exception as error:  # a model of another package may raise anything
+        raise ValueError(f"{where}: {type(error).__name__}: {error}{advice}") from error
     _check("rater_trust", of_raters, (len(ratings), *ratings.shape[2:]), ratings, where)
     _check("provider_trust", of_providers, tuple(ratings.shape[1:]), ratings, where)
     return after, of_raters, of_providers
@@ -86,12 +88,29 @@ def _updated(
 def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where: str) -> None:
     """Refuse a read-out with another type, shape, dtype or range than the game needs."""
     if not isinstance(trust, type(ratings)):
-        raise ValueError(f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}")
+        raise ValueError(
+            f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}{_on_library(ratings)}"
+        )
     shape = tuple(trust.shape)
     if shape != needed:
         raise ValueError(f"{where}: {name} has shape {shape}; it must be {needed}")
     if trust.dtype != ratings.dtype:
-        raise ValueError(f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the ratings are")
+        raise ValueError(
+            f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the ratings are; create arrays "
+            "with dtype=ratings.dtype, or from the ratings by arithmetic"
+        )
     wrong = trust[~((trust >= 0) & (trust <= 1))]
     if len(wrong):
         raise ValueError(f"{where}: {name} holds {float(wrong[0])}; a trust must lie in [0, 1]")
+
+
+def _on_library(like: Array) -> str:
+    """Advice for a model that was written for NumPy in double precision, where the game runs on something else."""
+    if isinstance(like, np.ndarray):
+        return (
+            "" if like.dtype == np.float64 else f"; the game runs on {library_of(like)}, see the dtype of the ratings"
+        )
+    return (
+        f"; the game runs on {library_of(like)}: call the functions of roletrust_env.arrays.namespace(ratings) in "
+        "place of those of numpy"
+    )
