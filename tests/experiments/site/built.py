@@ -11,6 +11,8 @@ from urllib.parse import unquote, urlsplit
 from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[3]
+ROOTS = ("", "agents", "baselines", "experiments")
+"""Folders that hold packages."""
 
 
 def build_quickly(folder: Path) -> Path:
