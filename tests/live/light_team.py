@@ -6,7 +6,7 @@ import time
 import cv2
 import numpy as np
 
-from roletrust_env.live.nodes.running import running
+from roletrust_env.live.nodes.run_loop import run_until_signal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
@@ -18,10 +18,10 @@ def run_robots(places, providers, keys, period):
     cameras = {k: node.writer(f"/sp_{k}/image_raw/compressed", messages.IMAGE) for k in places}
     raters = {k: node.writer(f"/sr_{k}/ratings", messages.RATINGS) for k in places}
     random = np.random.default_rng(places[0])
-    with running() as on:
-        while on:
+    with run_until_signal() as active:
+        while active:
             stamp = (time.time_ns() // period + 1) * period
-            on.sleep_until(stamp)
+            active.sleep_until(stamp)
             for k in places:
                 shade = np.full((48, 64, 3), random.integers(256), np.uint8)
                 cameras[k].write(messages.image_message(stamp, f"sp_{k}", cv2.imencode(".jpg", shade)[1]))

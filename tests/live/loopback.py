@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -23,7 +23,9 @@ FLOOD = 1000  # messages a second
 
 # One server that has imported what nodes need; from there they start at once.
 SPAWN = multiprocessing.get_context("forkserver")
-SPAWN.set_forkserver_preload([f"roletrust_env.live.nodes.{name}" for name in ("assess", "cam", "manage")])
+SPAWN.set_forkserver_preload(
+    [f"roletrust_env.live.nodes.{name}" for name in ("rater_node", "camera_node", "manager_node")]
+)
 
 
 _started = []
@@ -58,7 +60,7 @@ def process(run, **arguments):
 def managed(folder, **arguments):
     """A manager's process; its journal is in the folder, and the keys."""
     given = {"journal": folder / "journal", "period": PERIOD, "team": TEAM, "keys": folder / "keys", **arguments}
-    return process(run_manager, model=make_trust_model("role-trust"), **given)
+    return process(run_manager_node, model=make_trust_model("role-trust"), **given)
 
 
 class Listener(contextlib.AbstractContextManager):

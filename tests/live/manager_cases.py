@@ -4,7 +4,7 @@ import numpy as np
 
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.rating_validation import Ratings
-from roletrust_env.live.rounds import Patience
+from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.trust import make_trust_model
 
@@ -13,8 +13,8 @@ TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 
 def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
-    patience = Patience(PERIOD, silence=silence)
-    return Manager(make_trust_model(model), path, patience=patience, team=team, keyring=keyring)
+    timing = RoundTiming(PERIOD, silence=silence)
+    return Manager(make_trust_model(model), path, timing=timing, team=team, keyring=keyring)
 
 
 def said(rater, round, ratings):
@@ -22,7 +22,7 @@ def said(rater, round, ratings):
     return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
 
 
-def luck(rounds, seed=0, lost=0.2, team=TEAM):
+def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
     """Ratings (R, S, P) and where they arrive; in each round something does."""
     random = np.random.default_rng(seed)
     shape = (rounds, *team.peers.shape)
@@ -38,7 +38,7 @@ def feed(keeper, ratings, mask, team=TEAM, first=1):
         for i, rater in enumerate(team.raters):
             notes = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
             if notes:
-                published += keeper.hear(said(rater, r, notes), PERIOD * r + 20_000_000 + i)
+                published += keeper.receive(said(rater, r, notes), PERIOD * r + 20_000_000 + i)
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

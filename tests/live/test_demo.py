@@ -12,7 +12,7 @@ from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.manager import replayed
+from roletrust_env.live.manager import replay_journal
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
 
@@ -59,7 +59,7 @@ def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
             assert claim["values"] == pytest.approx(simulated["values"], abs=0.06)
     entries = list(read_journal(out / "journal.jsonl"))
     assert len(entries) == results["rounds"] > 0.9 * seconds / 0.5
-    assert replayed(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
+    assert replay_journal(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
     assert imageio.imread(out / "figure.png").shape[1] > 1500
     live, simulated = (np.genfromtxt(out / name, delimiter=",", names=True) for name in results["files"][:2])
     assert len(simulated) == seconds / 0.5

@@ -6,25 +6,25 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, luck, manager
+from manager_cases import PERIOD, TEAM, manager, random_ratings
 
-from roletrust_env.live.nodes.manage import hear_raw
-from roletrust_env.live.rating_validation import Reason
+from roletrust_env.live.nodes.manager_node import receive_raw
+from roletrust_env.live.rating_validation import RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
 REASONS = {
-    "noise": {Reason.GARBAGE},
-    "cut": {Reason.GARBAGE},
-    "bent": set(Reason),
-    "unsigned": {Reason.UNSIGNED},
-    "forged": {Reason.MIS_SIGNED},
-    "replayed": {Reason.REPLAYED},
-    "elsewhere": {Reason.ELSEWHERE},
-    "past": {Reason.PAST},
-    "future": {Reason.FUTURE},
-    "bad": {Reason.NOT_A_NUMBER, Reason.OUT_OF_RANGE, Reason.REPLAYED},
-    "strange": {Reason.UNKNOWN_RATER},
+    "noise": {RefusalReason.GARBAGE},
+    "cut": {RefusalReason.GARBAGE},
+    "bent": set(RefusalReason),
+    "unsigned": {RefusalReason.UNSIGNED},
+    "forged": {RefusalReason.MIS_SIGNED},
+    "replayed": {RefusalReason.REPLAYED},
+    "elsewhere": {RefusalReason.ELSEWHERE},
+    "past": {RefusalReason.PAST},
+    "future": {RefusalReason.FUTURE},
+    "bad": {RefusalReason.NOT_A_NUMBER, RefusalReason.OUT_OF_RANGE, RefusalReason.REPLAYED},
+    "strange": {RefusalReason.UNKNOWN_RATER},
 }
 ROUNDS, TRACED = 20, 16  # memory is watched from that round on: it makes all of this slow
 POOL = 50  # messages of a round that took a signature; what is bent and cut is always another
@@ -36,14 +36,14 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
     (tmp_path / "thief.pub").unlink()
     keys = PublicKeys(tmp_path)
     clean, noisy = manager(tmp_path / "clean", keyring=keys), manager(tmp_path / "noisy", keyring=keys)
-    random, (notes, _) = np.random.default_rng(0), luck(ROUNDS, lost=0.0)
+    random, (notes, _) = np.random.default_rng(0), random_ratings(ROUNDS, lost=0.0)
     wanted, got, before, refused = [], [], 0, 0
     for r in range(1, ROUNDS + 1):
         now = PERIOD * r + 20_000_000
         sent = [signed(tmp_path, name, PERIOD * r, row) for name, row in zip(TEAM.raters, notes[r - 1], strict=True)]
         for name, raw in zip(TEAM.raters, sent, strict=True):
-            wanted += hear_raw(clean, name, raw, now)
-            got += hear_raw(noisy, name, raw, now)
+            wanted += receive_raw(clean, name, raw, now)
+            got += receive_raw(noisy, name, raw, now)
         made = {kind: [wrong(tmp_path, random, kind, sent, r) for _ in range(POOL)] for kind in REASONS}
         if r == TRACED:
             tracemalloc.start()
@@ -51,9 +51,9 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
         for kind in random.choice(list(REASONS), count // ROUNDS):
             cheap = kind in ("noise", "cut", "bent")
             topic, raw = wrong(tmp_path, random, kind, sent, r) if cheap else made[kind][random.integers(POOL)]
-            counted = noisy.gate.refused.copy()
-            assert hear_raw(noisy, topic, raw, now + 1) == []
-            reasons = {reason for _, reason in noisy.gate.refused - counted}
+            counted = noisy.validator.refusals.copy()
+            assert receive_raw(noisy, topic, raw, now + 1) == []
+            reasons = {reason for _, reason in noisy.validator.refusals - counted}
             assert reasons
             assert reasons <= REASONS[kind], kind
             refused += 1
@@ -61,8 +61,8 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
     tracemalloc.stop()
     assert got == wanted
     assert len(got) == ROUNDS
-    assert noisy.gate.refused.total() >= refused == ROUNDS * (count // ROUNDS)
-    assert len(noisy.gate.refused) < 100
+    assert noisy.validator.refusals.total() >= refused == ROUNDS * (count // ROUNDS)
+    assert len(noisy.validator.refusals) < 100
     assert grown < 500_000
 
 

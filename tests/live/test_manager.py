@@ -2,12 +2,12 @@ import json
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, said
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.manager import replayed
-from roletrust_env.live.trust_tracker import Standing, Team
+from roletrust_env.live.manager import replay_journal
+from roletrust_env.live.trust_tracker import Team, TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 
 
@@ -27,7 +27,7 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
     published = feed(keeper, [state.ratings for state in heard], [state.rated for state in heard])
     assert len(published) == len(heard) > 50
     for entry, state in zip(published, heard, strict=True):
-        mask = [[note is not None for note in entry.rows.get(name, [None] * 3)] for name in TEAM.raters]
+        mask = [[note is not None for note in entry.ratings.get(name, [None] * 3)] for name in TEAM.raters]
         np.testing.assert_array_equal(mask, state.rated)
         np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
         np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
@@ -36,7 +36,7 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
 
 
 def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
-    ratings, mask = luck(40)
+    ratings, mask = random_ratings(40)
     whole = feed(manager(tmp_path / "whole"), ratings, mask)
     first = manager(tmp_path / "journal")
     published = feed(first, ratings[:23], mask[:23])
@@ -49,7 +49,7 @@ def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
 
 
 def test_what_was_heard_before_does_not_count_again(tmp_path):
-    ratings, mask = luck(5)
+    ratings, mask = random_ratings(5)
     first = manager(tmp_path / "journal")
     feed(first, ratings, mask)
     first.close()
@@ -62,7 +62,7 @@ def test_what_was_heard_before_does_not_count_again(tmp_path):
 def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
     path = tmp_path / "journal"
     first = manager(path)
-    published = feed(first, *luck(6))
+    published = feed(first, *random_ratings(6))
     first.close()
     path.write_bytes(path.read_bytes()[:-kept])
     second = manager(path)
@@ -73,20 +73,20 @@ def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
 
 def test_replay_gives_the_same_trust_to_the_last_bit(tmp_path):
     first = manager(tmp_path / "journal")
-    published = feed(first, *luck(30))
-    assert replayed(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
+    published = feed(first, *random_ratings(30))
+    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
 
 
 def test_a_journal_that_was_tampered_with_is_refused(tmp_path):
     path = tmp_path / "journal"
     first = manager(path)
-    feed(first, *luck(6))
+    feed(first, *random_ratings(6))
     first.close()
     lines = path.read_text().splitlines()
     round = json.loads(lines[4])
     round["ratings"]["sr_0"] = [1.0, 1.0, 1.0]
     path.write_text("\n".join([*lines[:4], json.dumps(round), *lines[5:]]) + "\n")
-    with pytest.raises(ValueError, match="after round 2 trust was"):
+    with pytest.raises(ValueError, match="after round 2, but a replay"):
         manager(path)
 
 
@@ -98,7 +98,7 @@ def test_the_journal_of_another_model_is_refused(tmp_path):
 
 def test_two_managers_with_one_journal(tmp_path):
     first = manager(tmp_path / "journal")
-    with pytest.raises(ValueError, match="manager that is running"):
+    with pytest.raises(ValueError, match="in use by another manager"):
         manager(tmp_path / "journal")
     first.close()
     manager(tmp_path / "journal")
@@ -117,20 +117,23 @@ def test_a_file_of_something_else_is_left_as_it_is(text, tmp_path):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda lines: [*lines[:3], *lines[4:]], "round 2 stands where round 1 should be"),
-        (lambda lines: [*lines[:4], lines[3], *lines[4:]], "round 1 stands where round 2 should be"),
-        (lambda lines: [lines[0], *lines[2:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is none of its lines"),
-        (lambda lines: [*lines, b"\xff\xfe\n"], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]], "none of its"),
+        (lambda lines: [*lines[:3], *lines[4:]], "it has round 2 in place of round 1"),
+        (lambda lines: [*lines[:4], lines[3], *lines[4:]], "it has round 1 in place of round 2"),
+        (lambda lines: [lines[0], *lines[2:]], "is not a line of one"),
+        (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is not a line of one"),
+        (lambda lines: [*lines, b"\xff\xfe\n"], "is not a line of one"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is not a line of one"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is not a line of one"),
+        (
+            lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]],
+            "not a line of one",
+        ),
     ],
 )
 def test_a_damaged_journal_is_refused_in_one_line(change, reason, tmp_path):
     path = tmp_path / "journal"
     with_all = manager(path)
-    feed(with_all, *luck(5, lost=0.0))
+    feed(with_all, *random_ratings(5, lost=0.0))
     with_all.close()
     path.write_bytes(b"".join(change(path.read_bytes().splitlines(keepends=True))))
     damaged = path.read_bytes()
@@ -152,18 +155,18 @@ def test_another_file_is_no_journal(tmp_path):
 @pytest.mark.parametrize("model", trust_models())
 def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
     few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
-    ratings, mask = luck(20, team=few)
-    later, heard = luck(10, seed=1, team=many)
+    ratings, mask = random_ratings(20, team=few)
+    later, heard = random_ratings(10, seed=1, team=many)
     heard &= ~many.peers
     heard[0] = ~many.peers
     keeper = manager(tmp_path / "journal", model=model, team=few)
     before = feed(keeper, ratings, mask, team=few)
     for name in many.providers:
-        keeper.meet(name)
+        keeper.add_provider(name)
     after = feed(keeper, later, heard, team=many, first=21)
-    standing = Standing(make_trust_model(model), after[-1].team, [entry.rows for entry in [*before, *after]])
+    tracker = TrustTracker(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
     assert set(after[-1].team.raters) == set(many.raters)
-    assert after[-1].trust == standing.trust
+    assert after[-1].trust == tracker.trust
     keeper.close()
     again = manager(tmp_path / "journal", model=model, team=few)
     assert again.trust == after[-1].trust
@@ -172,8 +175,8 @@ def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
 def test_an_agent_with_both_roles_has_a_trust_of_its_own(tmp_path):
     team = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
     keeper = manager(tmp_path / "journal", team=team)
-    published = keeper.hear(said("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
-    published += keeper.hear(said("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
+    published = keeper.receive(said("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
+    published += keeper.receive(said("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
     (entry,) = published
     assert entry.trust.toa == ((entry.trust.tor[1] + entry.trust.top[1]) / 2,)
 
@@ -186,4 +189,4 @@ def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeyp
 
     monkeypatch.setattr("os.write", full)
     with pytest.raises(OSError, match="No space left"):
-        keeper.hear(said("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+        keeper.receive(said("sr_0", 1, {"sp_0": 1.0}), PERIOD)

@@ -2,24 +2,24 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from live_streams import arrivals
+from random_arrivals import arrivals
 
-from roletrust_env.live.rounds import Patience, Rounds
+from roletrust_env.live.rounds import RoundAssembler, RoundTiming
 
 PERIOD = 1000
-PATIENCE = Patience(PERIOD)
+TIMING = RoundTiming(PERIOD)
 
 
-def play(messages, *, names=(), patience=PATIENCE, until=None, tick=50):
+def play(messages, *, names=(), timing=TIMING, until=None, tick=50):
     """The rounds of some (arrival, name, stamp), with the time asked often."""
-    rounds, closed = Rounds(patience, names), []
-    end = until or max(arrival for arrival, _, _ in messages) + 5 * patience.period
+    rounds, closed = RoundAssembler(timing, names), []
+    end = until or max(arrival for arrival, _, _ in messages) + 5 * timing.period
     queue = sorted(messages)
     for now in range(0, end, tick):
         while queue and queue[0][0] <= now:
             arrival, name, stamp = queue.pop(0)
             closed += [(arrival, round) for round in rounds.add(name, stamp, stamp, arrival)]
-        closed += [(now, round) for round in rounds.due(now)]
+        closed += [(now, round) for round in rounds.close_due(now)]
     return closed, rounds
 
 
@@ -54,7 +54,7 @@ def test_the_silent_are_no_longer_waited_for_until_they_speak():
     assert told(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(kept)]
     quick = [now - round.stamp for now, round in closed]
     assert quick[3:10] == [710, 710, 12, 11, 11, 11, 11]
-    assert rounds.waited_for == ("a", "b", "c")
+    assert rounds.expected == ("a", "b", "c")
     assert rounds.unused == Counter("c")
 
 
@@ -82,7 +82,7 @@ def test_a_stamp_from_the_future_takes_no_round_from_the_others():
 def test_everybody_silent_closes_nothing():
     closed, rounds = play(rounds_of("ab", ["ab"] * 2), names="ab", until=60_000)
     assert len(closed) == 2
-    assert rounds.waited_for == ()
+    assert rounds.expected == ()
 
 
 def test_of_two_messages_in_a_round_the_one_that_matches_counts():
@@ -104,7 +104,7 @@ def test_whatever_comes_rounds_rise_and_no_message_is_in_two(seed):
     stamps = [round.stamp for _, round in closed]
     assert stamps == sorted(set(stamps))
     for _, round in closed:
-        assert max(round.items.values()) - min(round.items.values()) <= PATIENCE.apart
+        assert max(round.items.values()) - min(round.items.values()) <= TIMING.max_spread
         assert not set(round.missing) & set(round.items)
     used = Counter((name, stamp) for _, round in closed for name, stamp in round.items.items())
     sent = Counter((name, stamp) for _, name, stamp in messages)
@@ -124,5 +124,5 @@ def test_rounds_are_what_was_heard_of_each(streams):
         for k in range(streams)
         if heard[r, k]
     ]
-    closed, _ = play(messages, names=names, patience=Patience(PERIOD, silence=1000))
+    closed, _ = play(messages, names=names, timing=RoundTiming(PERIOD, silence=1000))
     assert [[name in round.items for name in names] for _, round in closed] == heard.tolist()

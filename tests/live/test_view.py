@@ -12,10 +12,10 @@ from itertools import pairwise
 import pytest
 from light_team import run_robots, started
 from roletrust_experiments.timing.live_load import cpu_s
-from roletrust_experiments.view.server import run_view
+from roletrust_experiments.view.server import run_view_server
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -40,10 +40,10 @@ class Stage:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         settings = {"period": PERIOD, "team": TEAM, "keys": folder / "keys"}
-        self.manager = started(run_manager, make_trust_model("role-trust"), self.journal, **settings)
+        self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
         self.robots = started(run_robots, (0, 1), TEAM.providers, folder / "keys", PERIOD)
         self.third = started(run_robots, (2,), TEAM.providers, folder / "keys", PERIOD)
-        self.view = started(run_view, self.port, PERIOD / 1e9, attackers=("sr_2",))
+        self.view = started(run_view_server, self.port, PERIOD / 1e9, attackers=("sr_2",))
 
     def wait_for(self, rounds):
         """Until so many more rounds are in the journal; they are returned."""

@@ -5,7 +5,7 @@ import numpy as np
 from roletrust_env import Game, JointPolicy, Random
 from roletrust_env.game.rollout import play
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.recording import Recorded
+from roletrust_env.live.wire.recording import RecordedMessage
 
 PERIOD = 500_000_000
 START = 1_000 * PERIOD
@@ -22,5 +22,7 @@ def spoken(scenario, seed=0, late=0.0, attackers=None):
             stamp, delay = START + r * PERIOD, 1.3 if random.random() < late else 0.1
             if row:
                 raw = messages.encode(messages.ratings_message(rater, stamp, row))
-                said.append(Recorded(stamp + int(delay * PERIOD) + i, f"/{rater}/ratings", messages.RATINGS, raw))
+                said.append(
+                    RecordedMessage(stamp + int(delay * PERIOD) + i, f"/{rater}/ratings", messages.RATINGS, raw)
+                )
     return sorted(said)

@@ -117,5 +117,5 @@ def test_an_empty_variable_does_not_open_the_network(monkeypatch):
 def test_names_that_ros_does_not_have_are_not_listened_to(topic, monkeypatch):
     looks = Node("looks")
     found = [SimpleNamespace(topic_name=name, type_name="a::msg::dds_::B_") for name in (topic, "rt/sr_0/ratings")]
-    monkeypatch.setattr(looks, "_found", SimpleNamespace(take=lambda _: found))
+    monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
     assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B")]

@@ -48,9 +48,9 @@ def test_keys_that_are_not_there_or_none(tmp_path):
     for name in ("sr_0.key", "sr_0.pub"):
         (tmp_path / name).write_text("nonsense")
         (tmp_path / name).chmod(0o600)
-    with pytest.raises(ValueError, match="no private key of the kind ed25519"):
+    with pytest.raises(ValueError, match="is not a private ed25519 key"):
         Signer(tmp_path, "sr_0")
-    with pytest.raises(ValueError, match="no public key of the kind ed25519"):
+    with pytest.raises(ValueError, match="is not a public ed25519 key"):
         PublicKeys(tmp_path)
 
 

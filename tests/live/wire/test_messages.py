@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roletrust_env.live.journal import Entry
+from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.trust_tracker import Team, Trust
 from roletrust_env.live.wire import messages
 
@@ -41,7 +41,7 @@ def test_a_message_with_a_wrong_byte_is_another_or_none(place, byte):
 
 def test_trust_as_it_is_published():
     team = Team(("sr_0", "both"), ("sp_0", "both"))
-    entry = Entry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
+    entry = JournalEntry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
     read = messages.decode(messages.encode(messages.trust_message(entry)), messages.TRUST)
     assert (read.round, messages.stamp_of(read)) == (7, 1_500_000_001)
     assert (read.raters, read.providers, read.both, read.missing) == (

@@ -61,7 +61,7 @@ class Home(NamedTuple):
         }
 
 
-def ros2_home() -> Home:
+def ros2_environment() -> Home:
     """The environment, as far as need be made anew; a test is skipped where it cannot be had."""
     root = HOUSE / "build" / "ros2"
     home = Home(root / "bin" / "python", root / "messages" / "roletrust_msgs")

@@ -10,10 +10,10 @@ from loopback import Listener, Raters, keys, managed, own_domain, process, until
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.nodes.assess import run_assess
-from roletrust_env.live.nodes.cam import run_cam
-from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.nodes.running import Timeline
+from roletrust_env.live.nodes.camera_node import run_camera_node
+from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.rater_node import run_rater_node
+from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
@@ -38,11 +38,11 @@ def robots(folder):
     make_keys(folder / "keys", roster.rater_names)
     told = functools.partial(noted, folder / "told")
     shared = {"scenario": ROBOTS, "timeline": timeline}
-    starts = {"manager": functools.partial(managed, folder, period=PERIOD, team=Team(*axes(roster)), tell=told)}
+    starts = {"manager": functools.partial(managed, folder, period=PERIOD, team=Team(*axes(roster)), report=told)}
     for name in roster.rater_names:
-        starts[name] = functools.partial(process, run_assess, name=name, keys=folder / "keys", **shared)
+        starts[name] = functools.partial(process, run_rater_node, name=name, keys=folder / "keys", **shared)
     for name in roster.provider_names:
-        starts[name] = functools.partial(process, run_cam, name=name, **shared)
+        starts[name] = functools.partial(process, run_camera_node, name=name, **shared)
     return starts
 
 
@@ -76,11 +76,11 @@ def test_every_node_is_killed_at_random_moments(tmp_path):
     for last, entry in itertools.pairwise(entries):
         begun = max([last.stamp, *(up for down, up in away if down <= entry.closed and up >= last.stamp)])
         assert entry.stamp - begun <= 2 * PERIOD, (last.round, entry.missing)
-    assert {name for entry in entries[-4:] for name in entry.rows} == {"sr_0", "sr_1", "sr_2"}
+    assert {name for entry in entries[-4:] for name in entry.ratings} == {"sr_0", "sr_1", "sr_2"}
 
 
 def lines(path):
-    return path.read_text().count("goes on") if path.exists() else 0
+    return path.read_text().count("continues") if path.exists() else 0
 
 
 def test_of_two_managers_one_is_told_so_in_one_line(tmp_path, keys):
@@ -88,7 +88,7 @@ def test_of_two_managers_one_is_told_so_in_one_line(tmp_path, keys):
         first = managed(tmp_path)
         raters.wait_for(2)
         with pytest.raises(ValueError, match=r"another manager publishes /trust; stop it first"):
-            run_manager(make_trust_model("role-trust"), tmp_path / "other", period=PERIOD, keys=keys)
+            run_manager_node(make_trust_model("role-trust"), tmp_path / "other", period=PERIOD, keys=keys)
         assert not (tmp_path / "other").exists()
         raters.wait_for(2)
         first.terminate()

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, luck, manager, said
+from manager_cases import PERIOD, TEAM, manager, random_ratings, said
 
-from roletrust_env.live.rating_validation import Reason
+from roletrust_env.live.rating_validation import RefusalReason
 
 
 def run(keeper, arrivals, until):
@@ -13,7 +13,7 @@ def run(keeper, arrivals, until):
     for now in range(0, until, PERIOD // 10):
         while queue and queue[0][0] <= now:
             arrival, message = queue.pop(0)
-            published += keeper.hear(message, arrival)
+            published += keeper.receive(message, arrival)
         published += keeper.tick(now)
     return published
 
@@ -25,7 +25,7 @@ def message(rater, round, row, off=0):
 
 def test_of_lost_and_late_ratings_the_round_says_who_is_missing(tmp_path):
     random, rounds = np.random.default_rng(0), 100
-    notes, _ = luck(rounds, lost=0.0)
+    notes, _ = random_ratings(rounds, lost=0.0)
     lost, late = random.random((rounds, 3)) < 0.1, random.random((rounds, 3)) < 0.2
     arrivals = [
         (PERIOD * (r + 1) + int((1.2 if late[r, i] else 0.1) * PERIOD), message(name, r + 1, notes[r, i]))
@@ -38,12 +38,12 @@ def test_of_lost_and_late_ratings_the_round_says_who_is_missing(tmp_path):
     heard = {round(entry.stamp / PERIOD) - 1: entry for entry in published}
     assert sorted(heard) == [r for r in range(rounds) if there[r].any()]
     for r, entry in heard.items():
-        assert [name in entry.rows for name in TEAM.raters] == there[r].tolist()
+        assert [name in entry.ratings for name in TEAM.raters] == there[r].tolist()
 
 
 @pytest.mark.parametrize("off_s", [-1.0, 1.0])
 def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, tmp_path):
-    notes, _ = luck(40, lost=0.0)
+    notes, _ = random_ratings(40, lost=0.0)
     off = int(off_s * 1e9)
     arrivals = [
         (PERIOD * r + i, message(name, r, notes[r - 1, i], off if name == "sr_2" else 0))
@@ -51,14 +51,14 @@ def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, t
         for i, name in enumerate(TEAM.raters)
     ]
     published = run(manager(tmp_path / "journal"), arrivals, PERIOD * 50)
-    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
     assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
 
 
 @pytest.mark.parametrize("every", [1, 2, 4, 8])
 @pytest.mark.parametrize("ahead", [0.9, 1.6, 2.5, 3.9])
 def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ahead, every, tmp_path):
-    notes, _ = luck(40, lost=0.0)
+    notes, _ = random_ratings(40, lost=0.0)
     honest = [
         (PERIOD * r + i, message(name, r, notes[r - 1, i]))
         for r in range(1, 41)
@@ -67,12 +67,12 @@ def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ah
     off = int(ahead * PERIOD)
     early = [(PERIOD * r + 2, message("sr_2", r, notes[r - 1, 2], off)) for r in range(every, 41, every)]
     published = run(manager(tmp_path / "journal"), honest + early, PERIOD * 50)
-    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
     assert len(whole) == 40
 
 
 def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
-    notes, _ = luck(20, lost=0.0)
+    notes, _ = random_ratings(20, lost=0.0)
     honest = [
         (PERIOD * r + i, message(name, r, notes[r - 1, i]))
         for r in range(1, 21)
@@ -82,7 +82,7 @@ def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
     flood = [(at, message("sr_2", 0, notes[0, 2], at)) for at in range(PERIOD, 20 * PERIOD, step)]
     keeper = manager(tmp_path / "journal")
     published = run(keeper, honest + flood, PERIOD * 25)
-    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.rows.keys()]
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
     assert len(whole) == 20
-    assert sum("sr_2" in entry.rows for entry in published) <= 41  # two stamps a period, at half a period
-    assert keeper.gate.refused["sr_2", Reason.TOO_SOON] > 9000
+    assert sum("sr_2" in entry.ratings for entry in published) <= 41  # two stamps a period, at half a period
+    assert keeper.validator.refusals["sr_2", RefusalReason.TOO_SOON] > 9000
