@@ -103,7 +103,8 @@ class RoundAssembler(Generic[Item]):
         """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
         closed = []
         while (start := self._wait_start()) is not None and now - start >= self._timing.deadline * self._timing.period:
-            closed += self._apply(self._sync.publish_candidate()) or self._close_partial()
+            decisions = self._sync.publish_candidate()  # its round may be closed already, and then it closes none
+            closed += self._apply(decisions) if decisions else self._close_partial()
         limit = self._timing.silence * self._timing.period
         active = tuple(name for name in self._expected if now - self._last_heard[name] < limit)
         return closed + self._expect(active) if active != self._expected else closed
@@ -189,11 +190,13 @@ class RoundAssembler(Generic[Item]):
         return self._close(list(parts.items()))
 
     def _close(self, messages: _Named[Item]) -> list[Round[Item]]:
-        """Return the round of some messages, unless there are none or the round is closed already."""
-        stamp = min((message.stamp for _, message in messages), default=0)
-        if not messages or self._is_closed(stamp):
-            self.unused.update(name for name, _ in messages)
+        """Return the round of some messages, without those of closed rounds; none if no message remains."""
+        late = [name for name, message in messages if self._is_closed(message.stamp)]
+        messages = [(name, message) for name, message in messages if not self._is_closed(message.stamp)]
+        self.unused.update(late)
+        if not messages:
             return []
+        stamp = min(message.stamp for _, message in messages)
         items = {name: message.item for name, message in messages}
         self.unused.update((Counter(name for name, _ in messages) - Counter(list(items))).elements())
         self._after = stamp

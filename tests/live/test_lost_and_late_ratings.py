@@ -71,6 +71,22 @@ def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ah
     assert len(whole) == 40
 
 
+@pytest.mark.parametrize("ahead", [0.0, 0.4, 0.6, 1.0, 1.3, 3.0])
+def test_stamps_of_every_half_period_take_no_round_from_the_others(ahead, tmp_path):
+    """Half a period is the smallest gap between two stamps that the manager accepts."""
+    values, _ = random_ratings(40, lost=0.0)
+    honest = [
+        (PERIOD * r + i, message(name, r, values[r - 1, i]))
+        for r in range(1, 41)
+        for i, name in enumerate(TEAM.raters[:2])
+    ]
+    stamps = [PERIOD * k // 2 for k in range(6, 80)]
+    often = [(stamp - int(ahead * PERIOD), message("sr_2", 0, values[0, 2], stamp)) for stamp in stamps]
+    published = run(manager(tmp_path / "journal"), honest + often, PERIOD * 50)
+    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
+    assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
+
+
 def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
     notes, _ = random_ratings(20, lost=0.0)
     honest = [

@@ -65,6 +65,24 @@ def test_ratings_that_are_refused_one_by_one(values, providers, reason):
     assert validator.refusals == {("sr_0", reason): 1}
 
 
+@pytest.mark.parametrize("offset", [-2000, 2000])
+def test_stamps_at_the_tolerance_are_accepted(offset):
+    validator = RatingValidator(LIMITS)
+    assert validator.accept(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}
+    assert not validator.refusals
+
+
+def test_ratings_at_the_bounds_are_accepted():
+    assert RatingValidator(LIMITS).accept(ratings((0.0, 1.0)), PROVIDERS, NOW) == {"sp_0": 0.0, "sp_1": 1.0}
+
+
+def test_refusals_are_counted_one_by_one_or_many_at_once():
+    validator = RatingValidator(LIMITS, last_stamps={"sr_0": 0})
+    validator.refuse("sr_0", RefusalReason.FLOOD, 7)
+    validator.refuse("sr_0", RefusalReason.FLOOD)
+    assert validator.refusals == {("sr_0", RefusalReason.FLOOD): 8}
+
+
 def test_nobody_rates_itself():
     validator = RatingValidator(LIMITS)
     assert validator.accept(ratings((1.0, 0.5), ("srsp_0", "sp_0"), rater="srsp_0"), ("srsp_0", "sp_0"), NOW) == {

@@ -1,4 +1,5 @@
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -110,6 +111,76 @@ def test_whatever_comes_rounds_rise_and_no_message_is_in_two(seed):
     sent = Counter((name, stamp) for _, name, stamp in messages)
     assert not used - sent
     assert used.total() + rounds.unused.total() == sent.total()  # none is lost without a word
+
+
+def test_messages_half_a_period_apart_are_of_one_round():
+    closed, rounds = play([(1000, "a", 1000), (1010, "b", 1500), (1020, "c", 1501)], names="abcd", until=1800)
+    assert [(round.items, round.missing) for _, round in closed] == [({"a": 1000, "b": 1500}, ("c", "d"))]
+    assert not rounds.unused
+
+
+def test_an_early_duplicate_half_a_period_before_the_match_is_of_its_round():
+    closed, rounds = play([(1500, "a", 1000), (1505, "a", 1500), (1510, "b", 1500)], names="ab")
+    assert [round.items for _, round in closed] == [{"a": 1500, "b": 1500}]
+    assert rounds.unused == Counter("a")
+
+
+@pytest.mark.parametrize(("after", "late"), [(500, True), (501, False)])
+def test_half_a_period_after_a_closed_round_the_next_one_begins(after, late):
+    closed, rounds = play([(1000, "a", 1000), (1010, "b", 1000), (1600, "a", 1000 + after)], names="ab")
+    assert [round.items for _, round in closed][1:] == ([] if late else [{"a": 1000 + after}])
+    assert rounds.unused == Counter("a" if late else "")
+
+
+def test_rounds_up_to_the_given_stamp_are_closed_already():
+    rounds = RoundAssembler(TIMING, "a", after=1000)
+    assert rounds.add("a", 1500, 0, 1500) == []
+    assert [round.stamp for round in rounds.add("a", 1501, 0, 1501)] == [1501]
+
+
+def test_a_stream_is_expected_until_its_silence_is_as_long_as_the_limit():
+    rounds = RoundAssembler(TIMING, "ab")
+    for name in "ab":
+        rounds.add(name, 1000, 0, 1000)
+    rounds.close_due(3999)
+    assert rounds.expected == ("a", "b")
+    rounds.close_due(4000)
+    assert rounds.expected == ()
+
+
+def test_a_message_from_the_future_is_waited_for_from_its_own_time_on():
+    closed, rounds = play([(1000, "a", 2000)], names="ab", tick=1, until=2900)
+    assert [(now, round.items) for now, round in closed] == [(2700, {"a": 2000})]
+    rounds.close_due(4999)
+    assert "a" in rounds.expected
+    rounds.close_due(5000)
+    assert "a" not in rounds.expected
+
+
+def test_a_message_of_a_closed_round_takes_no_round_from_the_others():
+    """The synchroniser matches 4500, which belongs to the round of 4000, with 5000; this once stopped the manager."""
+    early = [(3300, "a", 4000), (4000, "a", 4500), (4500, "c", 4000), (4700, "b", 4000)]
+    closed, rounds = play([*early, (5000, "b", 5000), (5000, "c", 5000)], names="abc")
+    assert [round.items for _, round in closed] == [{"a": 4000, "b": 4000, "c": 4000}, {"b": 5000, "c": 5000}]
+    assert rounds.unused == Counter("a")
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_stamps_at_the_limits_lose_no_message(seed):
+    """All stamps are multiples of half a period, the largest difference within a round."""
+    random = np.random.default_rng(seed)
+    messages = []
+    for r in range(1, 25):
+        for name in "abc":
+            if random.random() < 0.8:
+                stamp = PERIOD * r + PERIOD // 2 * int(random.integers(-1, 3))
+                messages.append((PERIOD * r + 100 * int(random.integers(0, 15)), name, stamp))
+    closed, rounds = play(messages, names="abc" if seed % 2 else "")
+    for _, round in closed:
+        assert max(round.items.values()) - min(round.items.values()) <= TIMING.max_spread
+    stamps = [round.stamp for _, round in closed]
+    assert all(later - stamp > TIMING.max_spread for stamp, later in pairwise(stamps))
+    assert sum(len(round.items) for _, round in closed) + rounds.unused.total() == len(messages)
 
 
 @pytest.mark.parametrize("streams", [1, 3, 9, 40])

@@ -55,7 +55,7 @@ def test_what_a_killed_run_left_goes_at_the_next_start_and_what_is_being_written
     others = [".bashrc", ".my.notes.1.txt", f".killed.elsewhere-{writer.pid}.csv"]
     for other in others:
         (tmp_path / other).touch()
-    (tmp_path / files.unfinished(tmp_path / "mine.csv").name).touch()
+    (tmp_path / files.unfinished_path(tmp_path / "mine.csv").name).touch()
     assert len(list(tmp_path.glob(".killed.*"))) == 2
     files.prepare_folder(tmp_path)
     here = f"{platform.node()}-{writer.pid}.csv"

@@ -270,7 +270,7 @@ def test_a_hostile_file_is_one_line(
         (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
         (lambda text: "[" * 200_000, "nested too deeply"),
         (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
-        (lambda text: text.replace('"format": 1', '"format": 1, "format": 1'), "stands twice"),
+        (lambda text: text.replace('"format": 1', '"format": 1, "format": 1'), "two fields of one name"),
         (lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1), "chosen is inf|ghost|x is"),
         (lambda text: "", "Expecting value"),
         (lambda text: "\udcff", "utf-8"),

@@ -12,7 +12,7 @@ import typer
 from roletrust_env import Game, JointPolicy
 from roletrust_env.evaluation.curves import Curves, record
 from roletrust_env.storage.files import prepare_folder, write_json
-from roletrust_env.storage.provenance import describe_policies, described
+from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_experiments.commands.console import claims_table, console, progress_bar
 from roletrust_experiments.commands.live.options import Browser, Port, Speed, require_live
 from roletrust_experiments.commands.live.team import DemoPlan, DemoRun, run_team
@@ -102,7 +102,7 @@ def _report(plan: DemoPlan, run: DemoRun, simulated: Curves, out: Path) -> None:
         "speed": plan.speed,
         "signed": plan.signed,
         "seed": plan.seed,
-        "trust_model": described(plan.model),
+        "trust_model": describe(plan.model),
         "attackers": describe_policies(paper.policies),
         "rounds": len(entries),
         "partial_rounds": partial,

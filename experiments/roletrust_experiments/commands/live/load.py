@@ -99,5 +99,5 @@ def _page(loads: Sequence["Load"], caption: str) -> str:
     lines = [["team", *_HEADINGS], ["---", *["---:"] * len(_HEADINGS)], *_lines(loads)]
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     machine = f"{os.cpu_count()} cores of {platform.machine()}, Python {platform.python_version()}"
-    written = f"Written by `roletrust live load` on {machine}; `make live-load` measures again."
-    return "\n\n".join(["# What a manager of a large team takes", caption, table, written]) + "\n"
+    written = f"Written by `roletrust live load` on {machine}; `make live-load` repeats the measurement."
+    return "\n\n".join(["# The load of a manager", caption, table, written]) + "\n"
