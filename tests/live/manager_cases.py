@@ -17,7 +17,7 @@ def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
     return Manager(make_trust_model(model), path, timing=timing, team=team, keyring=keyring)
 
 
-def said(rater, round, ratings):
+def rating_message(rater, round, ratings):
     """A message about a round: ratings by provider."""
     return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
 
@@ -38,7 +38,7 @@ def feed(keeper, ratings, mask, team=TEAM, first=1):
         for i, rater in enumerate(team.raters):
             notes = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
             if notes:
-                published += keeper.receive(said(rater, r, notes), PERIOD * r + 20_000_000 + i)
+                published += keeper.receive(rating_message(rater, r, notes), PERIOD * r + 20_000_000 + i)
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

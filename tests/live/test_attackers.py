@@ -74,3 +74,25 @@ def test_a_trained_provider_reads_what_is_said_of_it():
     sold = [(praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated)) for r in range(20)]
     assert all(0 <= quality <= 1 for pair in sold for quality in pair)
     assert any(one != other for one, other in sold)
+
+
+class Withholding(Policy):
+    """Rates a quarter of the service, and sends no rating of the first provider."""
+
+    def ratings(self, view, memory, random):
+        return view.service / 4, memory
+
+    def withholds(self, view, memory, random):
+        return np.array([True, False, False]), (*memory, view)
+
+    def begin(self, random, shape):
+        return ()
+
+
+def test_a_policy_sees_the_ratings_that_it_sent_and_not_those_that_it_withheld():
+    selector = _RatingSelector("sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0)
+    for round in range(2):
+        assert selector.ratings(round, {"sp_0": 0.8, "sp_1": 0.4, "new": 0.3}) == {"sp_1": 0.1, "new": 0.3}
+    last = selector._memory[-1]
+    np.testing.assert_array_equal(last.ratings, [0, 0.1, 0])
+    np.testing.assert_array_equal(last.rated, [False, True, False])

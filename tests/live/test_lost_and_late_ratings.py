@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, manager, random_ratings, said
+from manager_cases import PERIOD, TEAM, manager, random_ratings, rating_message
 
 from roletrust_env.live.rating_validation import RefusalReason
 
@@ -19,7 +19,7 @@ def run(keeper, arrivals, until):
 
 
 def message(rater, round, row, off=0):
-    sent = said(rater, round, dict(zip(TEAM.providers, row.tolist(), strict=True)))
+    sent = rating_message(rater, round, dict(zip(TEAM.providers, row.tolist(), strict=True)))
     return sent._replace(stamp=sent.stamp + off)
 
 

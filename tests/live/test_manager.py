@@ -2,11 +2,12 @@ import json
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
 from roletrust_env import Game, JointPolicy, make_scenario
-from roletrust_env.live.journal import read_journal
+from roletrust_env.live.journal import Journal, read_journal
 from roletrust_env.live.manager import replay_journal
+from roletrust_env.live.rating_validation import RefusalReason
 from roletrust_env.live.trust_tracker import Team, TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 
@@ -69,6 +70,56 @@ def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
     assert second.next_round == (5 if kept < 300 else len(list(read_journal(path))))
     assert list(read_journal(path)) == published[: second.next_round]
     assert path.read_bytes().endswith(b"\n")
+
+
+def test_a_manager_that_begins_again_has_the_agents_of_its_journal_and_of_its_settings(tmp_path):
+    first = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    first.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    first.close()
+    second = manager(tmp_path / "journal", team=Team(("sr_1",), ("sp_1",)))
+    assert second.receive(rating_message("sr_0", 2, {"sp_0": 1.0, "sp_1": 0.5}), 2 * PERIOD) == []
+    (entry,) = second.tick(3 * PERIOD)
+    assert entry.team == Team(("sr_0", "sr_1"), ("sp_0", "sp_1"))
+    assert entry.ratings == {"sr_0": [1.0, 0.5]}
+    assert entry.missing == ("sr_1",)
+
+
+def test_a_message_of_the_last_round_is_refused_after_a_restart(tmp_path):
+    first = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    first.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    first.close()
+    second = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    assert second.receive(rating_message("sr_0", 1, {"sp_0": 0.0}), PERIOD) == []
+    assert second.validator.refusals == {("sr_0", RefusalReason.REPLAYED): 1}
+    assert second.receive(rating_message("sr_1", 1, {"sp_0": 0.0}), PERIOD) == []  # a new rater, but an old round
+    assert second.tick(3 * PERIOD) == []
+    assert second.rounds.unused == {"sr_1": 1}
+
+
+def test_a_journal_takes_the_next_round_only(tmp_path):
+    keeper = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    (entry,) = keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    keeper.close()
+    with Journal(tmp_path / "other", {}) as journal:
+        with pytest.raises(ValueError, match="the next round of the journal is 0, not 1"):
+            journal.append(entry._replace(round=1))
+        journal.append(entry)
+        assert journal.rounds == 1
+        assert list(journal.entries()) == [entry]
+
+
+def test_a_journal_is_read_while_its_last_line_is_being_written(tmp_path):
+    keeper = manager(tmp_path / "journal")
+    published = feed(keeper, *random_ratings(5, lost=0.0))
+    text = (tmp_path / "journal").read_bytes()
+    (tmp_path / "half").write_bytes(text[:-20])
+    assert list(read_journal(tmp_path / "half")) == published[:-1]
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path):
+    (tmp_path / "journal").write_text('{"journal": 2}\n')
+    with pytest.raises(ValueError, match="is no journal of version 1"):
+        list(read_journal(tmp_path / "journal"))
 
 
 def test_replay_gives_the_same_trust_to_the_last_bit(tmp_path):
@@ -175,8 +226,8 @@ def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
 def test_an_agent_with_both_roles_has_a_trust_of_its_own(tmp_path):
     team = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
     keeper = manager(tmp_path / "journal", team=team)
-    published = keeper.receive(said("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
-    published += keeper.receive(said("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
+    published = keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
+    published += keeper.receive(rating_message("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
     (entry,) = published
     assert entry.trust.toa == ((entry.trust.tor[1] + entry.trust.top[1]) / 2,)
 
@@ -189,4 +240,4 @@ def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeyp
 
     monkeypatch.setattr("os.write", full)
     with pytest.raises(OSError, match="No space left"):
-        keeper.receive(said("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+        keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)

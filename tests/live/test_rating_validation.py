@@ -3,7 +3,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
 from roletrust_env.live.rating_validation import Ratings, RatingValidator, RefusalReason, StampLimits
 
@@ -135,7 +135,7 @@ def test_trust_is_as_without_all_that_is_refused(tmp_path):
 def wrong(random, round):
     """A message that must move nothing, and why."""
     rater, notes = str(random.choice(TEAM.raters)), dict.fromkeys(TEAM.providers, float(random.random()))
-    message = said(rater, round, notes)
+    message = rating_message(rater, round, notes)
     kind = [
         RefusalReason.GARBAGE,
         RefusalReason.FUTURE,

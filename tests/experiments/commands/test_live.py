@@ -4,7 +4,7 @@ import socket
 import stat
 
 import pytest
-from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from roletrust_experiments.cli import app
 from roletrust_experiments.identification.journal_curves import curves_from_rounds, latencies_ms
 from typer.testing import CliRunner
@@ -81,7 +81,7 @@ def test_the_curves_of_a_journal(tmp_path):
     keeper = manager(tmp_path / "journal")
     for r in (1, 2, 4):
         for name in TEAM.raters:
-            keeper.receive(said(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+            keeper.receive(rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
     entries = list(read_journal(tmp_path / "journal"))
     curves = curves_from_rounds([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]

@@ -9,7 +9,7 @@ import pytest
 from cyclonedds.sub import DataReader
 
 from roletrust_env.live.wire import dds, messages
-from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Reader
+from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader
 
 PATIENCE_S = 20.0  # far more than a busy machine takes
 
@@ -119,3 +119,25 @@ def test_names_that_ros_does_not_have_are_not_listened_to(topic, monkeypatch):
     found = [SimpleNamespace(topic_name=name, type_name="a::msg::dds_::B_") for name in (topic, "rt/sr_0/ratings")]
     monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
     assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B")]
+
+
+def test_a_writer_over_its_quota_is_blocked_until_it_sends_fewer():
+    quota = Quota(3)
+    assert [quota.allows(1, 0.2) for _ in range(3)] == [True] * 3  # as many as allowed
+    assert all(quota.allows(1, 1.0) for _ in range(3))
+    assert not quota.allows(1, 1.9)  # the fourth
+    assert quota.allows(2, 1.9)  # of another writer
+    assert [quota.allows(1, 2.0) for _ in range(3)] == [False] * 3  # blocked for the next second
+    assert quota.allows(1, 3.0)  # forgiven, since it sent no more than allowed
+    assert [quota.allows(1, 3.5) for _ in range(3)] == [True, True, False]
+    assert not quota.allows(1, 4.0)
+    assert quota.allows(1, 5.0)
+
+
+def test_messages_over_the_quota_are_counted():
+    samples = [
+        SimpleNamespace(raw=bytes([k]), sample_info=SimpleNamespace(publication_handle=k % 2)) for k in range(10)
+    ]
+    reader = Reader(SimpleNamespace(take=lambda _: samples), Quota(2))
+    assert reader.take() == [bytes([k]) for k in range(4)]
+    assert reader.over_quota == 6

@@ -69,3 +69,18 @@ def test_the_package_for_colcon_has_every_message():
     for path in messages.PACKAGE.glob("msg/*.msg"):
         assert f'"msg/{path.name}"' in build
         assert f"roletrust_msgs/msg/{path.stem}" in messages.typestore().types
+
+
+@pytest.mark.parametrize("warns", [False, True])
+def test_diagnostics_warn_of_refused_ratings(warns):
+    message = messages.diagnostics_message(5, "manager", warns, {"next round": "7"})
+    (status,) = messages.decode(messages.encode(message), messages.DIAGNOSTICS).status
+    assert (status.level, status.name, status.message) == (int(warns), "manager", "refuses ratings" if warns else "OK")
+    assert [(pair.key, pair.value) for pair in status.values] == [("next round", "7")]
+
+
+def test_a_picture_names_its_camera():
+    message = messages.image_message(1_500_000_001, "sp_0", np.arange(9, dtype=np.uint8))
+    read = messages.decode(messages.encode(message), messages.IMAGE)
+    assert (read.header.frame_id, read.format, bytes(read.data)) == ("sp_0", "jpeg", bytes(range(9)))
+    assert messages.stamp_of(read) == 1_500_000_001

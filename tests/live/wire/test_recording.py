@@ -143,3 +143,28 @@ def test_a_long_silence_is_not_waited_through(tmp_path, monkeypatch):
     monkeypatch.setattr(keeper, "tick", lambda moment: asked.append(moment) or [])
     list(replay_recording([SOME[0]._replace(time=0), SOME[1]], keeper, PERIOD))
     assert len(asked) < 1000
+
+
+def test_a_replay_after_a_pause_gives_the_trust_that_was_published(tmp_path):
+    """In the pause raters fall silent one after the other, and those that speak again are few."""
+    recorded, published, live = [], [], manager(tmp_path / "live")
+    for r, raters in [(1, "012"), (2, "01"), (3, "0"), (12, "01"), (13, "01"), (14, "012")]:
+        for k in map(int, raters):
+            raw = messages.encode(messages.ratings_message(f"sr_{k}", PERIOD * r, {"sp_0": 0.5 + k / 10}))
+            recorded.append(RecordedMessage(PERIOD * r + k, f"/sr_{k}/ratings", messages.RATINGS, raw))
+    for before, message in zip([recorded[0], *recorded], recorded, strict=False):
+        for moment in range(before.time, message.time, PERIOD // 20):
+            published += live.tick(moment)
+        published += receive_raw(live, message.topic[1:5], message.raw, message.time)
+    published += live.tick(recorded[-1].time + 2 * PERIOD)
+    assert [sorted(entry.ratings) for entry in published[:3]] == [["sr_0", "sr_1", "sr_2"], ["sr_0", "sr_1"], ["sr_0"]]
+    assert list(replay_recording(recorded, manager(tmp_path / "again"), PERIOD)) == published
+
+
+def test_a_replay_accepts_ratings_of_the_cameras_that_it_has_seen(tmp_path):
+    raw = messages.encode(messages.ratings_message("sr_0", PERIOD, {"sp_7": 0.5}))
+    rated = RecordedMessage(PERIOD, "/sr_0/ratings", messages.RATINGS, raw)
+    picture = RecordedMessage(PERIOD - 1, "/sp_7/image_raw/compressed", messages.IMAGE, b"")
+    assert list(replay_recording([rated], manager(tmp_path / "unseen"), PERIOD)) == []
+    (entry,) = replay_recording([picture, rated], manager(tmp_path / "seen"), PERIOD)
+    assert entry.team.providers[-1] == "sp_7"
