@@ -1,4 +1,4 @@
-"""Messages as raters send them, and managers that hear them."""
+"""Managers, and messages to them."""
 
 import numpy as np
 
@@ -18,12 +18,12 @@ def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
 
 
 def rating_message(rater, round, ratings):
-    """A message about a round: ratings by provider."""
+    """Return a message of a round from ratings by provider."""
     return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
 
 
 def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
-    """Ratings (R, S, P) and where they arrive; in each round something does."""
+    """Return random ratings (R, S, P) and a mask of those that arrive; at least one does in each round."""
     random = np.random.default_rng(seed)
     shape = (rounds, *team.peers.shape)
     mask = random.random(shape) >= lost
@@ -32,13 +32,13 @@ def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
 
 
 def feed(keeper, ratings, mask, team=TEAM, first=1):
-    """What a manager publishes of rounds that are numbered from `first`, with the clock going on in between."""
+    """Return the rounds that a manager publishes, numbered from `first`, with ticks in between."""
     published = []
     for r, (row_of, heard) in enumerate(zip(ratings, mask, strict=True), first):
         for i, rater in enumerate(team.raters):
-            notes = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
-            if notes:
-                published += keeper.receive(rating_message(rater, r, notes), PERIOD * r + 20_000_000 + i)
+            row = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
+            if row:
+                published += keeper.receive(rating_message(rater, r, row), PERIOD * r + 20_000_000 + i)
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

@@ -1,4 +1,4 @@
-"""Teams in trouble, by a clock of the test's own: what is lost or late costs its own ratings, and no more."""
+"""Lost, late and wrongly stamped ratings by a simulated clock: they cost their own rater, and nobody else."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from roletrust_env.live.rating_validation import RefusalReason
 
 
 def run(keeper, arrivals, until):
-    """What a manager publishes of (arrival, message) pairs, with the time asked ten times a period."""
+    """Return the rounds that a manager publishes for (arrival, message) pairs, with ten ticks a period."""
     published, queue = [], sorted(arrivals, key=lambda entry: entry[0])
     for now in range(0, until, PERIOD // 10):
         while queue and queue[0][0] <= now:
@@ -23,12 +23,12 @@ def message(rater, round, row, off=0):
     return sent._replace(stamp=sent.stamp + off)
 
 
-def test_of_lost_and_late_ratings_the_round_says_who_is_missing(tmp_path):
+def test_rounds_name_the_raters_of_lost_and_late_ratings(tmp_path):
     random, rounds = np.random.default_rng(0), 100
-    notes, _ = random_ratings(rounds, lost=0.0)
+    values, _ = random_ratings(rounds, lost=0.0)
     lost, late = random.random((rounds, 3)) < 0.1, random.random((rounds, 3)) < 0.2
     arrivals = [
-        (PERIOD * (r + 1) + int((1.2 if late[r, i] else 0.1) * PERIOD), message(name, r + 1, notes[r, i]))
+        (PERIOD * (r + 1) + int((1.2 if late[r, i] else 0.1) * PERIOD), message(name, r + 1, values[r, i]))
         for r in range(rounds)
         for i, name in enumerate(TEAM.raters)
         if not lost[r, i]
@@ -42,11 +42,11 @@ def test_of_lost_and_late_ratings_the_round_says_who_is_missing(tmp_path):
 
 
 @pytest.mark.parametrize("off_s", [-1.0, 1.0])
-def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, tmp_path):
-    notes, _ = random_ratings(40, lost=0.0)
+def test_a_wrong_clock_takes_no_round_from_the_others(off_s, tmp_path):
+    values, _ = random_ratings(40, lost=0.0)
     off = int(off_s * 1e9)
     arrivals = [
-        (PERIOD * r + i, message(name, r, notes[r - 1, i], off if name == "sr_2" else 0))
+        (PERIOD * r + i, message(name, r, values[r - 1, i], off if name == "sr_2" else 0))
         for r in range(1, 41)
         for i, name in enumerate(TEAM.raters)
     ]
@@ -58,14 +58,14 @@ def test_a_clock_that_is_off_by_a_second_takes_no_round_from_the_others(off_s, t
 @pytest.mark.parametrize("every", [1, 2, 4, 8])
 @pytest.mark.parametrize("ahead", [0.9, 1.6, 2.5, 3.9])
 def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ahead, every, tmp_path):
-    notes, _ = random_ratings(40, lost=0.0)
+    values, _ = random_ratings(40, lost=0.0)
     honest = [
-        (PERIOD * r + i, message(name, r, notes[r - 1, i]))
+        (PERIOD * r + i, message(name, r, values[r - 1, i]))
         for r in range(1, 41)
         for i, name in enumerate(TEAM.raters[:2])
     ]
     off = int(ahead * PERIOD)
-    early = [(PERIOD * r + 2, message("sr_2", r, notes[r - 1, 2], off)) for r in range(every, 41, every)]
+    early = [(PERIOD * r + 2, message("sr_2", r, values[r - 1, 2], off)) for r in range(every, 41, every)]
     published = run(manager(tmp_path / "journal"), honest + early, PERIOD * 50)
     whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
     assert len(whole) == 40
@@ -88,14 +88,14 @@ def test_stamps_of_every_half_period_take_no_round_from_the_others(ahead, tmp_pa
 
 
 def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
-    notes, _ = random_ratings(20, lost=0.0)
+    values, _ = random_ratings(20, lost=0.0)
     honest = [
-        (PERIOD * r + i, message(name, r, notes[r - 1, i]))
+        (PERIOD * r + i, message(name, r, values[r - 1, i]))
         for r in range(1, 21)
         for i, name in enumerate(TEAM.raters[:2])
     ]
-    step = PERIOD // 500  # a thousand messages a second
-    flood = [(at, message("sr_2", 0, notes[0, 2], at)) for at in range(PERIOD, 20 * PERIOD, step)]
+    step = PERIOD // 500  # a thousand messages per second
+    flood = [(at, message("sr_2", 0, values[0, 2], at)) for at in range(PERIOD, 20 * PERIOD, step)]
     keeper = manager(tmp_path / "journal")
     published = run(keeper, honest + flood, PERIOD * 25)
     whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]

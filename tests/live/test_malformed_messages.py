@@ -1,4 +1,4 @@
-"""What nodes make of messages that nobody should send: nothing. Without middleware."""
+"""Malformed messages, which nodes ignore. Without middleware."""
 
 from collections import defaultdict
 
@@ -28,7 +28,7 @@ PICTURES = [np.empty(0, np.uint8), np.frombuffer(b"nonsense", np.uint8), jpeg(64
 
 
 class Wire:
-    """Nodes and readers that hear what a test has put on a topic."""
+    """A node whose readers get the messages that a test puts on a topic."""
 
     def __init__(self):
         self.waiting = defaultdict(list)
@@ -63,17 +63,17 @@ def test_trust_that_cannot_be_read_changes_nothing(garbage):
 
 
 @pytest.mark.parametrize("data", PICTURES, ids=["empty", "nonsense", "cut off", "a line"])
-def test_what_is_no_picture_shows_nobody(data):
+def test_an_invalid_picture_shows_no_person(data):
     assert _PersonDetector(np.random.default_rng(0)).probability(bytes(data)) == 0.0
 
 
-def test_a_rater_takes_pictures_of_now_only():
+def test_a_rater_ignores_pictures_with_stamps_far_from_now():
     late, soon = RoundTiming(PERIOD).tolerance + 1, PERIOD
     raws = [b"", b"\0\1\0\0", *(image(NOW + off, jpeg(8, 8)) for off in (-late, 0, soon, late))]
     assert [stamp for stamp, _ in _pictures(raws, NOW, RoundTiming(PERIOD).tolerance)] == [NOW, NOW + soon]
 
 
-def test_a_camera_ahead_by_an_hour_ends_no_round_of_the_others():
+def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
     timing = RoundTiming(PERIOD)
     rounds, whole, small = RoundAssembler(timing), [], jpeg(8, 8)
     for r in range(20):
@@ -86,10 +86,12 @@ def test_a_camera_ahead_by_an_hour_ends_no_round_of_the_others():
         for share in (0.3, 0.8):
             whole += rounds.close_due(now + int(share * PERIOD))
     assert [one.stamp for one in whole] == [NOW + r * PERIOD for r in range(20)]
-    assert all(one.items.keys() == {"sp_0", "sp_1"} for one in whole[1:])  # the first to speak is alone
+    assert all(
+        one.items.keys() == {"sp_0", "sp_1"} for one in whole[1:]
+    )  # the first camera is alone in the first round
 
 
-def test_a_watcher_goes_on_after_garbage(monkeypatch):
+def test_a_listener_continues_after_malformed_messages(monkeypatch):
     wire = Wire()
     monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
     monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
@@ -110,6 +112,6 @@ def test_a_watcher_goes_on_after_garbage(monkeypatch):
 
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (640, 480), (20_000, 1), (1, 20_000)])
-def test_small_pictures_are_small_both_ways(height, width):
+def test_pictures_are_scaled_by_their_longer_side(height, width):
     small = cv2.imdecode(np.frombuffer(team_listener._scaled_down(jpeg(height, width)), np.uint8), cv2.IMREAD_COLOR)
     assert max(small.shape[:2]) == 320

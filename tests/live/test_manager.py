@@ -23,12 +23,12 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
         actions, memories = joint_policy.act(state, memories, random)
         state, _ = game.step(state, actions, game.draw(random))
         states.append(state)
-    heard = [state for state in states if state.rated.any()]  # not in the first round
+    heard = [state for state in states if state.rated.any()]  # none is rated in the first round
     keeper = manager(tmp_path / "journal", model=model, silence=1000)
     published = feed(keeper, [state.ratings for state in heard], [state.rated for state in heard])
     assert len(published) == len(heard) > 50
     for entry, state in zip(published, heard, strict=True):
-        mask = [[note is not None for note in entry.ratings.get(name, [None] * 3)] for name in TEAM.raters]
+        mask = [[rating is not None for rating in entry.ratings.get(name, [None] * 3)] for name in TEAM.raters]
         np.testing.assert_array_equal(mask, state.rated)
         np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
         np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
@@ -36,7 +36,7 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
         assert list(entry.missing) == waited
 
 
-def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
+def test_a_restarted_manager_continues_with_the_next_round(tmp_path):
     ratings, mask = random_ratings(40)
     whole = feed(manager(tmp_path / "whole"), ratings, mask)
     first = manager(tmp_path / "journal")
@@ -49,7 +49,7 @@ def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
     assert list(read_journal(tmp_path / "journal")) == whole
 
 
-def test_what_was_heard_before_does_not_count_again(tmp_path):
+def test_earlier_messages_do_not_count_again(tmp_path):
     ratings, mask = random_ratings(5)
     first = manager(tmp_path / "journal")
     feed(first, ratings, mask)
@@ -72,7 +72,7 @@ def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
     assert path.read_bytes().endswith(b"\n")
 
 
-def test_a_manager_that_begins_again_has_the_agents_of_its_journal_and_of_its_settings(tmp_path):
+def test_a_restarted_manager_has_the_agents_of_its_journal_and_of_its_settings(tmp_path):
     first = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
     first.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
     first.close()
@@ -147,7 +147,7 @@ def test_the_journal_of_another_model_is_refused(tmp_path):
         manager(tmp_path / "journal", model="mean")
 
 
-def test_two_managers_with_one_journal(tmp_path):
+def test_two_managers_cannot_share_a_journal(tmp_path):
     first = manager(tmp_path / "journal")
     with pytest.raises(ValueError, match="in use by another manager"):
         manager(tmp_path / "journal")
@@ -158,7 +158,7 @@ def test_two_managers_with_one_journal(tmp_path):
 @pytest.mark.parametrize(
     "text", [b"{}", b"[1, 2]", b"my only copy", b'{"journal": 2', b"\xff\xfe\n\xff", b"dear diary\nit rains", b"{}\n{}"]
 )
-def test_a_file_of_something_else_is_left_as_it_is(text, tmp_path):
+def test_another_file_is_refused_and_not_changed(text, tmp_path):
     (tmp_path / "mine").write_bytes(text)
     with pytest.raises(ValueError, match="mine is no journal"):
         manager(tmp_path / "mine")
@@ -188,10 +188,10 @@ def test_a_damaged_journal_is_refused_in_one_line(change, reason, tmp_path):
     with_all.close()
     path.write_bytes(b"".join(change(path.read_bytes().splitlines(keepends=True))))
     damaged = path.read_bytes()
-    with pytest.raises(ValueError, match=reason) as told:
+    with pytest.raises(ValueError, match=reason) as error:
         manager(path)
-    assert "journal is" in str(told.value)
-    assert "\n" not in str(told.value)
+    assert "journal is" in str(error.value)
+    assert "\n" not in str(error.value)
     assert path.read_bytes() == damaged
 
 
@@ -204,7 +204,7 @@ def test_another_file_is_no_journal(tmp_path):
 
 
 @pytest.mark.parametrize("model", trust_models())
-def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
+def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
     ratings, mask = random_ratings(20, team=few)
     later, heard = random_ratings(10, seed=1, team=many)
@@ -232,7 +232,7 @@ def test_an_agent_with_both_roles_has_a_trust_of_its_own(tmp_path):
     assert entry.trust.toa == ((entry.trust.tor[1] + entry.trust.top[1]) / 2,)
 
 
-def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeypatch):
+def test_a_full_disk_stops_the_manager_before_it_publishes(tmp_path, monkeypatch):
     keeper = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
 
     def full(*_):

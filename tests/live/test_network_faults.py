@@ -1,4 +1,4 @@
-"""Raters that are silent, late, off the time or too loud, on real middleware: the others lose nothing by it."""
+"""Silent, late, wrongly stamped and flooding raters on real middleware: the other raters lose nothing."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SECOND = 1_000_000_000
 
 @pytest.fixture
 def raters(tmp_path, keys):
-    """Raters, and a manager that has begun to hear them."""
+    """Start raters and a manager, and wait for the first rounds."""
     with Raters(keys) as made:
         process = managed(tmp_path)
         made.wait_for(4)
@@ -24,18 +24,18 @@ def raters(tmp_path, keys):
 
 
 def entries(folder, raters, first):
-    """The rounds from the first of some that were heard, which are those of the journal; they go on within two."""
+    """Return the journal's rounds from a published one on, and check that no gap is longer than two rounds."""
     kept = list(read_journal(folder / "journal"))
     raters.agrees_with(kept)
     found = kept[raters.heard[first][1].round :]
     sent = sorted({stamp for (name, stamp), delay in raters.sent.items() if delay is not None and name == "sr_0"})
     places = np.searchsorted(sent, [entry.stamp for entry in found])
-    assert np.diff(places).max() <= 2  # of the rounds that there were: on a busy machine raters skip some
+    assert np.diff(places).max() <= 2  # rounds that were sent: on a busy machine, raters skip some
     return found
 
 
 def share(found, name):
-    """The share of the rounds that a rater is in."""
+    """Return the share of the rounds that have ratings of a rater."""
     return np.mean([name in entry.ratings for entry in found])
 
 

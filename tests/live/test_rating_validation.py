@@ -13,7 +13,7 @@ NOW = 10_000
 
 
 class Signed:
-    """Signatures that a test can read: the name, then what is signed."""
+    """Signatures for tests: the name, followed by the signed bytes."""
 
     def __init__(self, *names):
         self.names = names
@@ -41,11 +41,11 @@ def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", sig
         (ratings(signature=b"sr_0other"), RefusalReason.MIS_SIGNED),
     ],
 )
-def test_messages_that_are_refused_as_a_whole(message, reason):
+def test_invalid_messages_are_refused_as_a_whole(message, reason):
     validator = RatingValidator(LIMITS, Signed("sr_0", "sr_1"))
     assert validator.accept(message, PROVIDERS, NOW) == {}
     assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN_RATER else "sr_0", reason): 1}
-    assert validator.accept(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # nothing has moved
+    assert validator.accept(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # its state is unchanged
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_messages_that_are_refused_as_a_whole(message, reason):
         ((0.9, 0.1), ("sp_1", "sp_1"), RefusalReason.DOUBLED),
     ],
 )
-def test_ratings_that_are_refused_one_by_one(values, providers, reason):
+def test_invalid_ratings_are_refused_one_by_one(values, providers, reason):
     validator = RatingValidator(LIMITS)
     assert validator.accept(ratings(values, providers), PROVIDERS, NOW) == {"sp_1": 0.9}
     assert validator.refusals == {("sr_0", reason): 1}
@@ -83,7 +83,7 @@ def test_refusals_are_counted_one_by_one_or_many_at_once():
     assert validator.refusals == {("sr_0", RefusalReason.FLOOD): 8}
 
 
-def test_nobody_rates_itself():
+def test_ratings_of_oneself_are_refused():
     validator = RatingValidator(LIMITS)
     assert validator.accept(ratings((1.0, 0.5), ("srsp_0", "sp_0"), rater="srsp_0"), ("srsp_0", "sp_0"), NOW) == {
         "sp_0": 0.5
@@ -91,7 +91,7 @@ def test_nobody_rates_itself():
     assert validator.refusals == {("srsp_0", RefusalReason.ITSELF): 1}
 
 
-def test_stamps_rise_by_their_least():
+def test_stamps_rise_by_the_smallest_gap():
     validator = RatingValidator(LIMITS, last_stamps={"sr_1": NOW})
     for stamp, reason in (
         (0, None),
@@ -106,21 +106,21 @@ def test_stamps_rise_by_their_least():
     assert validator.accept(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
 
 
-def test_names_that_nobody_knows_take_no_memory():
+def test_unknown_names_take_no_memory():
     validator = RatingValidator(LIMITS, Signed("sr_0"))
     for k in range(1000):
         validator.accept(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
     assert validator.refusals == {("", RefusalReason.UNKNOWN_RATER): 1000}
 
 
-def test_trust_is_as_without_all_that_is_refused(tmp_path):
+def test_refused_messages_do_not_change_trust(tmp_path):
     random = np.random.default_rng(0)
     clean, noisy = manager(tmp_path / "clean"), manager(tmp_path / "noisy")
-    notes, mask = random_ratings(20, lost=0.0)
+    values, mask = random_ratings(20, lost=0.0)
     wanted, got, sent = [], [], Counter()
     for r in range(20):
-        wanted += feed(clean, notes[r : r + 1], mask[r : r + 1], first=r + 1)
-        got += feed(noisy, notes[r : r + 1], mask[r : r + 1], first=r + 1)
+        wanted += feed(clean, values[r : r + 1], mask[r : r + 1], first=r + 1)
+        got += feed(noisy, values[r : r + 1], mask[r : r + 1], first=r + 1)
         for _ in range(500):
             message, kind = wrong(random, r + 1)
             sent[kind] += 1
@@ -133,9 +133,9 @@ def test_trust_is_as_without_all_that_is_refused(tmp_path):
 
 
 def wrong(random, round):
-    """A message that must move nothing, and why."""
-    rater, notes = str(random.choice(TEAM.raters)), dict.fromkeys(TEAM.providers, float(random.random()))
-    message = rating_message(rater, round, notes)
+    """Return a message that must be refused, and the reason."""
+    rater, values = str(random.choice(TEAM.raters)), dict.fromkeys(TEAM.providers, float(random.random()))
+    message = rating_message(rater, round, values)
     kind = [
         RefusalReason.GARBAGE,
         RefusalReason.FUTURE,

@@ -1,4 +1,4 @@
-"""What nodes read from topics, and when their rounds begin. Without middleware."""
+"""Subscriptions of nodes, start times of rounds, and signals. Without middleware."""
 
 import signal
 from collections import defaultdict
@@ -14,7 +14,7 @@ from roletrust_env.live.wire import messages
 
 
 class Wire:
-    """A node whose readers get what a test has put on a topic."""
+    """A node whose readers get the messages that a test puts on a topic."""
 
     def __init__(self):
         self.waiting = defaultdict(list)

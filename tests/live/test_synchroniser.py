@@ -10,7 +10,7 @@ LATE = {"max_interval": 10**9}
 
 
 def matches(sync, messages):
-    """The stamps of the matches that some (stream, stamp) make known, in order."""
+    """Return the stamps of the matches of messages (stream, stamp), in order."""
     found = []
     for at, (stream, stamp) in enumerate(messages):
         found += [step for step in sync.add(stream, Message(stamp, at, None)) if step.matched]
@@ -51,13 +51,13 @@ def check_against_the_slow_reference(random):
 def test_every_message_is_in_one_match_or_lost_or_still_waiting(seed):
     random = np.random.default_rng(seed)
     sync = ApproximateTimeSynchroniser(3, max_interval=200, lower_bound=300, queue_size=4)
-    added, told = [], []
+    added, decided = [], []
     for at, (stream, stamp) in enumerate(arrivals(random, 3)):
         added.append((stream, at))
         for step in [*sync.add(stream, Message(stamp, at, at)), *(sync.publish_candidate() if at % 7 == 0 else [])]:
-            told += [(number, message.arrival) for number, message in zip(step.streams, step.messages, strict=True)]
-    told += [(number, message.arrival) for number, message in sync.waiting()]
-    assert sorted(told) == sorted(added)
+            decided += [(number, message.arrival) for number, message in zip(step.streams, step.messages, strict=True)]
+    decided += [(number, message.arrival) for number, message in sync.waiting()]
+    assert sorted(decided) == sorted(added)
 
 
 def test_without_bounds_a_match_waits_for_the_next_round():
@@ -87,11 +87,11 @@ def test_a_narrower_match_replaces_the_candidate_unless_it_is_much_later():
 
 def test_a_stream_that_dropped_is_no_pivot_until_another_moved_on():
     sync = ApproximateTimeSynchroniser(2, **LATE, lower_bound=80, queue_size=2)
-    assert matches(sync, [(1, 100), (1, 200), (1, 300)]) == []  # that of 100 is gone, which was the best
+    assert matches(sync, [(1, 100), (1, 200), (1, 300)]) == []  # the message of 100, which would match best, is dropped
     assert matches(sync, [(0, 110), (0, 210)]) == [(210, 200)]
 
 
-def test_settling_publishes_the_candidate_at_once():
+def test_the_candidate_is_published_on_demand():
     sync = ApproximateTimeSynchroniser(2, **LATE)
     assert matches(sync, [(0, 0), (1, 5)]) == []
     (step,) = sync.publish_candidate()

@@ -1,4 +1,4 @@
-"""Games as a recorder would have heard them on the wire."""
+"""Recordings of simulated games."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ START = 1_000 * PERIOD
 
 
 def spoken(scenario, seed=0, late=0.0, attackers=None):
-    """The ratings that arrive in a game, each round's a message of each rater; a share of messages is too late."""
+    """Return the ratings of a game as recorded messages, one per rater and round; a share of them is too late."""
     game, random = Game(scenario), np.random.default_rng([seed, 7])
     raters, providers = game.roster.rater_names, game.roster.provider_names
     said = []

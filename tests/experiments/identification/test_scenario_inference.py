@@ -1,4 +1,4 @@
-"""From a game to a recording, and from that back to the game's scenario."""
+"""The scenario of a game is inferred from its recording."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def within(interval, true):
     return interval.low <= true <= interval.high
 
 
-def test_what_is_counted_comes_back_in_its_interval(found):
+def test_true_values_are_in_their_intervals(found):
     lost = [one.lost for one in found]
     assert sum(within(one, 0.15) for one in lost) >= 3
     assert max(one.high - one.low for one in lost) < 0.04
@@ -49,27 +49,27 @@ def test_what_is_counted_comes_back_in_its_interval(found):
         assert [value.value for value, _ in pairs] == pytest.approx([value for _, value in pairs], abs=0.01)
 
 
-def test_the_scenario_says_who_was_there_when_and_what_struck_all(found):
+def test_the_scenario_has_presence_and_disturbances(found):
     for scenario in (one.scenario for one in found):
         joins = [(group.role, group.joins, group.leaves) for group in scenario.agents]
         assert [role for role, _, _ in joins] == ["SR"] * 5 + ["SP"] * 4
         np.testing.assert_allclose([start for _, start, _ in joins], [0, 0, 0, 60, 0, 0, 0, 0, 80], atol=2)
         assert [stop for _, _, stop in joins[:4] + joins[5:]] == [None] * 8
         assert joins[4][2] == pytest.approx(130, abs=2)
-        (blow,) = scenario.perturbations
-        assert (blow.start, blow.stop) == (36, 40)
-        assert blow.strength == pytest.approx(0.5, abs=0.03)
-        assert (scenario.period_s, scenario.max_cycles) == (0.5, 199)  # the last services were rated by nobody
+        (disturbance,) = scenario.perturbations
+        assert (disturbance.start, disturbance.stop) == (36, 40)
+        assert disturbance.strength == pytest.approx(0.5, abs=0.03)
+        assert (scenario.period_s, scenario.max_cycles) == (0.5, 199)  # nobody rated the last services
 
 
-def test_ratings_that_come_too_late_are_lost():
+def test_late_ratings_count_as_lost():
     scenario = make_scenario("paper-3x3").change(ratings={"lost": 0.1})
     found = infer_scenario(observe_team(spoken(scenario, late=0.2)), "late")
     assert within(found.lost, 0.1 + 0.9 * 0.2)
     assert found.late == pytest.approx(0.2, abs=0.05)
 
 
-def test_attackers_for_a_while_are_no_noise():
+def test_short_attacks_do_not_change_the_estimates():
     attackers = {"sr_2": BadMouthing(start=40, stop=90), "sp_1": OnOff(start=100, stop=180)}
     found = infer_scenario(observe_team(spoken(make_scenario("paper-3x3"), attackers=attackers)), "attacked")
     assert [value.value for value in found.perception.noise] == pytest.approx([0.005] * 3, rel=0.2)
@@ -77,7 +77,7 @@ def test_attackers_for_a_while_are_no_noise():
     assert len(found.scenario.perturbations) == 2
 
 
-def test_who_was_away_is_told_and_costs_no_losses():
+def test_absence_is_reported_and_is_no_loss():
     def there(one):
         round = one.time // PERIOD - 1000
         return not (one.topic == "/sr_1/ratings" and 50 <= round < 100)
@@ -88,7 +88,7 @@ def test_who_was_away_is_told_and_costs_no_losses():
     assert found.scenario.agents[1].leaves is None
 
 
-def test_clipped_ratings_of_a_rater_that_sees_too_well():
+def test_clipped_ratings_of_a_rater_with_positive_bias():
     random = np.random.default_rng(0)
     bias, noise = np.array([0.0, 0.0, 0.05]), np.array([0.05, 0.1, 0.03])
     ratings = np.array([1.0, 0.7]) + bias[:, None] + noise[:, None] * random.standard_normal((400, 3, 2))

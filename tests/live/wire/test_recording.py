@@ -43,7 +43,7 @@ def test_a_recording_is_read_as_it_was_written(tmp_path):
 
 
 @pytest.mark.parametrize("cut", [0, 1, 100, 1000, 3000])
-def test_of_one_that_was_killed_all_is_recovered_that_was_on_the_disk(cut, tmp_path):
+def test_all_flushed_messages_of_a_killed_recorder_are_recovered(cut, tmp_path):
     write(tmp_path / "bag", SOME, closed=False)
     (path,) = (tmp_path / "bag").glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size - cut])
@@ -54,7 +54,7 @@ def test_of_one_that_was_killed_all_is_recovered_that_was_on_the_disk(cut, tmp_p
     assert count >= 50 - cut / 50 - 7
 
 
-def test_what_is_no_recording(tmp_path):
+def test_other_files_and_existing_folders_are_refused(tmp_path):
     (tmp_path / "no.mcap").write_text("no")
     with pytest.raises(ValueError, match="is no recording"):
         recover_recording(tmp_path / "no.mcap", tmp_path / "saved")
@@ -66,11 +66,11 @@ def test_what_is_no_recording(tmp_path):
 @pytest.mark.parametrize("model", ["role-trust", "fire"])
 def test_a_recording_through_the_manager_gives_the_trust_that_was_published(model, tmp_path):
     random = np.random.default_rng(0)
-    notes, mask = random_ratings(40, lost=0.2)
+    values, mask = random_ratings(40, lost=0.2)
     said = []
     for r in range(40):
         for i, name in enumerate(TEAM.raters):
-            row = {provider: notes[r, i, j] for j, provider in enumerate(TEAM.providers) if mask[r, i, j]}
+            row = {provider: values[r, i, j] for j, provider in enumerate(TEAM.providers) if mask[r, i, j]}
             if row and random.random() > 0.1:
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
                 late = random.choice([0.05, 0.3, 0.9, 1.4], p=[0.7, 0.1, 0.1, 0.1])
@@ -94,8 +94,8 @@ def test_a_recording_through_the_manager_gives_the_trust_that_was_published(mode
     assert any(entry.missing for entry in published)
 
 
-def spoilt(folder, seed):
-    """A whole recording of which some bytes are others."""
+def damaged(folder, seed):
+    """Write a complete recording and change some of its bytes."""
     write(folder, SOME)
     (path,) = folder.glob("*.mcap")
     data, random = bytearray(path.read_bytes()), np.random.default_rng(seed)
@@ -106,8 +106,8 @@ def spoilt(folder, seed):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_a_spoilt_recording_is_read_or_refused_in_one_line(seed, tmp_path):
-    bag, said = spoilt(tmp_path / "bag", seed), None
+def test_a_damaged_recording_is_read_or_refused_in_one_line(seed, tmp_path):
+    bag, said = damaged(tmp_path / "bag", seed), None
     try:
         list(read_recording(bag))
     except ValueError as error:
@@ -117,28 +117,28 @@ def test_a_spoilt_recording_is_read_or_refused_in_one_line(seed, tmp_path):
         recover_recording(bag, tmp_path / "saved")
 
 
-def test_a_spoilt_record_costs_no_other(tmp_path):
+def test_a_damaged_record_costs_no_other(tmp_path):
     write(tmp_path / "bag", SOME, flushed=1, closed=False)
     (path,) = (tmp_path / "bag").glob("*.mcap")
     path.write_bytes(path.read_bytes().replace(b"roletrust_msgs/msg/Ratings", b"\xff" * 26, 1))
-    assert recover_recording(tmp_path / "bag", tmp_path / "saved") == 1  # of the other type
+    assert recover_recording(tmp_path / "bag", tmp_path / "saved") == 1  # the message of the other type
     assert list(read_recording(tmp_path / "saved")) == SOME[-1:]
 
 
-def test_of_nothing_nothing_is_recovered(tmp_path):
+def test_a_recording_without_messages_is_refused(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"\x89MCAP0\r\n")
     with pytest.raises(ValueError, match="has no readable message"):
         recover_recording(tmp_path / "no.mcap", tmp_path / "saved")
     assert not (tmp_path / "saved").exists()
 
 
-def test_a_file_is_no_folder_of_a_recording(tmp_path):
+def test_a_file_is_refused_as_a_recording(tmp_path):
     (tmp_path / "some.mcap").write_bytes(b"\x89MCAP0\r\n")
     with pytest.raises(ValueError, match="it is no folder"):
         list(read_recording(tmp_path / "some.mcap"))
 
 
-def test_a_long_silence_is_not_waited_through(tmp_path, monkeypatch):
+def test_a_long_silence_is_skipped(tmp_path, monkeypatch):
     keeper, asked = manager(tmp_path / "journal"), []
     monkeypatch.setattr(keeper, "tick", lambda moment: asked.append(moment) or [])
     list(replay_recording([SOME[0]._replace(time=0), SOME[1]], keeper, PERIOD))
@@ -146,7 +146,7 @@ def test_a_long_silence_is_not_waited_through(tmp_path, monkeypatch):
 
 
 def test_a_replay_after_a_pause_gives_the_trust_that_was_published(tmp_path):
-    """In the pause raters fall silent one after the other, and those that speak again are few."""
+    """Raters fall silent one by one before the pause, and return one by one after it."""
     recorded, published, live = [], [], manager(tmp_path / "live")
     for r, raters in [(1, "012"), (2, "01"), (3, "0"), (12, "01"), (13, "01"), (14, "012")]:
         for k in map(int, raters):
