@@ -57,7 +57,7 @@ class Trust(NamedTuple):
 
 
 class TrustTracker:
-    """Tracks the trust of a team from round to round. The values equal those of a game with the same masks.
+    """Tracks the trust of a team from round to round. Its values equal those of a game with the same masks.
 
     Args:
         model: Trust model, see `TrustModel`.

@@ -174,6 +174,7 @@ def test_another_file_is_refused_and_not_changed(text, tmp_path):
         (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is not a line of one"),
         (lambda lines: [*lines, b"\xff\xfe\n"], "is not a line of one"),
         (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is not a line of one"),
+        (lambda lines: [*lines[:3], lines[3].replace(b'"sr_1": [', b'"sr_1": [0.5, '), *lines[4:]], "is not a line of"),
         (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is not a line of one"),
         (
             lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]],

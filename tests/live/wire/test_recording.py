@@ -151,7 +151,7 @@ def test_a_replay_after_a_pause_gives_the_trust_that_was_published(tmp_path):
     for r, raters in [(1, "012"), (2, "01"), (3, "0"), (12, "01"), (13, "01"), (14, "012")]:
         for k in map(int, raters):
             raw = messages.encode(messages.ratings_message(f"sr_{k}", PERIOD * r, {"sp_0": 0.5 + k / 10}))
-            recorded.append(RecordedMessage(PERIOD * r + k, f"/sr_{k}/ratings", messages.RATINGS, raw))
+            recorded.append(RecordedMessage(PERIOD * r, f"/sr_{k}/ratings", messages.RATINGS, raw))
     for before, message in zip([recorded[0], *recorded], recorded, strict=False):
         for moment in range(before.time, message.time, PERIOD // 20):
             published += live.tick(moment)

@@ -81,7 +81,7 @@ def replay(
 
 
 def recover(damaged: Annotated[Path, typer.Argument(help="Folder or file of a recording.")], folder: NewFolder) -> None:
-    """Recover the printable messages of a [bold]damaged recording[/], such as that of a killed process.
+    """Recover the readable messages of a [bold]damaged recording[/], such as that of a killed process.
 
     [bold]Examples[/]
 
