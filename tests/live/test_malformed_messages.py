@@ -32,12 +32,13 @@ class Wire:
 
     def __init__(self):
         self.waiting = defaultdict(list)
+        self.publications = [Publication(CAMERA, messages.IMAGE)]
 
     def reader(self, topic, kind, **_):
         return type("Reader", (), {"take": lambda _: [self.waiting[topic].pop(0) for _ in self.waiting[topic][:]]})()
 
     def discover(self):
-        return [Publication(CAMERA, messages.IMAGE)]
+        return self.publications
 
     def wait(self, seconds):
         pass
@@ -68,9 +69,9 @@ def test_an_invalid_picture_shows_no_person(data):
 
 
 def test_a_rater_ignores_pictures_with_stamps_far_from_now():
-    late, soon = RoundTiming(PERIOD).tolerance + 1, PERIOD
-    raws = [b"", b"\0\1\0\0", *(image(NOW + off, jpeg(8, 8)) for off in (-late, 0, soon, late))]
-    assert [stamp for stamp, _ in _pictures(raws, NOW, RoundTiming(PERIOD).tolerance)] == [NOW, NOW + soon]
+    limit = RoundTiming(PERIOD).tolerance
+    raws = [b"", b"\0\1\0\0", *(image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1))]
+    assert [stamp for stamp, _ in _pictures(raws, NOW, limit)] == [NOW - limit, NOW, NOW + limit]
 
 
 def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
@@ -109,6 +110,22 @@ def test_a_listener_continues_after_malformed_messages(monkeypatch):
     for data in PICTURES:
         listener._active, wire.waiting[CAMERA] = True, [image(NOW, data)]
         listener._listen()
+
+
+def test_a_listener_ignores_other_nodes_and_other_types(monkeypatch):
+    wire = Wire()
+    wire.publications = [Publication(CAMERA, messages.NUMBER), Publication("/sr_0/ratings", messages.RATINGS)]
+    monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
+    monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
+    listener = team_listener.TeamListener()
+    monkeypatch.setattr(wire, "wait", lambda _: setattr(listener, "_active", False))
+    report = messages.diagnostics_message(NOW, "another node", False, {"next round": "7"})
+    rating = messages.ratings_message("sr_0", NOW, {"sp_0": 0.5})
+    wire.waiting |= {DIAGNOSTICS: [messages.encode(report)], "/sr_0/ratings": [messages.encode(rating)]}
+    wire.waiting[CAMERA] = [image(NOW, jpeg(8, 8))]
+    listener._listen()
+    assert listener.diagnostics == listener.pictures == {}
+    assert list(listener.last_heard) == ["sr_0"]
 
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (640, 480), (20_000, 1), (1, 20_000)])
