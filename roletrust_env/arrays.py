@@ -34,6 +34,11 @@ def namespace(array: Array) -> ModuleType:
     return _NAMESPACES[kind]
 
 
+def library_of(like: Array) -> str:
+    """Return the array library and the dtype of an array, such as `torch float32`."""
+    return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"
+
+
 def largest(array: Array) -> Array:
     """The largest along the first axis, see `total`."""
     return np.maximum.reduce(array) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
@@ -49,13 +54,13 @@ def copied(array: Array) -> Array:
     return array.copy() if isinstance(array, np.ndarray) else array + 0
 
 
-def joint_policy(array: Array, dtype: Any) -> Array:
+def cast(array: Array, dtype: Any) -> Array:
     """An array in another dtype; also a single number of NumPy, which `astype` of the standard refuses."""
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
 
 
-def mean_where(values: Array, there: Array) -> Array:
-    """The mean along the first axis of the values that are there, of the same shape; 0 where none is."""
+def mean_or_zero(values: Array, there: Array) -> Array:
+    """Return the mean along the first axis of the values that are there, of the same shape; 0 where none is."""
     return (values * there).sum(axis=0) / (there.sum(axis=0, dtype=values.dtype) + 1e-30)
 
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, copied, joint_policy, mean_where, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_or_zero, namespace
+from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
@@ -86,6 +87,11 @@ class Game:
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
+        # The state of the model after the last round with its published trust, so that the trust is read out once.
+        self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({game_facts(self)})"
 
     def random(self, seed: int | None = None) -> Random:
         """A source of luck for this game: of its array library, dtype and device.
@@ -172,10 +178,12 @@ class Game:
             ratings = copied(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated
         if self._watched:
-            trust = watched_update(self.model, state.trust, ratings, mask, state.round)
+            trust, tor, top = watched_update(self.model, state.trust, ratings, mask, state.round)
         else:
             trust = self.model.update(state.trust, ratings, mask)
-        tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+            tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+        if self._on_numpy:
+            self._published = trust, (tor, top)
 
         counts = state.counts
         if counts is not None:
@@ -196,7 +204,7 @@ class Game:
         served = self._served(state, population, places, top, noise)
         chosen = intended(actions, state.nature)
         if actions.treatment is not None:
-            quality = mean_where(chosen, served)
+            quality = mean_or_zero(chosen, served)
         else:
             chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
         strength, taste = self._perturbations.strength(state.round), state.nature.taste
@@ -223,6 +231,9 @@ class Game:
 
     def published(self, state: State) -> tuple[Array, Array]:
         """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        trust, published = self._published
+        if trust is state.trust and published is not None:  # most often that of the last round
+            return published
         return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
 
     def agent_trust(self, state: State) -> Array:
@@ -332,7 +343,7 @@ class Game:
 
     def _clock(self, state: State) -> Array:
         """The number of the round, in the dtype of everything else."""
-        return joint_policy(state.round, self.like.dtype)
+        return cast(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
         """A constant, such as one of shape (S, P), for every game of a batch.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, compiling, namespace
 from roletrust_env.world.scenario import Perturbation, Scenario
 
 
@@ -26,7 +26,7 @@ class Perturbations:
         """The strength in a round, both of shape (...)."""
         if not compiling(round):
             return self._table[round]
-        now = joint_policy(round, self._table.dtype)  # compared twice as fast as integers of 64 bits
+        now = cast(round, self._table.dtype)  # compared twice as fast as integers of 64 bits
         strength = 0.0 * now
         for blow in self._blows:
             strength = namespace(now).where((now >= blow.start) & (now < blow.stop), blow.strength, strength)

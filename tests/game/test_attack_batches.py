@@ -92,20 +92,18 @@ def test_torch_agrees_with_numpy(case: dict, batch: tuple[int, ...]) -> None:
 @pytest.mark.parametrize("tensors", [False, True], ids=["numpy", "torch"])
 @EVERY_CASE
 def test_precision_stays(case: dict, dtype: type, tensors: bool) -> None:
-    def joint_policy(array: Any) -> Any:
+    def cast(array: Any) -> Any:
         array = np.asarray(array, dtype)
         return torch.asarray(array) if tensors else array
 
     case = {**case, "others": {}}
     luck = Luck(make(busy(), case), 1, (3,))
-    task = make(busy(), case, like=joint_policy(0.0), knowledge="white_box")
+    task = make(busy(), case, like=cast(0.0), knowledge="white_box")
     random = rng(like=torch.zeros(()) if tensors else None)
-    rounds = [each(joint_policy, noise) for noise in luck.rounds]
-    for seen, outcome in trajectory(
-        task, each(joint_policy, luck.start), rounds, [joint_policy(a) for a in luck.actions], random
-    ):
+    rounds = [each(cast, noise) for noise in luck.rounds]
+    for seen, outcome in trajectory(task, each(cast, luck.start), rounds, [cast(a) for a in luck.actions], random):
         numbers = [seen] if outcome is None else [seen, outcome.reward, outcome.objective, outcome.cost]
-        assert {number.dtype for number in numbers} == {joint_policy(0.0).dtype}
+        assert {number.dtype for number in numbers} == {cast(0.0).dtype}
         if outcome is not None:
             assert {str(outcome.caught.dtype), str(outcome.over.dtype)} <= {"bool", "torch.bool"}
             assert np.all((np.asarray(outcome.objective) >= 0) & (np.asarray(outcome.objective) <= 1))

@@ -1,4 +1,4 @@
-"""The closed forms of the model once more, by playing: the game with a joint_policy, and PettingZoo with players."""
+"""The closed forms of the model once more, by playing: the game with a joint policy, and PettingZoo with players."""
 
 from collections.abc import Mapping
 from math import pi, sin, sqrt

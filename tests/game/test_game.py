@@ -95,24 +95,20 @@ def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, 
 @many(40)
 @given(scenarios(), st.integers(0, 99), st.sampled_from([np.float32, np.float64]), st.booleans())
 def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, dtype: type, tensors: bool) -> None:
-    def joint_policy(array: Any) -> Any:
+    def cast(array: Any) -> Any:
         array = np.asarray(array)
         array = array if array.dtype == bool else array.astype(dtype)
         return torch.asarray(array) if tensors else array
 
-    game = Game(scenario, like=joint_policy(0.0))
+    game = Game(scenario, like=cast(0.0))
     start, *rounds = luck(Game(scenario), seed)
     kinds = None
-    for state, rewards in play(
-        game, each(joint_policy, start), *([each(joint_policy, tree) for tree in trees] for trees in rounds)
-    ):
+    for state, rewards in play(game, each(cast, start), *([each(cast, tree) for tree in trees] for trees in rounds)):
         seen = [*game.published(state), game.agent_trust(state), game.summary(state)]
         seen += [array for array in game.observations(state) if array is not None]
-        assert {array.dtype for array in seen} == {joint_policy(0.0).dtype}
+        assert {array.dtype for array in seen} == {cast(0.0).dtype}
         assert all(np.all((np.asarray(a) >= 0) & (np.asarray(a) <= 1)) for a in seen)
-        assert rewards is None or (
-            rewards.dtype == joint_policy(0.0).dtype and np.all(np.isfinite(np.asarray(rewards)))
-        )
+        assert rewards is None or (rewards.dtype == cast(0.0).dtype and np.all(np.isfinite(np.asarray(rewards))))
         assert kinds in (None, [a.dtype for a in arrays(state)])
         kinds = [a.dtype for a in arrays(state)]
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.provider.cheating import Cheating
-from roletrust_env.arrays import Array, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Share, Tried
@@ -32,6 +32,6 @@ class ReputationLag(Cheating):
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """While it is trusted and nobody has told. See `Cheating.cheats`."""
-        arrived = joint_policy(view.rated, view.trust.dtype).sum(axis=0)
+        arrived = cast(view.rated, view.trust.dtype).sum(axis=0)
         told = namespace(view.ratings).where(view.rated, view.ratings, 0 * view.ratings).sum(axis=0)
         return (view.trust >= self.threshold) & ~(told < self.noticed * arrived), memory

@@ -6,7 +6,7 @@ from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.rater.lying import TargetedLying
-from roletrust_env.arrays import Array, joint_policy
+from roletrust_env.arrays import Array, cast
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Searched, Tried
@@ -31,4 +31,4 @@ class FlipFlop(TargetedLying):
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """1 and 0 by turns. See `Lying.lies`."""
         praises = (view.round - self.start) % (2 * self.period) < self.period
-        return 0 * view.service + joint_policy(praises, view.service.dtype), memory
+        return 0 * view.service + cast(praises, view.service.dtype), memory

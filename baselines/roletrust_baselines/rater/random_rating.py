@@ -5,7 +5,7 @@ from typing import Any
 from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.rater.lying import TargetedLying
-from roletrust_env.arrays import Array, joint_policy
+from roletrust_env.arrays import Array, cast
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 
@@ -24,4 +24,4 @@ class RandomRating(TargetedLying):
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Anything. See `Lying.lies`."""
-        return joint_policy(random.uniform(view.service.shape), view.service.dtype), memory
+        return cast(random.uniform(view.service.shape), view.service.dtype), memory

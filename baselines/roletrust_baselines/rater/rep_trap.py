@@ -6,7 +6,7 @@ from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.rater.lying import TargetedLying
-from roletrust_env.arrays import Array, joint_policy, namespace
+from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Searched, Tried
@@ -34,4 +34,4 @@ class RepTrap(TargetedLying):
         xp, service = namespace(view.service), view.service
         unsettled = xp.where(view.awaiting & self.about(view), abs(view.published - 0.5), 1 + 0 * service)
         trap = xp.argsort(xp.argsort(unsettled, axis=0, stable=True), axis=0) < self.traps
-        return xp.where(trap, joint_policy(service < 0.5, service.dtype), service), memory
+        return xp.where(trap, cast(service < 0.5, service.dtype), service), memory

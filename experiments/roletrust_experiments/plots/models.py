@@ -11,11 +11,12 @@ from matplotlib.lines import Line2D
 from rich.progress import Progress
 
 from roletrust_env import JointPolicy
-from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import Floats
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import attack_rounds
+from roletrust_experiments.playing.tracked import track_curves
 from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
 
 _ROW, _HEAD = 0.82, 1.5  # inches
@@ -46,9 +47,9 @@ class Panel(NamedTuple):
 
 
 def play_panel(joint_policy: JointPolicy, seed: int, progress: Progress, label: str, *, games: int) -> Panel:
-    """Play games of one model under one attack; see `record`."""
+    """Play games of one model under one attack; see `track_curves`."""
     game = joint_policy.game
-    curves = record(joint_policy, seed, progress, label, games=games)
+    curves = track_curves(joint_policy, seed, progress, label, games=games)
     lines = mean_lines(game.roster, curves, joint_policy.attackers, game.model.rates_raters)
     start, stop = (r * game.scenario.period_s for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles))
     return Panel(curves.time_s, lines, (start, stop))
@@ -72,7 +73,7 @@ def mean_lines(
         bad = np.array([name in attackers for name in names])
         for whose, places in (("honest", ~bad), ("attackers", bad)):
             if places.any():
-                found[trust, whose] = mean_where(values[:, places], axis=(1, 2))
+                found[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
     return found
 
 
@@ -128,12 +129,13 @@ def panel_figure(panel: Panel, title: str) -> Figure:
 
 
 def in_words(panel: Panel) -> str:
-    """What a panel shows, for who cannot see it."""
+    """Return the description of a panel for readers who cannot see it."""
     start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
     told = []
     for (trust, whose), values in panel.lines.items():
         before, meanwhile = values[max(start - 1, 0)], values[start:stop]
-        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
         told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
     return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 
