@@ -14,7 +14,8 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import Round, rollout
-from roletrust_env.world import AgentGroup, Choice, Scenario
+from roletrust_env.world.group import AgentGroup
+from roletrust_env.world.scenario import Choice, Scenario
 
 _RATERS, _PROVIDERS = ("sr_0", "srsp_0"), ("sp_0", "srsp_0")
 _SEATS: dict[Channel, tuple[str, ...]] = {

@@ -13,7 +13,7 @@ from rich.progress import Progress
 from roletrust_env import JointPolicy
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import Floats
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import attack_rounds
 from roletrust_experiments.playing.tracked import track_curves
@@ -73,7 +73,7 @@ def mean_lines(
         bad = np.array([name in attackers for name in names])
         for whose, places in (("honest", ~bad), ("attackers", bad)):
             if places.any():
-                found[trust, whose] = mean_where(values[:, places], axis=(1, 2))
+                found[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
     return found
 
 
@@ -129,12 +129,13 @@ def panel_figure(panel: Panel, title: str) -> Figure:
 
 
 def in_words(panel: Panel) -> str:
-    """What a panel shows, for who cannot see it."""
+    """Return the description of a panel for readers who cannot see it."""
     start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
     told = []
     for (trust, whose), values in panel.lines.items():
         before, meanwhile = values[max(start - 1, 0)], values[start:stop]
-        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
         told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
     return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 
