@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import ValidationError
 
 from roletrust_env.errors import explain
+from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 Thing = TypeVar("Thing")
 
@@ -119,12 +120,18 @@ class Registry(Generic[Thing]):
         """
         factory = self.factory(name)
         signature = inspect.signature(factory)
+        taken = self.taken(name, parameters)
+        for parameter in parameters:
+            if parameter not in taken:
+                raise ValueError(unknown_parameter(f"{self.kind} {name!r}", parameter, signature.parameters))
         try:
             signature.bind(**parameters)
         except TypeError as error:
             raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
         try:
             made = factory(**parameters)
+        except UnknownParameterError as error:  # of a factory that passes on all that it is given
+            raise ValueError(f"{self.kind} {name!r}: {error}") from None
         except ValidationError as error:
             raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
         if isinstance(made, type) or not isinstance(made, self.base):
