@@ -6,7 +6,7 @@ import pytest
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
 from roletrust_env import Policy
-from roletrust_env.ranges import Kept, Lam, Searched, Share, Tail, Tried, allowed
+from roletrust_env.ranges import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
 
 
 @pytest.mark.parametrize(
@@ -14,8 +14,8 @@ from roletrust_env.ranges import Kept, Lam, Searched, Share, Tail, Tried, allowe
     [
         (Share, "[0, 1]"),
         (Lam, "[0.5, 1)"),
-        (Annotated[Tail, Kept()], "[1e-6, 0.5)"),
-        (Annotated[Share, Searched(0, 0.5), Tried(0.1)], "[0, 1]"),
+        (Annotated[Tail, NotSearched()], "[1e-6, 0.5)"),
+        (Annotated[Share, SearchRange(0, 0.5), GridValues(0.1)], "[0, 1]"),
         (PositiveFloat, "(0, inf)"),
         (NonNegativeInt, "whole [0, inf)"),
         (Annotated[int, Field(gt=2, lt=7)], "whole [3, 6]"),
@@ -25,7 +25,7 @@ from roletrust_env.ranges import Kept, Lam, Searched, Share, Tail, Tried, allowe
         (bool, "True | False"),
         (str, "text"),
         (Policy, "Policy"),
-        (Annotated[Literal["a", "b"], Tried("a")], "a | b"),
+        (Annotated[Literal["a", "b"], GridValues("a")], "a | b"),
         (Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None, "some of whole [0, inf) | None"),
     ],
 )

@@ -6,11 +6,11 @@ from pydantic import Field, NonNegativeInt
 
 from roletrust_env.arrays import Array, namespace
 
-Places = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
+AgentIndices = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 """Of providers or of raters, on their axis; at least one."""
 
 
-def among(places: tuple[int, ...], rows: Array, what: str, axis: str = "provider") -> Array:
+def index_mask(places: tuple[int, ...], rows: Array, what: str, axis: str = "provider") -> Array:
     """Whether each provider, or each rater, is among some places.
 
     Args:

@@ -106,4 +106,4 @@ def _anybody(scenario: Any) -> str:
     """Some agent; the attack tasks take one also where it is honest."""
     from roletrust_env.world.roster import Roster
 
-    return Roster.of(scenario).first_names[0]
+    return Roster.of(scenario).owner_names[0]

@@ -1,8 +1,8 @@
 """The attacks of one kind as points to search: what a policy's class declares on its fields, whatever the class.
 
-A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal`, the
-places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. `Kept`, and
-every other field, keeps its default, but for what an attacker is told: `Accomplices` and `Length`.
+A field whose type has a range (`Share`, `Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the
+places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. A field
+marked `NotSearched`, and every other field, keeps its default. `Accomplices` and `GameLength` are filled in.
 """
 
 import itertools
@@ -16,12 +16,12 @@ from pydantic import ValidationError
 from roletrust_env.arrays import Array
 from roletrust_env.errors import explain
 from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.ranges import Accomplices, Identities, Kept, Length, Searched, Tried, Victims
+from roletrust_env.ranges import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
 
 Kind = Callable[..., Policy]
 """A policy's class, or `functools.partial` of one where some of its parameters are fixed."""
 
-Declared = Searched | Victims | Identities | tuple[Any, ...]
+Declared = SearchRange | Victims | Identities | tuple[Any, ...]
 """Where searches look for a parameter: in a range, among victims, identities, or the options of a `Literal`."""
 
 HONEST = Policy()
@@ -140,7 +140,7 @@ def told(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]
         accomplices: places of the attacker's own providers on the provider axis; it is not told of none.
         length: of the game, in rounds.
     """
-    known = ((Accomplices, accomplices), (Length, length))
+    known = ((Accomplices, accomplices), (GameLength, length))
     hints = _hints(kind).items()
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
@@ -188,22 +188,22 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: i
         at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
     elif isinstance(declared, Identities):
         at, tried = _whole(1, max(1, reserve)), tuple({1, max(1, reserve)})
-    elif isinstance(declared, Searched):
+    elif isinstance(declared, SearchRange):
         low, high = declared.low, declared.high
         at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
         tried = tuple(dict.fromkeys(at(x) for x in (0.0, 0.5, 1.0)))
     else:
         at, tried = _one_of(declared), declared
-    chosen = _mark(hint, Tried)
+    chosen = _mark(hint, GridValues)
     return Axis(name, at, chosen.values if chosen else tried)
 
 
 def _declared(hint: Any) -> Declared | None:
     """Where searches look for a parameter of a type, if anywhere."""
-    if _mark(hint, Kept):
+    if _mark(hint, NotSearched):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: Declared | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, Searched)
+    found: Declared | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
     return found
 
 

@@ -97,7 +97,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        seated.append((_agents(pattern.strip(), roster.first_names), attacker))
+        seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
     accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
     policies: dict[str, Policy] = {}
@@ -161,7 +161,7 @@ def read_trust_model(
             raise ValueError(
                 f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
             )
-    given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
+    given = registry.accepted_parameters(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
     return registry, name, {**given, **parameters}
 
 
@@ -241,7 +241,7 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
-    return registry.own(module, name)
+    return registry.for_class(module, name)
 
 
 def _check_ring(kind: Kind, parameters: Mapping[str, Any], text: str) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import reduce
 
-from roletrust_env.arrays import Array, mean_where, namespace
+from roletrust_env.arrays import Array, masked_mean, namespace
 from roletrust_env.game.state import Actions
 from roletrust_env.world.presence import PRESENT, WAITING
 from roletrust_env.world.roster import Roster
@@ -37,7 +37,7 @@ class AttackerSide:
             name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
         ]
         self._in_gap = places(rows, roster.names)
-        self._reserve = self._mask(like, [roster.turn[place] > 0 for place in self._in_gap])
+        self._reserve = self._mask(like, [roster.identity_index[place] > 0 for place in self._in_gap])
         of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
         longest = max(map(len, of_agent))
         self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
@@ -73,7 +73,7 @@ class AttackerSide:
         """The mean over the agents that provide; of one with several identities the mean over those that are there."""
         if present is None or all(len(own) == 1 for own in self._sellers):
             return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
-        means = [mean_where(values[own, ...], present[own, ...]) for own in self._sellers]
+        means = [masked_mean(values[own, ...], present[own, ...]) for own in self._sellers]
         return namespace(values).stack(means).mean(axis=0)
 
     def gap(
@@ -119,4 +119,4 @@ def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
 def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
     """The mean of some rows, of those that are present; 0 if none is."""
     rows = values[places, ...]
-    return rows.mean(axis=0) if present is None else mean_where(rows, present[places, ...])
+    return rows.mean(axis=0) if present is None else masked_mean(rows, present[places, ...])

@@ -116,9 +116,9 @@ class JointPolicy:
             if name in roster.rater_names:
                 seats.rater.append(roster.rater_names.index(name))
         self._seats = tuple(groups.values())
-        self._has_reserve = any(roster.turn)
-        self._before = list(roster.before)
-        self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+        self._has_reserve = any(roster.identity_index)
+        self._before = list(roster.previous_identity)
+        self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
 
     @property
     def attackers(self) -> tuple[str, ...]:

@@ -63,14 +63,14 @@ class NoiseSource:
         self._like = like
         self._cells = sum(prod(shape) for _, shape in self._wanted.values())
 
-    def ahead(self, batch: tuple[int, ...]) -> int:
+    def rounds_at_once(self, batch: tuple[int, ...]) -> int:
         """Of how many rounds the luck is best made at once: of more than one where arrays are small."""
         numbers = max(1, self._cells * prod(batch))
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter_rng.BLOCK // numbers)
 
-    def of_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
+    def make_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
         """The luck of one round, or of the start, which alone takes all; the key is (STREAMS, 4)."""
-        games = counter_rng.whole(self._like, prod(batch))
+        games = counter_rng.counters(self._like, prod(batch))
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [key[stream, k : k + 1] for k in range(4)]
@@ -78,10 +78,10 @@ class NoiseSource:
 
         return self._noise(made, start)
 
-    def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
+    def make_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
         """The luck of some rounds, R of them, on NumPy; the keys are (R, STREAMS, 4)."""
         rounds, games = len(keys), prod(batch)
-        numbers = np.tile(counter_rng.whole(self._like, games), rounds)
+        numbers = np.tile(counter_rng.counters(self._like, games), rounds)
 
         def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [np.repeat(keys[:, stream, k], games) for k in range(4)]

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_where, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, nan_mean, ratio
 
 
-class Classified(NamedTuple):
+class Classification(NamedTuple):
     """How a threshold of trust sorts agents into attackers and honest ones, one number for each game.
 
     Attributes:
@@ -43,7 +43,7 @@ def auc(trust: Floats, attackers: Sequence[int]) -> Score:
     return Score.where(~np.isnan(share), share, "there are no attackers or no honest agents")
 
 
-def classified(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) -> Classified:
+def classify(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) -> Classification:
     """Whom a threshold takes for an attacker: who has less trust.
 
     With TP attackers and FP honest agents under the threshold, and FN attackers and TN honest agents not under it:
@@ -62,7 +62,7 @@ def classified(trust: Floats, attackers: Sequence[int], threshold: float = 0.5) 
     missed, passed = (there & ~low & bad).sum(axis=0), (there & ~low & ~bad).sum(axis=0)
     product = 1.0 * (hits + alarms) * (hits + missed) * (passed + alarms) * (passed + missed)
     mcc = ratio(1.0 * hits * passed - 1.0 * alarms * missed, np.sqrt(product))
-    return Classified(
+    return Classification(
         Score.where(product > 0, mcc, "all agents, or none, are attackers or are taken for such"),
         Score.where(hits + alarms > 0, ratio(hits, hits + alarms), "nobody is taken for an attacker"),
         Score.where(hits + missed > 0, ratio(hits, hits + missed), "there are no attackers"),
@@ -108,7 +108,7 @@ def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -
         threshold: of trust.
     """
     ours = trust[:, list(honest)]
-    share = mean_where(np.where(np.isnan(ours), np.nan, ours < threshold), axis=(0, 1))
+    share = nan_mean(np.where(np.isnan(ours), np.nan, ours < threshold), axis=(0, 1))
     return Score.where(~np.isnan(share), share, "none of the honest was ever there")
 
 

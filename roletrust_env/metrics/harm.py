@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import Floats, Score, mean_where, numbers, ratio
+from roletrust_env.metrics.score import Floats, Score, as_numbers, nan_mean, ratio
 
 
-class Worst(NamedTuple):
+class WorstAttack(NamedTuple):
     """The attack that does most harm, and how much, the mean over games."""
 
     attack: str
@@ -33,7 +33,7 @@ def damage(trust: Floats, twin: Floats, agents: Sequence[int]) -> Score:
         agents: places of those whose trust counts: the honest ones, or the attackers for what they lost themselves.
     """
     difference = np.where(np.isnan(twin) & np.isnan(trust), np.nan, _held(twin) - _held(trust))[:, list(agents)]
-    taken = mean_where(difference, axis=(0, 1))
+    taken = nan_mean(difference, axis=(0, 1))
     return Score.where(~np.isnan(taken), taken, "none of the agents was ever there")
 
 
@@ -54,7 +54,7 @@ def recovery(trust: Floats, twin: Floats, agents: Sequence[int], stop: int, with
     """
     if not 0 <= stop < len(trust):
         raise ValueError(f"stop is {stop}; it must be a round of the game, from 0 to {len(trust) - 1}")
-    after = mean_where(trust[stop:, list(agents)], axis=1) - mean_where(twin[stop:, list(agents)], axis=1)
+    after = nan_mean(trust[stop:, list(agents)], axis=1) - nan_mean(twin[stop:, list(agents)], axis=1)
     back = abs(after) <= within
     return Score.where(back.any(axis=0), back.argmax(axis=0), "trust was not back before the game was over")
 
@@ -68,12 +68,12 @@ def return_on_attack(gained: Score | npt.ArrayLike, lost: Score | npt.ArrayLike)
         gained: the damage to the honest, or the attackers' profit beyond that of honest play: a score, or shape (...).
         lost: the mean trust that the attackers lost, likewise, see `damage`.
     """
-    gain, price = numbers(gained), numbers(lost)
+    gain, price = as_numbers(gained), as_numbers(lost)
     known = (price > 0) & ~np.isnan(gain)
     return Score.where(known, ratio(gain, price), "the attackers lost no trust, or what they gained is undefined")
 
 
-def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> Worst:
+def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> WorstAttack:
     """The worst case over attacks, after RobustBench (Croce et al. 2021): the highest mean damage.
 
         exploitability = max over attacks of the mean over games of damage
@@ -86,12 +86,12 @@ def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> Worst:
     """
     if not damages:
         raise ValueError("damages is empty; there must be one attack at least")
-    means = {attack: float(mean_where(numbers(found).reshape(-1), 0)) for attack, found in damages.items()}
+    means = {attack: float(nan_mean(as_numbers(found).reshape(-1), 0)) for attack, found in damages.items()}
     for attack, mean in means.items():
         if np.isnan(mean):
             raise ValueError(f"the damage by {attack!r} is undefined in every game")
     worst = max(means, key=lambda attack: means[attack])
-    return Worst(worst, means[worst])
+    return WorstAttack(worst, means[worst])
 
 
 def _held(trust: Floats) -> Floats:

@@ -33,17 +33,17 @@ class Score(NamedTuple):
         return cls(np.where(known, value, np.nan), "" if known.all() else why)
 
 
-def seen(history: History) -> Floats:
+def present_trust(history: History) -> Floats:
     """The trust of the agents, (T, N, ...), NaN where they are not there: what metrics take of a recorded game."""
     return np.where(np.asarray(history.present), np.asarray(history.trust, np.float64), np.nan)
 
 
-def numbers(found: Score | npt.ArrayLike) -> Floats:
-    """What a metric takes of another one's outcome: the numbers of a score, or numbers as they are."""
+def as_numbers(found: Score | npt.ArrayLike) -> Floats:
+    """What a metric takes of another one's outcome: the as_numbers of a score, or as_numbers as they are."""
     return np.asarray(found.value if isinstance(found, Score) else found, np.float64)
 
 
-def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+def nan_mean(values: Floats, axis: int | tuple[int, ...]) -> Floats:
     """The mean of what is not NaN along some axes; NaN where nothing is."""
     there = ~np.isnan(values)
     return ratio(np.where(there, values, 0.0).sum(axis=axis), there.sum(axis=axis))

@@ -94,7 +94,7 @@ class Graph:
 
 
 class _Nodes:
-    """One side of the graph: a node for each agent with its trust, and its name and notes on the outside."""
+    """One side of the graph: a node for each agent with its trust, and its name and captions on the outside."""
 
     def __init__(self, axes: Axes, places: Floats, side: Side, height: float, both: int, align: str) -> None:
         diameter = float(np.clip(0.8 * height, 12, 52)) * 72 / axes.figure.dpi
@@ -118,15 +118,15 @@ class _Nodes:
             axes.text(x + outside, y, name, fontsize=size, ha=align, va="center", weight="bold")
             for (x, y), name in zip(places, side.names, strict=True)
         ]
-        self._notes = [
+        self._captions = [
             axes.text(x + outside, y - 1.4 * gap, "", fontsize=0.85 * size, ha=align, va="center") for x, y in places
         ]
         self._split, self._middle, self._gap = n - both, places[:, 1], gap
-        self.moving: list[Artist] = [self._rings, self._own, self._shared, *self._trust, *self._names, *self._notes]
+        self.moving: list[Artist] = [self._rings, self._own, self._shared, *self._trust, *self._names, *self._captions]
 
     def update(self, side: Side) -> None:
         """Show one side of a scene."""
-        absent = np.asarray([bool(fate) for fate in side.fates])
+        absent = np.asarray([bool(absence) for absence in side.absences])
         faces = SCALE(side.trust)
         inks = np.where(faces[:, :3] @ (0.299, 0.587, 0.114) > 0.5, INK, "white")
         faces[absent] = to_rgba("white")
@@ -136,13 +136,13 @@ class _Nodes:
             nodes.set_facecolor(list(map(tuple, faces[part])))
             nodes.set_edgecolor(list(map(tuple, rims[part])))
             nodes.set_linestyle(dashes[part])
-        for k, fate in enumerate(side.fates):
-            self._trust[k].set_text({"": f"{side.trust[k]:.2f}", "cut off": "x"}.get(fate, ""))
-            self._trust[k].set_color(GREY if fate else inks[k])
-            self._names[k].set_color(GREY if fate else ATTACK if side.attacker[k] else INK)
-            self._names[k].set_y(self._middle[k] + (self._gap if side.notes[k] else 0))
-            self._notes[k].set_text(side.notes[k])
-            self._notes[k].set_color(ATTACK if side.attacker[k] else GREY)
+        for k, absence in enumerate(side.absences):
+            self._trust[k].set_text({"": f"{side.trust[k]:.2f}", "cut off": "x"}.get(absence, ""))
+            self._trust[k].set_color(GREY if absence else inks[k])
+            self._names[k].set_color(GREY if absence else ATTACK if side.attacker[k] else INK)
+            self._names[k].set_y(self._middle[k] + (self._gap if side.captions[k] else 0))
+            self._captions[k].set_text(side.captions[k])
+            self._captions[k].set_color(ATTACK if side.attacker[k] else GREY)
 
 
 class Matrix:
@@ -243,7 +243,7 @@ class TrustCurves:
     def update(self, curves: Floats, side: Side) -> None:
         """Show the curves so far, (rounds, K)."""
         time = self._period * np.arange(len(curves))
-        if self._open or any(side.fates):
+        if self._open or any(side.absences):
             curves = _lived(curves, side, self._open)
         points = np.stack(np.broadcast_arrays(time[:, None], curves), -1)
         self._lines.set_segments(list(points[:, self._order].swapaxes(0, 1)))
@@ -261,19 +261,19 @@ def _lived(curves: Floats, side: Side, newcomers: bool) -> Floats:
         newcomers: whether some come late, so that curves begin at their first change.
     """
     curves = curves.copy()
-    for k, fate in enumerate(side.fates):
+    for k, absence in enumerate(side.absences):
         changes = np.flatnonzero(np.diff(curves[:, k]))
         first, last = (changes[0], changes[-1] + 1) if changes.size else (len(curves), len(curves))
         if newcomers:
             curves[:first, k] = np.nan
-        if fate:
+        if absence:
             curves[last + 1 :, k] = np.nan
     return curves
 
 
 def _known(side: Side) -> Floats:
     """The trust of those present, NaN for the others."""
-    return np.where([not fate for fate in side.fates], side.trust, np.nan)
+    return np.where([not absence for absence in side.absences], side.trust, np.nan)
 
 
 def _rows(n: int, both: int, rows: int) -> Floats:

@@ -15,7 +15,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
-from roletrust_env.rendering.scene import Curves, look
+from roletrust_env.rendering.scene import Curves, make_scene
 from roletrust_env.rendering.text import as_text
 
 if TYPE_CHECKING:
@@ -52,14 +52,14 @@ class Renderer:
             DependencyNotInstalled: of Gymnasium: the mode needs matplotlib.
         """
         if self.mode == "ansi":
-            return as_text(look(self.game, state, attackers))
+            return as_text(make_scene(self.game, state, attackers))
         if not self._opened:
             self._surface, self._opened = _open(self.mode, self.game), True
         if self._surface is None:
             return None
         # In the AEC face each agent's turn may ask for the same picture again.
         if self._shown is None or self._shown[0] is not state or self._shown[1] != attackers:
-            self._surface.draw(look(self.game, state, attackers), curves)
+            self._surface.draw(make_scene(self.game, state, attackers), curves)
             self._shown = state, attackers
         return self._surface.frame()
 

@@ -22,7 +22,7 @@ Curves = Sequence[tuple[Any, Any]]
 """The published trust, ToR (S,) and ToP (P,), at the start and after each round so far, oldest first."""
 
 
-_FATES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
+_ABSENCES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
 
 
 class Side(NamedTuple):
@@ -32,15 +32,15 @@ class Side(NamedTuple):
         names: of the agents.
         trust: ToR or ToP, (K,).
         attacker: which of them are marked as attackers, (K,), boolean.
-        fates: why an agent is absent, `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
-        notes: a few more words on each.
+        absences: why an agent is absent, `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
+        captions: a few more words on each.
     """
 
     names: tuple[str, ...]
     trust: Floats
     attacker: npt.NDArray[np.bool_]
-    fates: tuple[str, ...]
-    notes: tuple[str, ...]
+    absences: tuple[str, ...]
+    captions: tuple[str, ...]
 
 
 class Scene(NamedTuple):
@@ -63,7 +63,7 @@ class Scene(NamedTuple):
     ratings: Floats
 
 
-def look(game: Game, state: State, attackers: Iterable[str]) -> Scene:
+def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     """Read off a state what there is to see."""
     roster, rules = game.roster, game.scenario
     tor, top = game.published(state)
@@ -87,11 +87,11 @@ def look(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     )
 
 
-def _side(names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], notes: list[str]) -> Side:
-    fates = tuple(_FATES.get(int(phase), "") for phase in phases)
+def _side(names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], captions: list[str]) -> Side:
+    absences = tuple(_ABSENCES.get(int(phase), "") for phase in phases)
     attacker = np.asarray([name in marked for name in names])
     words = [
-        " · ".join(filter(None, ("attacker" if attacks else "", fate or note)))
-        for attacks, fate, note in zip(attacker, fates, notes, strict=True)
+        " · ".join(filter(None, ("attacker" if attacks else "", absence or note)))
+        for attacks, absence, note in zip(attacker, absences, captions, strict=True)
     ]
-    return Side(names, np.asarray(trust, np.float64), attacker, fates, tuple(words))
+    return Side(names, np.asarray(trust, np.float64), attacker, absences, tuple(words))

@@ -41,17 +41,17 @@ def as_text(scene: Scene) -> str:
 def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> list[str]:
     """Head and rows of one side; with the ratings that each rater gave, if there is a matrix to show."""
     width = max(8, *map(len, side.names))
-    notes = max(5, *map(len, side.notes))
+    captions = max(5, *map(len, side.captions))
     head = f"{kind:<{width}}   {trust}  {'':<{_BAR}}"
     rows = [
-        f"{name:<{width}} {'!' if attacks else ' '} {'' if fate else f'{value:.2f}':4} {_bar(value, fate)}  {note}"
-        for name, value, attacks, fate, note in zip(*side, strict=True)
+        f"{name:<{width}} {'!' if bad else ' '} {'' if absence else f'{value:.2f}':4} {_bar(value, absence)}  {caption}"
+        for name, value, bad, absence, caption in zip(*side, strict=True)
     ]
     if matrix is not None:
         columns = [max(5, len(name)) for name in matrix.providers.names]
         titles = (f"{name:>{w}}" for name, w in zip(matrix.providers.names, columns, strict=True))
-        head = f"{head}  {'':<{notes}}  {' '.join(titles)}"
-        wide = len(rows[0]) - len(side.notes[0]) + notes
+        head = f"{head}  {'':<{captions}}  {' '.join(titles)}"
+        wide = len(rows[0]) - len(side.captions[0]) + captions
         rows = [
             f"{row:<{wide}}  " + " ".join(f"{_rating(f):>{w}}" for f, w in zip(given, columns, strict=True))
             for row, given in zip(rows, matrix.ratings, strict=True)
@@ -63,7 +63,7 @@ def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
     """The rows, or if there are too many, means and the best and the worst of those present."""
     if len(rows) <= _TABLE_LIMIT:
         return rows
-    present = np.asarray([not fate for fate in side.fates])
+    present = np.asarray([not absence for absence in side.absences])
     best = [int(k) for k in np.argsort(-side.trust, kind="stable") if present[k]]
     summary = [f"{present.sum()} of {len(rows)} {kind}s present, mean {trust} {_mean(side.trust[present])}"]
     if side.attacker.any():
@@ -86,9 +86,9 @@ def _rating(rating: float) -> str:
     return "·" if np.isnan(rating) else f"{rating:.2f}"
 
 
-def _bar(value: float, fate: str) -> str:
+def _bar(value: float, absence: str) -> str:
     """A bar in eighths of a character; absent agents have none."""
-    if fate:
+    if absence:
         return " " * _BAR
     full, rest = divmod(round(value * _BAR * 8), 8)
     bar = "█" * full + (" ▏▎▍▌▋▊▉"[rest] if rest else "")

@@ -10,7 +10,7 @@ adviser rated one provider in the same round: credence is renewed by that first,
 import math
 from collections.abc import Callable
 
-from roletrust_env.arrays import Array, compiling, namespace, total
+from roletrust_env.arrays import Array, is_compiling, namespace, total
 
 _BLOCK = 100_000
 """So many numbers of shape (judges, S, P, ...) are worked out at a time: about what a processor's cache holds."""
@@ -46,7 +46,7 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
         like: an array of shape (S, P, ...). A compiler, which fuses the loops itself, gets all the judges at once.
     """
     judges = like.shape[0]
-    rows = judges if compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
+    rows = judges if is_compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
     parts = [of(slice(at, at + rows)) for at in range(0, judges, rows)]
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 

@@ -47,7 +47,7 @@ def who_is_who(shape: tuple[int, ...]) -> np.ndarray:
 
 def named(name: str) -> TrustModel[Any]:
     """The model of that name, with a `lam` of 0.7 and an `initial` of 0.3 if it takes them."""
-    return make_trust_model(name, **registry.taken(name, {"lam": 0.7, "initial": 0.3}))
+    return make_trust_model(name, **registry.accepted_parameters(name, {"lam": 0.7, "initial": 0.3}))
 
 
 def play(

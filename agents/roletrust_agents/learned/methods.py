@@ -47,7 +47,7 @@ class Learned:
         return SearchResult(attacker, card.training.rounds or card.training.steps, words, card.training.seconds)
 
 
-def learned_rungs(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
+def learned_methods(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
     """The runs of one training, one for each seed, as rungs.
 
     Args:

@@ -18,7 +18,7 @@ from roletrust_env.randomness import Random
 
 
 class LearnedPolicy(Policy):
-    """A trained attacker of one agent, as an ordinary policy; `learned_policy` makes the one for the agent's role.
+    """A trained attacker of one agent, as an ordinary policy; `make_policy` makes the one for the agent's role.
 
     It sees what it saw in training, so it plays in games with as many raters and providers. In a longer game its clock
     stands still at the end of the time it knows.
@@ -84,7 +84,7 @@ class LearnedBoth(LearnedPolicy):
         return action[0], action[1:], memory
 
 
-def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
+def make_policy(attacker: SavedAttacker) -> LearnedPolicy:
     """A saved attacker as a policy.
 
     Raises:
@@ -110,7 +110,7 @@ def learned(path: str) -> LearnedPolicy:
     Raises:
         ValueError: the files do not fit, or the attacker is not one agent with black-box knowledge.
     """
-    return learned_policy(load_attacker(path))
+    return make_policy(load_attacker(path))
 
 
 def play_task(task: AttackTask, network: Network | None, *, games: int, seed: int) -> Array:

@@ -44,10 +44,10 @@ class SavedAttacker:
 
     def task(self) -> AttackTask:
         """The task that it was trained for, on NumPy in float32."""
-        return carded_task(self.card.task, self.card.trust_model, self.card.scenario)
+        return task_from_card(self.card.task, self.card.trust_model, self.card.scenario)
 
 
-def carded_task(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
+def task_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
     """The task that these say, on NumPy in float32."""
     return make_task(
         scenario,

@@ -16,7 +16,7 @@ after a 1. So the sum over the rounds, with s(0) = 1 at its begin and s <= 1 at 
     sum of G[n] >= N - 2 sum of U[n],    U[n] = (E[n] - (1 - lam) E[n - 1]) / lam                                    (2)
 
 for the means G of g and U of u over the providers. As 0 <= G <= 1, for every price p >= 0 the damage that round n loses
-by the attacker's own notes, v[n] G[n] with v[n] = share * lasting * ToR of the attacker, is at least
+by the attacker's own notes, v[n] G[n] with v[n] = share * remaining_weight * ToR of the attacker, is at least
 p G[n] - max(0, p - v[n]). With (2), the score of a game is at most
 
     constant - p N + sum over n of the maximum over E of  pay(n, E, 0) + max(0, p - v[n](E)) + 2 p k[n] E            (3)
@@ -38,7 +38,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize_scalar  # type: ignore[import-untyped]
 
-from roletrust_agents.planning.exact import Damage, counted, damage_of, optimal_rater
+from roletrust_agents.planning.exact import Damage, damage_task, optimal_rater, rating_weight
 from roletrust_agents.planning.grid import polish
 from roletrust_env.arrays import Array
 from roletrust_env.world.scenario import Scenario
@@ -76,7 +76,7 @@ def bracket_rater(
     Raises:
         ValueError: the scenario leaves something to chance, or an argument is outside its range.
     """
-    task = damage_of(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
+    task = damage_task(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
     providers = sum(group.count for group in scenario.agents if group.role == "SP")
     one = optimal_rater(
         scenario, compromised=compromised, weight=weight, tolerance=tolerance, levels=cells, points=cells
@@ -92,7 +92,7 @@ def bracket_rater(
 def _total(task: Damage, shares: Array, moves: Array) -> Array:
     """The total score, (...), of u = sqrt(1 - lie) about two groups of providers, (D, 2, ...), with these shares."""
     score, unrest = task.constant, 0.0
-    counts = counted(moves, np.concatenate([moves[:1], moves[:-1]]))
+    counts = rating_weight(moves, np.concatenate([moves[:1], moves[:-1]]))
     for n, (move, count) in enumerate(zip(moves, counts, strict=True), start=1):
         unrest = task.lam * (shares @ move) + (1 - task.lam) * unrest
         score = score + task.pay(n, unrest, shares @ count)
@@ -138,10 +138,10 @@ def _bound(task: Damage) -> float:
 
     def bound(price: float) -> float:
         def best(unrest: Array) -> Array:
-            value = share * task.lasting(n) * task.trust(n, unrest)[1]
+            value = share * task.remaining_weight(n) * task.trust(n, unrest)[1]
             return task.pay(n, unrest, 0.0) + np.maximum(0, price - value) + 2 * price * last * unrest
 
-        worth = (task.trust(n, 0.0)[1] - price / (share * task.lasting(n))) / (1 - share) ** 0.5
+        worth = (task.trust(n, 0.0)[1] - price / (share * task.remaining_weight(n))) / (1 - share) ** 0.5
         corners = [np.clip(corner, 0, farthest) for corner in (0.0, tolerated, worth, farthest)]
         sums = np.max([best(corner) for corner in corners], axis=0).sum()
         return float(task.constant - price * task.decisions + sums)

@@ -120,25 +120,25 @@ class Damage:
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
         """Decision t is the lie of round t + 1. See `roletrust_agents.planning.grid.Task.step`."""
         unrest = self.lam * action + (1 - self.lam) * state
-        return self.pay(t + 1, unrest, counted(action, last)), unrest
+        return self.pay(t + 1, unrest, rating_weight(action, last)), unrest
 
     def pay(self, n: Array | int, unrest: Array, counts: Array | float) -> Array:
         """What round n brings with E[n] = `unrest`, if a note of the attacker counts its ToR times `counts`."""
         honest, attacker = self.trust(n, unrest)
         quality = (1 - self.share) * honest + self.share * attacker * counts
-        return -self.lasting(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
+        return -self.remaining_weight(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
 
     def trust(self, n: Array | int, unrest: Array) -> tuple[Array, Array]:
         """ToR of the honest raters and of the attackers in round n."""
         trusted = 1 - (1 - self.initial) * (1 - self.lam) ** n
         return trusted - self.share**0.5 * unrest, trusted - (1 - self.share) ** 0.5 * unrest
 
-    def lasting(self, n: Array | int) -> Array:
+    def remaining_weight(self, n: Array | int) -> Array:
         """What the QoP of round n counts in the sum of ToP over the game."""
         return 1 - (1 - self.lam) ** (self.rounds - n)
 
 
-def counted(action: Array, last: Array) -> Array:
+def rating_weight(action: Array, last: Array) -> Array:
     """What a note x counts after the note before, rho x, in [0, 1]; both given as sqrt(1 - x)."""
     return np.sinc(action**2) * np.sinc(action**2 - last**2) * (1 - action**2)
 
@@ -190,12 +190,12 @@ def optimal_rater(
     Raises:
         ValueError: the scenario leaves something to chance, or an argument is outside its range.
     """
-    task = damage_of(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
+    task = damage_task(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
     found = solve(task, levels=levels, points=points)
     return _optimum(found, scenario, np.append(1.0, 1 - found.actions**2))
 
 
-def damage_of(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
+def damage_task(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
     """The task of raters in a scenario. Arguments and errors as for `optimal_rater`."""
     check_certain(scenario)
     raters = sum(group.count for group in scenario.agents if group.role == "SR")

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from roletrust_baselines.coalition.self_promotion import SelfPromotion
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Collusion(SelfPromotion):
         stop: first round after it; None attacks to the end.
     """
 
-    sink: Annotated[Share, Tried(0.5, 1.0)] = 1.0
+    sink: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
 
     def of_others(self, view: RaterView) -> Array:
         """Less than they deserve. See `SelfPromotion.of_others`."""

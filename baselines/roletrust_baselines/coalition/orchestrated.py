@@ -9,7 +9,7 @@ from roletrust_baselines.coalition.collusion import Collusion
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Searched, Tried
+from roletrust_env.ranges import GridValues, SearchRange
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Orchestrated(Collusion):
     """
 
     teams: PositiveInt = 2
-    team: Annotated[NonNegativeInt, Searched(0, 1), Tried(0)] = 0
-    turn: Annotated[PositiveInt, Searched(1, 12), Tried(2, 5)] = 5
+    team: Annotated[NonNegativeInt, SearchRange(0, 1), GridValues(0)] = 0
+    turn: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 5)] = 5
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Bad while it is its team's turn, 1 otherwise. See `Policy.quality`."""

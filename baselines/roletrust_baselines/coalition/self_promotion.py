@@ -5,18 +5,18 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_baselines.rater.ballot_stuffing import praise
-from roletrust_baselines.rater.lying import Lying
+from roletrust_baselines.rater.lying import LyingRater
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Accomplices, Share, Tried
+from roletrust_env.ranges import Accomplices, GridValues, Share
 
 
 @dataclass(frozen=True)
-class SelfPromotion(Lying):
+class SelfPromotion(LyingRater):
     """Self-promotion: a ring whose providers serve badly, and whose raters praise them and tell the truth otherwise.
 
     Hoffman, Zage and Nita-Rotaru (2009), "A Survey of Attack and Defense Techniques for Reputation Systems". Nobody
@@ -30,9 +30,9 @@ class SelfPromotion(Lying):
         stop: first round after it; None attacks to the end.
     """
 
-    accomplices: Annotated[Places, Accomplices()] = field(kw_only=True)
-    bad: Annotated[Share, Tried(0.0, 0.5)] = 0.0
-    lift: Annotated[Share, Tried(0.5, 1.0)] = 1.0
+    accomplices: Annotated[AgentIndices, Accomplices()] = field(kw_only=True)
+    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    lift: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -41,8 +41,8 @@ class SelfPromotion(Lying):
         return namespace(zero).where(self.active(view.round), zero + self.bad, zero + 1), memory
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Praise of the accomplices, of the others what they get. See `Lying.lies`."""
-        own = among(self.accomplices, view.service, "accomplices")
+        """Praise of the accomplices, of the others what they get. See `LyingRater.lies`."""
+        own = index_mask(self.accomplices, view.service, "accomplices")
         praised = praise(view.service, self.lift)
         return namespace(praised).where(own, praised, self.of_others(view)), memory
 

@@ -13,7 +13,7 @@ from roletrust_env.ranges import Identities
 
 
 @dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True))
-class Cheat(ByChannel):
+class IdentityAttack(ByChannel):
     """An attacker that cheats in each of its identities, as far as the identity's role has the channel.
 
     Attributes:

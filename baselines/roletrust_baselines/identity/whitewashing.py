@@ -5,15 +5,15 @@ from typing import Annotated, Any
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.identity.cheat import Cheat
+from roletrust_baselines.identity.cheat import IdentityAttack
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import IdentityView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True))
-class Whitewashing(Cheat):
+class Whitewashing(IdentityAttack):
     """Whitewashing: a cheat that leaves when its trust is low, and comes back as a newcomer.
 
     After Friedman and Resnick (2001), "The Social Cost of Cheap Pseudonyms". The identity after the one that left comes
@@ -26,7 +26,7 @@ class Whitewashing(Cheat):
         threshold: trust below which it leaves, in [0, 1]; above a newcomer's trust, it leaves round after round.
     """
 
-    threshold: Annotated[Share, Tried(0.2, 0.3, 0.4)] = 0.3
+    threshold: Annotated[Share, GridValues(0.2, 0.3, 0.4)] = 0.3
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """One identity after the other. See `Policy.presence`."""

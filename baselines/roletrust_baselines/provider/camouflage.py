@@ -5,16 +5,16 @@ from typing import Annotated, Any
 from pydantic import NonNegativeInt
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
 from roletrust_env.game.schedule import woken
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Searched, Share, Tried
+from roletrust_env.ranges import GridValues, SearchRange, Share
 
 
 @dataclass(frozen=True)
-class Camouflage(Cheating):
+class Camouflage(CheatingProvider):
     """Camouflage: a provider that serves well until it is trusted, and badly from then on.
 
     The sleeper of the unfair-rating literature (Irissappane, Jiang and Zhang 2012), here by services. With
@@ -27,9 +27,9 @@ class Camouflage(Cheating):
         stop: first round after it; None attacks to the end.
     """
 
-    start: Annotated[NonNegativeInt, Searched(0, 100), Tried(0, 20, 50)] = 20
-    wakes_at: Annotated[Share, Tried(0.0, 0.9)] = 0.8
+    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
+    wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """From the first active round on in which its trust is high enough. See `Cheating.cheats`."""
+        """From the first active round on in which its trust is high enough. See `CheatingProvider.cheats`."""
         return woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)

@@ -13,7 +13,7 @@ from roletrust_env.ranges import Share
 
 
 @dataclass(frozen=True)
-class Cheating(WindowedAttack):
+class CheatingProvider(WindowedAttack):
     """A provider that serves as well as it can, but for the rounds in which it cheats.
 
     Attributes:

@@ -4,13 +4,13 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Conflicting(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    raters: Places | None = None
-    bad: Annotated[Share, Tried(0.0, 0.5)] = 0.0
+    raters: AgentIndices | None = None
+    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"treatment"})
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Badly the chosen ones while active. See `Policy.treats`."""
         zero = 0 * view.ratings
         chosen = tuple(range((len(zero) + 1) // 2)) if self.raters is None else self.raters
-        badly = among(chosen, zero, "raters", axis="rater") & self.active(view.round)
+        badly = index_mask(chosen, zero, "raters", axis="rater") & self.active(view.round)
         return namespace(zero).where(badly, zero + self.bad, zero + 1), memory

@@ -6,15 +6,15 @@ from typing import Annotated, Any
 from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Length, Searched, Tried
+from roletrust_env.ranges import GameLength, GridValues, SearchRange
 
 
 @dataclass(frozen=True)
-class Exit(Cheating):
+class Exit(CheatingProvider):
     """Exit: a provider that serves well up to the last rounds, and cheats in these.
 
     Who is about to leave has no trust to lose; with a new identity afterwards it is the re-entry of Kerr and Cohen
@@ -28,9 +28,9 @@ class Exit(Cheating):
         stop: first round after it; None attacks to the end.
     """
 
-    length: Annotated[PositiveInt, Length()] = field(kw_only=True)
-    last: Annotated[PositiveInt, Searched(1, 30), Tried(1, 2, 5, 10, 20)] = 10
+    length: Annotated[PositiveInt, GameLength()] = field(kw_only=True)
+    last: Annotated[PositiveInt, SearchRange(1, 30), GridValues(1, 2, 5, 10, 20)] = 10
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """In the last rounds. See `Cheating.cheats`."""
+        """In the last rounds. See `CheatingProvider.cheats`."""
         return view.round >= self.length - self.last, memory

@@ -10,7 +10,7 @@ from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Kept, Searched, Share, Tried
+from roletrust_env.ranges import GridValues, NotSearched, SearchRange, Share
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class OnOff(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    period: Annotated[PositiveInt, Searched(1, 12), Tried(2, 3, 5, 10)] = 2
-    duty: Annotated[Share, Tried(0.25, 0.5, 0.75)] = 0.5
-    bad: Annotated[Share, Tried(0.0, 0.5)] = 0.0
-    good: Annotated[Share, Tried(1.0)] = 1.0
-    switching: Annotated[Literal["regular", "random"], Kept()] = "regular"
+    period: Annotated[PositiveInt, SearchRange(1, 12), GridValues(2, 3, 5, 10)] = 2
+    duty: Annotated[Share, GridValues(0.25, 0.5, 0.75)] = 0.5
+    bad: Annotated[Share, GridValues(0.0, 0.5)] = 0.0
+    good: Annotated[Share, GridValues(1.0)] = 1.0
+    switching: Annotated[Literal["regular", "random"], NotSearched()] = "regular"
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:

@@ -4,15 +4,15 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True)
-class Opportunistic(Cheating):
+class Opportunistic(CheatingProvider):
     """Opportunistic service: a provider that serves well only while its own trust is low.
 
     Chen, Bao and Guo (2016), "Trust-Based Service Management for Social Internet of Things Systems": good service when
@@ -25,8 +25,8 @@ class Opportunistic(Cheating):
         stop: first round after it; None attacks to the end.
     """
 
-    threshold: Annotated[Share, Tried(0.3, 0.5, 0.7, 0.9)] = 0.7
+    threshold: Annotated[Share, GridValues(0.3, 0.5, 0.7, 0.9)] = 0.7
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """From the threshold on. See `Cheating.cheats`."""
+        """From the threshold on. See `CheatingProvider.cheats`."""
         return view.trust >= self.threshold, memory

@@ -4,15 +4,15 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True)
-class ReputationLag(Cheating):
+class ReputationLag(CheatingProvider):
     """Reputation lag: a provider that cheats until the first ratings of it arrive, and then serves well.
 
     Kerr and Cohen (2009), "Smart Cheaters Do Prosper": what is sold before the news of bad service spreads is sold on
@@ -27,11 +27,11 @@ class ReputationLag(Cheating):
         stop: first round after it; None attacks to the end.
     """
 
-    threshold: Annotated[Share, Tried(0.5, 0.7, 0.9)] = 0.7
-    noticed: Annotated[Share, Tried(0.5, 0.8)] = 0.5
+    threshold: Annotated[Share, GridValues(0.5, 0.7, 0.9)] = 0.7
+    noticed: Annotated[Share, GridValues(0.5, 0.8)] = 0.5
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """While it is trusted and nobody has told. See `Cheating.cheats`."""
+        """While it is trusted and nobody has told. See `CheatingProvider.cheats`."""
         arrived = cast(view.rated, view.trust.dtype).sum(axis=0)
         told = namespace(view.ratings).where(view.rated, view.ratings, 0 * view.ratings).sum(axis=0)
         return (view.trust >= self.threshold) & ~(told < self.noticed * arrived), memory

@@ -9,7 +9,7 @@ from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Lam, Searched, Share, Tried
+from roletrust_env.ranges import GridValues, Lam, SearchRange, Share
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ThresholdSurfing(WindowedAttack):
     """
 
     threshold: Share = 0.25
-    margin: Annotated[Share, Searched(0, 0.5), Tried(0.0, 0.05, 0.2)] = 0.05
+    margin: Annotated[Share, SearchRange(0, 0.5), GridValues(0.0, 0.05, 0.2)] = 0.05
     lam: Lam = 0.5
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
@@ -12,7 +12,7 @@ from roletrust_env.ranges import Share
 
 
 @dataclass(frozen=True)
-class ValueImbalance(Cheating):
+class ValueImbalance(CheatingProvider):
     """Value imbalance: a provider that is honest on cheap services and cheats on dear ones.
 
     Kerr and Cohen (2009), "Smart Cheaters Do Prosper". It needs a scenario with `values` that differ: where all are
@@ -28,5 +28,5 @@ class ValueImbalance(Cheating):
     threshold: Share = 0.5
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Above the threshold. See `Cheating.cheats`."""
+        """Above the threshold. See `CheatingProvider.cheats`."""
         return view.value > self.threshold, memory

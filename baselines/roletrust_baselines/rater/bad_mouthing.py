@@ -4,15 +4,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.rater.lying import TargetedLying
+from roletrust_baselines.rater.lying import TargetedLyingRater
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share, Tried
+from roletrust_env.ranges import GridValues, Share
 
 
 @dataclass(frozen=True)
-class BadMouthing(TargetedLying):
+class BadMouthing(TargetedLyingRater):
     """Bad-mouthing attack (BMA): a rater that rates good services low.
 
     Su and Saint-Jore (EWSN 2023), section 3, Figure 4: the constant note 0.5.
@@ -25,9 +25,9 @@ class BadMouthing(TargetedLying):
         stop: first round after it; None attacks to the end.
     """
 
-    lie: Annotated[Literal["constant", "relative"], Tried("constant")] = "constant"
-    level: Annotated[Share, Tried(0.0, 0.25, 0.5, 0.75)] = 0.5
+    lie: Annotated[Literal["constant", "relative"], GridValues("constant")] = "constant"
+    level: Annotated[Share, GridValues(0.0, 0.25, 0.5, 0.75)] = 0.5
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """The note, or what is left of the perceived one. See `Lying.lies`."""
+        """The note, or what is left of the perceived one. See `LyingRater.lies`."""
         return view.service * (1 - self.level) if self.lie == "relative" else 0 * view.service + self.level, memory

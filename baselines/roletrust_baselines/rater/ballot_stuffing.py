@@ -4,16 +4,16 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.agent_indices import Places, among
-from roletrust_baselines.rater.lying import Lying
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
+from roletrust_baselines.rater.lying import LyingRater
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Accomplices, Share, Tried
+from roletrust_env.ranges import Accomplices, GridValues, Share
 
 
 @dataclass(frozen=True)
-class BallotStuffing(Lying):
+class BallotStuffing(LyingRater):
     """Ballot stuffing: a rater that rates its accomplices better than they are.
 
     Dellarocas (2000), "Immunizing Online Reputation Reporting Systems"; the formula v (1 - k) + k is the exaggerated
@@ -26,17 +26,19 @@ class BallotStuffing(Lying):
         stop: first round after it; None attacks to the end.
     """
 
-    level: Annotated[Share, Tried(0.25, 0.5, 1.0)] = 1.0
-    accomplices: Annotated[Places | None, Accomplices()] = None
+    level: Annotated[Share, GridValues(0.25, 0.5, 1.0)] = 1.0
+    accomplices: Annotated[AgentIndices | None, Accomplices()] = None
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Praise. See `Lying.lies`."""
+        """Praise. See `LyingRater.lies`."""
         return praise(view.service, self.level), memory
 
     def about(self, view: RaterView) -> Array:
-        """The accomplices, while active. See `Lying.about`."""
+        """The accomplices, while active. See `LyingRater.about`."""
         active = self.active(view.round)
-        return active if self.accomplices is None else active & among(self.accomplices, view.service, "accomplices")
+        return (
+            active if self.accomplices is None else active & index_mask(self.accomplices, view.service, "accomplices")
+        )
 
 
 def praise(service: Array, level: float) -> Array:

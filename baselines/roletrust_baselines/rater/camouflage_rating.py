@@ -10,7 +10,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.schedule import woken
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Searched, Share, Tried
+from roletrust_env.ranges import GridValues, SearchRange, Share
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class CamouflageRating(BadMouthing):
         stop: first round after the attack; None attacks to the end.
     """
 
-    start: Annotated[NonNegativeInt, Searched(0, 100), Tried(0, 20, 50)] = 20
-    wakes_at: Annotated[Share, Tried(0.0, 0.9)] = 0.8
+    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
+    wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """The truth while it sleeps. See `Lying.lies`."""
+        """The truth while it sleeps. See `LyingRater.lies`."""
         lies, _ = super().lies(view, None, random)
         awake, memory = woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
         return namespace(lies).where(awake, lies, view.service), memory

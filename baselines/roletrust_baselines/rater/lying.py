@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
@@ -15,7 +15,7 @@ from roletrust_env.ranges import Victims
 
 
 @dataclass(frozen=True)
-class Lying(WindowedAttack):
+class LyingRater(WindowedAttack):
     """A rater that lies for a while, about all providers.
 
     Attributes:
@@ -40,7 +40,7 @@ class Lying(WindowedAttack):
 
 
 @dataclass(frozen=True)
-class TargetedLying(Lying):
+class TargetedLyingRater(LyingRater):
     """A rater that lies about chosen providers and tells the truth about the others.
 
     So each of these attacks is discriminatory (Dellarocas 2000) by its targets. The other side of discrimination is to
@@ -52,9 +52,9 @@ class TargetedLying(Lying):
         stop: first round after it; None attacks to the end.
     """
 
-    targets: Annotated[Places | None, Victims()] = field(default=None, kw_only=True)
+    targets: Annotated[AgentIndices | None, Victims()] = field(default=None, kw_only=True)
 
     def about(self, view: RaterView) -> Array:
-        """The targets, while active. See `Lying.about`."""
+        """The targets, while active. See `LyingRater.about`."""
         active = self.active(view.round)
-        return active if self.targets is None else active & among(self.targets, view.service, "targets")
+        return active if self.targets is None else active & index_mask(self.targets, view.service, "targets")

@@ -4,14 +4,14 @@ from typing import Any
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.rater.lying import TargetedLying
+from roletrust_baselines.rater.lying import TargetedLyingRater
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 
 
 @dataclass(frozen=True)
-class Pessimistic(TargetedLying):
+class Pessimistic(TargetedLyingRater):
     """Pessimistic ratings: a rater that sees everything half as good, (x - 1) / 2 on the scale [-1, 1].
 
     The ratings of `BadMouthing(lie="relative", level=0.5)`, with nothing left to search but the targets.
@@ -23,5 +23,5 @@ class Pessimistic(TargetedLying):
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Half the perceived quality. See `Lying.lies`."""
+        """Half the perceived quality. See `LyingRater.lies`."""
         return view.service / 2, memory

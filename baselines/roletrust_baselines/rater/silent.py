@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
@@ -26,10 +26,10 @@ class Silent(WindowedAttack):
         stop: first round after it; None attacks to the end.
     """
 
-    targets: Annotated[Places | None, Victims()] = None
+    targets: Annotated[AgentIndices | None, Victims()] = None
     attacks: ClassVar[frozenset[Channel]] = frozenset({"silence"})
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """All it owes, or what it owes the targets, while active. See `Policy.withholds`."""
         owed = view.awaiting & self.active(view.round)
-        return owed if self.targets is None else owed & among(self.targets, view.service, "targets"), memory
+        return owed if self.targets is None else owed & index_mask(self.targets, view.service, "targets"), memory

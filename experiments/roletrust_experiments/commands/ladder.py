@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from roletrust_agents.learned.methods import learned_rungs
+from roletrust_agents.learned.methods import learned_methods
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
 from roletrust_env import make_scenario
@@ -131,7 +131,7 @@ def ladder(
     paths = learned or []
     # What is broken is better known now than at the end.
     trained = [
-        learned_rungs(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
+        learned_methods(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
         for path in paths
     ]
     prepare_folder(out)

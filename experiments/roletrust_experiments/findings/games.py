@@ -62,7 +62,7 @@ def play(asked: Asked, scenario: Scenario, attackers: Mapping[str, Policy] | Non
         "scenario": scenario,
         "trust_model": "role-trust",
         "compromised": tuple(
-            attackers or Roster.of(scenario).first_names[:1]
+            attackers or Roster.of(scenario).owner_names[:1]
         ),  # who is named and has no policy is honest
         "objective": "mislead",
     }
@@ -89,7 +89,7 @@ def lost(seen: Watched, twin: Watched, agents: Iterable[int]) -> Floats:
 
 def last(scenario: Scenario, role: str, many: int) -> tuple[str, ...]:
     """The names of the last agents of a role, such as `sr`."""
-    return tuple(name for name in Roster.of(scenario).first_names if name.startswith(f"{role}_"))[-many:]
+    return tuple(name for name in Roster.of(scenario).owner_names if name.startswith(f"{role}_"))[-many:]
 
 
 def honest(scenario: Scenario, attackers: Mapping[str, Policy]) -> list[int]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
-from roletrust_env.world.vision.degrade import degrade, received
+from roletrust_env.world.vision.degrade import degrade, transmit
 from roletrust_env.world.vision.detector import best_margin, view
 from roletrust_env.world.vision.scene import RenderedScene
 
@@ -37,7 +37,7 @@ def labelled_margins(
             for k in range(moments):
                 clear = scene.frame(camera, float(rng.uniform(0, _SPAN_S)))
                 frames: tuple[Frame, ...] = (clear, scene.empty(camera), degrade(clear, 0.0, (seed, camera, k)))
-                margins += [best_margin(received(view(frame), rng.standard_normal())) for frame in frames]
+                margins += [best_margin(transmit(view(frame), rng.standard_normal())) for frame in frames]
                 labels += [True, False, False]
     return np.array(margins), np.array(labels)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
 
-__all__ = ["degrade", "motion_kernel", "received"]
+__all__ = ["degrade", "motion_kernel", "transmit"]
 
 # At quality 0:
 _DEFOCUS = 8.7  # pixels of Gaussian blur
@@ -71,7 +71,7 @@ def degrade(frame: Frame, quality: float, seed: tuple[int, ...]) -> Frame:
     return np.asarray(np.clip(np.rint(picture + _NOISE * fault * grain), 0, 255), np.uint8)
 
 
-def received(grey: NDArray[np.uint8], noise: float) -> NDArray[np.uint8]:
+def transmit(grey: NDArray[np.uint8], noise: float) -> NDArray[np.uint8]:
     """A rater's own copy of a provider's frame: a slightly different exposure, and noise on the link.
 
     Args:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray
 
-__all__ = ["Limb", "Look", "paint", "pose", "shadow"]
+__all__ = ["Appearance", "Limb", "paint", "pose", "shadow"]
 
 _SUN = np.array([0.45, -0.35, 0.82]) / math.hypot(0.45, -0.35, 0.82)  # direction towards the sun, z up
 _AMBIENT = 0.42  # light in the shade; full sun is brighter than 1, so that bright cloth washes out a little
@@ -19,7 +19,7 @@ _CADENCE_HZ = 0.93  # gait cycles per second, so that rounds of 0.5 s see all ph
 Colour = tuple[float, float, float]
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """Colours (RGB, 0 to 255) of a person's clothes, skin and hair."""
 
     jacket: Colour
@@ -61,7 +61,7 @@ class _Body(NamedTuple):
         return math.sin(angle) * self.forward - math.cos(angle) * self.up
 
 
-def pose(time_s: float, strength: float, place: FloatArray, heading: float, look: Look) -> list[Limb]:
+def pose(time_s: float, strength: float, place: FloatArray, heading: float, look: Appearance) -> list[Limb]:
     """Poses the person at one instant of a walk or run.
 
     Args:
@@ -87,7 +87,7 @@ def pose(time_s: float, strength: float, place: FloatArray, heading: float, look
     return [limb._replace(start=limb.start + hip, end=limb.end + hip) for limb in limbs]
 
 
-def _leg(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
+def _leg(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
     """One leg, from a hip at the origin; the knee bends while the leg swings forward."""
     thigh = 0.05 + (0.26 + 0.45 * body.strength) * math.sin(phase)
     bend = 0.10 + (0.48 + 0.80 * body.strength) * max(0.0, math.cos(phase)) ** 2
@@ -101,7 +101,7 @@ def _leg(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
     ]
 
 
-def _arm(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
+def _arm(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
     """One arm, which swings against the leg of its side."""
     angle = 0.3 * (0.04 + 0.22 * body.strength) - (0.26 + 0.50 * body.strength) * math.sin(phase)
     bend = 0.25 + 1.10 * body.strength
@@ -115,7 +115,7 @@ def _arm(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
     ]
 
 
-def _trunk(body: _Body, look: Look) -> list[Limb]:
+def _trunk(body: _Body, look: Appearance) -> list[Limb]:
     """Pelvis, chest, shoulders, neck and head."""
     forward, left, up, spine = body.forward, body.left, body.up, body.spine
     neck = 0.55 * spine

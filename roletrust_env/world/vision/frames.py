@@ -14,7 +14,7 @@ from roletrust_env.world.vision.camera import FRAME_HEIGHT, Frame
 from roletrust_env.world.vision.degrade import motion_kernel
 from roletrust_env.world.vision.scene import RenderedScene
 
-__all__ = ["FrameSource", "FramesError", "ImageFolder", "LiveCamera", "Recorded", "VideoFile", "open_frames"]
+__all__ = ["CapturedFrames", "FrameSource", "FramesError", "ImageFolder", "LiveCamera", "VideoFile", "open_frames"]
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 """What counts as an image in a folder, in lower case."""
@@ -47,10 +47,10 @@ class FrameSource(Protocol):
         ...
 
 
-class Recorded:
+class CapturedFrames:
     """Frames that were not rendered: resized, and blurred sideways as a whole where the target moves fast."""
 
-    looped_s: float | None = None
+    loop_length_s: float | None = None
     """How long a recording is that is shown over and over, seconds; None if it lasts as long as the run."""
 
     def __init__(self, name: str) -> None:
@@ -83,7 +83,7 @@ class Recorded:
         return np.asarray(cv2.cvtColor(resized, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-class VideoFile(Recorded):
+class VideoFile(CapturedFrames):
     """Frames of a video, by its own clock.
 
     Args:
@@ -110,7 +110,7 @@ class VideoFile(Recorded):
                     f"{self._name} lasts {length_s:.1f} s and ends before the run, "
                     f"which lasts {duration_s:.1f} s; use a longer video or a shorter run, or loop it"
                 )
-            self.looped_s = length_s
+            self.loop_length_s = length_s
 
     def _open(self) -> None:
         with _quiet():
@@ -147,12 +147,12 @@ class VideoFile(Recorded):
                 f"{self._name} ends after {self._next}{promised} frames ({length_s:.1f} s), "
                 f"but the run needs a frame at {time_s:.1f} s; use a whole video, or a shorter run"
             )
-        self._count, self.looped_s = self._next, length_s
+        self._count, self.loop_length_s = self._next, length_s
         self._open()
         return self._read(time_s)
 
 
-class ImageFolder(Recorded):
+class ImageFolder(CapturedFrames):
     """The images of a folder in the order of their names, one for each round.
 
     Args:
@@ -178,7 +178,7 @@ class ImageFolder(Recorded):
                     f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
                     f"which has {needed} rounds; use more images or a shorter run, or loop it"
                 )
-            self.looped_s = len(self._images) * period_s
+            self.loop_length_s = len(self._images) * period_s
 
     def _read(self, time_s: float) -> Frame:
         index = round(time_s / self._period_s)
@@ -193,7 +193,7 @@ class ImageFolder(Recorded):
         return np.asarray(picture, np.uint8)
 
 
-class LiveCamera(Recorded):
+class LiveCamera(CapturedFrames):
     """Frames of a camera of this machine, in real time: a round that comes early waits for its moment.
 
     It is the one source that never shows the same again.

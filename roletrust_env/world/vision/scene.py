@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from roletrust_env.world.vision.background import background
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray, Frame, camera_of
 from roletrust_env.world.vision.degrade import motion_kernel
-from roletrust_env.world.vision.figure import Look, paint, pose, shadow
+from roletrust_env.world.vision.figure import Appearance, paint, pose, shadow
 
 __all__ = ["RenderedScene"]
 
 _LOOKS = (
-    Look((38, 62, 118), (48, 46, 52), (28, 26, 26), (222, 176, 146), (58, 40, 30)),
-    Look((132, 36, 42), (40, 52, 78), (30, 28, 28), (196, 146, 112), (28, 22, 20)),
-    Look((28, 92, 84), (58, 54, 50), (24, 24, 26), (232, 190, 162), (92, 62, 36)),
+    Appearance((38, 62, 118), (48, 46, 52), (28, 26, 26), (222, 176, 146), (58, 40, 30)),
+    Appearance((132, 36, 42), (40, 52, 78), (30, 28, 28), (196, 146, 112), (28, 22, 20)),
+    Appearance((28, 92, 84), (58, 54, 50), (24, 24, 26), (232, 190, 162), (92, 62, 36)),
 )
 _ROUND_S = 7.3  # seconds for one lap of the walk, an ellipse of these half axes in metres
 _HALF_AXES = (1.35, 0.75)

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
-from roletrust_env.world.vision.degrade import degrade, received
+from roletrust_env.world.vision.degrade import degrade, transmit
 from roletrust_env.world.vision.detector import best_margin, probability, view
-from roletrust_env.world.vision.frames import Recorded, open_frames
+from roletrust_env.world.vision.frames import CapturedFrames, open_frames
 
 __all__ = ["HogService"]
 
@@ -67,9 +67,9 @@ class HogService:
         self.latest: Frame = np.zeros((n_providers, FRAME_HEIGHT, FRAME_WIDTH, 3), np.uint8)
 
     @property
-    def looped_s(self) -> float | None:
+    def loop_length_s(self) -> float | None:
         """How long the shortest recording is that is shown over and over, seconds; None if none is."""
-        lengths = [source.looped_s for source in self._sources if isinstance(source, Recorded)]
+        lengths = [source.loop_length_s for source in self._sources if isinstance(source, CapturedFrames)]
         return min((length for length in lengths if length is not None), default=None)
 
     def perceive(
@@ -78,7 +78,7 @@ class HogService:
         strength: ArrayLike,
         round: ArrayLike,
         noise: ArrayLike,
-        taste: Perception | None = None,
+        perception: Perception | None = None,
     ) -> NDArray[np.floating[Any]]:
         """The probability, for each rater and provider, that the target is in the frame.
 
@@ -87,7 +87,7 @@ class HogService:
             strength: of the perturbation, (...), in [0, 1].
             round: number of the round, (...), an integer that is not negative; its time is round * period_s.
             noise: standard normals (S, P, ...). Each makes one rater's copy of one frame; nothing else is random.
-            taste: must be None: a detector has no bias or scale.
+            perception: must be None: a detector has no bias or scale.
 
         Returns:
             Probabilities (S, P, ...) in [0, 1], in the precision of the noise. Extra axes are batch; strength and
@@ -96,8 +96,8 @@ class HogService:
         Raises:
             ValueError: an argument of the wrong shape, or with values that are not allowed.
         """
-        if taste is not None:
-            raise ValueError("taste is not None; raters that see through a detector have no bias or scale")
+        if perception is not None:
+            raise ValueError("perception is not None; raters that see through a detector have no bias or scale")
         noise = np.asarray(noise)
         quality, strength, round = self._checked(quality, strength, round, noise)
         perceived = np.empty(noise.shape, np.float64)
@@ -117,7 +117,7 @@ class HogService:
                         seen[chosen] = view(delivered)
                         if len(first) <= provider:  # of the first game, what the first rater was served
                             first.append(delivered)
-                    perceived[cell] = probability(best_margin(received(seen[chosen], float(noise[cell]))))
+                    perceived[cell] = probability(best_margin(transmit(seen[chosen], float(noise[cell]))))
         if first:
             self.latest = _stacked(first)
         return perceived.astype(noise.dtype)
