@@ -14,7 +14,7 @@ from typing import Any
 from roletrust_env import Policy, Scenario
 from roletrust_env.evaluation.attack_space import Kind, told
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.registry import Registry, Thing
+from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -165,24 +165,24 @@ def read_trust_model(
     return registry, name, {**given, **parameters}
 
 
-def parse_named(registry: Registry[Thing], text: str) -> Thing:
+def parse_named(registry: Registry[T], text: str) -> T:
     """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
     """
-    made: Thing = _made(*_parsed(registry, text), text)
+    made: T = _made(*_parsed(registry, text), text)
     return made
 
 
-def named_factory(registry: Registry[Thing], text: str) -> Callable[..., Thing]:
+def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
     """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, or what it names is not of the registry's kind.
     """
     found, name, _ = _parsed(registry, text)
-    factory: Callable[..., Thing] = found.factory(name)
+    factory: Callable[..., T] = found.factory(name)
     return factory
 
 

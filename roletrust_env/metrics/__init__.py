@@ -1,4 +1,4 @@
-"""What games come to in numbers: harm, detection, rank accuracy and what consumers get, each one function."""
+"""Metrics of games: harm, detection, accuracy of rankings and utility of consumers, one function each."""
 
 from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, utility
 from roletrust_env.metrics.detection import Classification, auc, classify, false_alarms, rounds_to_detection

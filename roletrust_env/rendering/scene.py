@@ -1,9 +1,9 @@
-"""What there is to see of a game, read off its state."""
+"""Scene: the visible content of the state of a game."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,28 +12,25 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
 from roletrust_env.world.presence import CUT_OFF, LEFT, WAITING
 
-if TYPE_CHECKING:
-    pass
-
 Floats = npt.NDArray[np.float64]
 
 
 Curves = Sequence[tuple[Any, Any]]
-"""The published trust, ToR (S,) and ToP (P,), at the start and after each round so far, oldest first."""
+"""Published trust, ToR (S,) and ToP (P,), at the start and after each round, oldest first."""
 
 
 _ABSENCES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
 
 
 class Side(NamedTuple):
-    """The raters or the providers of a game, K of them.
+    """Raters or providers of a game, K agents.
 
     Attributes:
-        names: of the agents.
-        trust: ToR or ToP, (K,).
-        attacker: which of them are marked as attackers, (K,), boolean.
-        absences: why an agent is absent, `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
-        captions: a few more words on each.
+        names: Names of the agents.
+        trust: ToR or ToP, shape (K,).
+        attacker: Boolean array of shape (K,), true for agents marked as attackers.
+        absences: Reason why each agent is absent: `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
+        captions: Caption of each agent.
     """
 
     names: tuple[str, ...]
@@ -44,15 +41,15 @@ class Side(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What there is to see of a game after a round.
+    """Visible content of a game after a round.
 
     Attributes:
-        title: name of the scenario.
-        clock: the round and the time.
-        perturbation: its strength in the round just played.
-        raters: S of them.
-        providers: P of them.
-        ratings: that arrived in the last round, NaN where none did, (S, P).
+        title: Name of the scenario.
+        clock: Round and time, as text.
+        perturbation: Strength of the perturbation in the last round.
+        raters: Raters, S agents.
+        providers: Providers, P agents.
+        ratings: Ratings that arrived in the last round, shape (S, P), NaN where none arrived.
     """
 
     title: str
@@ -64,7 +61,7 @@ class Scene(NamedTuple):
 
 
 def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
-    """Read off a state what there is to see."""
+    """Return the scene of a state, with some agents marked as attackers."""
     roster, rules = game.roster, game.scenario
     tor, top = game.published(state)
     played = int(state.round)
@@ -76,11 +73,11 @@ def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     ]
     marked = set(attackers)
     n_sr = roster.n_raters - roster.n_both
-    struck = [blow.strength for blow in rules.perturbations if blow.start < played <= blow.stop]
+    strengths = [p.strength for p in rules.perturbations if p.start < played <= p.stop]
     return Scene(
         rules.name,
         f"round {played} of {rules.max_cycles}  ·  {played * rules.period_s:.1f} s",
-        max(struck, default=0.0),
+        max(strengths, default=0.0),
         _side(roster.rater_names, tor, roster.raters(phase), marked, [""] * n_sr + toa),
         _side(roster.provider_names, top, roster.providers(phase), marked, quality),
         np.where(state.rated, state.ratings, np.nan),

@@ -1,26 +1,22 @@
-"""A game as a text."""
+"""Text rendering of a game."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    pass
 from roletrust_env.rendering.scene import Floats, Scene, Side
 
-_TABLE_LIMIT = 12  # agents on a side up to which the table shows each of them
+_TABLE_LIMIT = 12  # largest number of raters or providers with a row each
 
 
-_FEW = 4  # of the best and of the worst, shown where there are more
+_FEW = 4  # number of the best and of the worst agents shown if there are more than the limit
 
 
 _BAR = 16
 
 
 def as_text(scene: Scene) -> str:
-    """A table of the raters with their ratings, and one of the providers; a summary where there are many."""
+    """Return tables of the raters with their ratings and of the providers; summaries if there are many."""
     header = f"{scene.title}  ·  {scene.clock}"
     if scene.perturbation > 0:
         header += f"  ·  perturbation {scene.perturbation:.0%}"
@@ -39,7 +35,7 @@ def as_text(scene: Scene) -> str:
 
 
 def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> list[str]:
-    """Head and rows of one side; with the ratings that each rater gave, if there is a matrix to show."""
+    """Return the lines of the table of one side, with the ratings of each rater if a matrix is given."""
     width = max(8, *map(len, side.names))
     captions = max(5, *map(len, side.captions))
     head = f"{kind:<{width}}   {trust}  {'':<{_BAR}}"
@@ -60,7 +56,7 @@ def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> li
 
 
 def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
-    """The rows, or if there are too many, means and the best and the worst of those present."""
+    """Return the rows; if there are too many, return means and the best and the worst of the present agents."""
     if len(rows) <= _TABLE_LIMIT:
         return rows
     present = np.asarray([not absence for absence in side.absences])
@@ -70,11 +66,11 @@ def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
         attackers, honest = present & side.attacker, present & ~side.attacker
         summary.append(
             f"{side.attacker.sum()} attackers, mean {trust} {_mean(side.trust[attackers])}; "
-            f"the honest {_mean(side.trust[honest])}"
+            f"honest agents {_mean(side.trust[honest])}"
         )
     if len(best) <= 2 * _FEW:
         return [*summary, *(rows[k] for k in best)]
-    between = f"  ... {len(best) - 2 * _FEW} between"
+    between = f"  ... {len(best) - 2 * _FEW} more"
     return [*summary, *(rows[k] for k in best[:_FEW]), between, *(rows[k] for k in best[-_FEW:])]
 
 
@@ -87,7 +83,7 @@ def _rating(rating: float) -> str:
 
 
 def _bar(value: float, absence: str) -> str:
-    """A bar in eighths of a character; absent agents have none."""
+    """Return a bar with a resolution of an eighth of a character; it is blank for an absent agent."""
     if absence:
         return " " * _BAR
     full, rest = divmod(round(value * _BAR * 8), 8)

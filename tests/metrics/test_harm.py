@@ -29,7 +29,7 @@ def test_damage_to_who_was_never_there_is_undefined() -> None:
     nobody = np.full_like(CALM, NAN)
     score = damage(nobody, nobody, [0])
     assert np.isnan(score.value).all()
-    assert "ever there" in score.why
+    assert "ever present" in score.why
     assert damage(CALM, CALM, [0]).why == ""
 
 
