@@ -48,9 +48,9 @@ def policies() -> Iterator[type[Any]]:
     for package in (roletrust_baselines, roletrust_agents):
         for module in pkgutil.walk_packages([str(Path(package.__path__[0]))], f"{package.__name__}."):
             for cls in vars(importlib.import_module(module.name)).values():
-                if isinstance(cls, type) and issubclass(cls, Policy) and cls.__module__ == module.name:
-                    if dataclasses.is_dataclass(cls):
-                        yield cls
+                own = isinstance(cls, type) and issubclass(cls, Policy) and cls.__module__ == module.name
+                if own and dataclasses.is_dataclass(cls):
+                    yield cls
 
 
 @pytest.mark.parametrize("name", FACTORIES)

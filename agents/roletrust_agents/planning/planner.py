@@ -133,7 +133,7 @@ class Planner:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Let torch use one thread. The arrays are small here, and on a busy machine more threads take four times as long."""
+    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four times as long."""
     import torch
 
     threads = torch.get_num_threads()

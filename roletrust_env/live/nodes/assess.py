@@ -21,7 +21,7 @@ from roletrust_env.randomness import Random
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision import best_margin, probability, view
-from roletrust_env.world.vision.degrade import received
+from roletrust_env.world.vision.degrade import transmit
 
 _DEADLINE = 0.4  # of the period, for cameras that bring no picture: raters must be heard before the manager closes
 
@@ -112,7 +112,7 @@ class _Eye:
             seen = None
         if seen is None:
             return 0.0
-        return probability(best_margin(received(seen, float(self._links.standard_normal()))))
+        return probability(best_margin(transmit(seen, float(self._links.standard_normal()))))
 
 
 class _Critic:

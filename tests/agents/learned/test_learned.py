@@ -226,7 +226,7 @@ def test_missing_files_and_other_weights_are_refused(tmp_path):
         save_attacker(replace(attacker, network=attacker_of(seed=1).network), tmp_path / "x", lambda path, data: None)
     save_attacker(attacker, tmp_path / "x", lambda path, data: path.write_bytes(data))
     (tmp_path / "x.safetensors").write_bytes(files_of(attacker_of(seed=1))[1])
-    with pytest.raises(ValueError, match="x: the weights are not those"):
+    with pytest.raises(ValueError, match="x: the digest of the weights differs"):
         learned(str(tmp_path / "x.json"))
 
 
