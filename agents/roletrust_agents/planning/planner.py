@@ -108,9 +108,8 @@ class Planner:
             if not done:
                 logits = logits[:, :, score.argsort(descending=True)[:survivors]].clone()
         actions = torch.sigmoid(logits).numpy()
-        scores = mean_rewards(true, OpenLoop(actions.astype(true.game.like.dtype)), seed, (survivors, check), SEARCHED)[
-            0
-        ]
+        attacker = OpenLoop(actions.astype(true.game.like.dtype))
+        scores = mean_rewards(true, attacker, seed, (survivors, check), SEARCHED)[0]
         budget.spend(survivors * check * rounds)
         best = int(scores.mean(axis=1).argmax())
         words = f"open loop, best of {starts} starts, {first} + {second} steps"
