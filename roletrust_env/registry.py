@@ -51,6 +51,10 @@ class Registry(Generic[T]):
             raise ValueError(f"{self.kind} {name!r} is already registered")
         self._factories[name] = factory
 
+    def unregister(self, name: str) -> None:
+        """Remove a factory that was registered under a name."""
+        del self._factories[name]
+
     def __contains__(self, name: str) -> bool:
         """Return whether a name is known. Installed packages are searched only if it is not registered here."""
         load_plugins()

@@ -19,6 +19,10 @@ Word = Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
 """One line of text, which a terminal shows as it is."""
 
 
+_OWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments")
+"""Packages of this project, which the metadata of an editable installation does not list."""
+
+
 class Source(UntrustedModel):
     """Of a class."""
 
@@ -38,7 +42,8 @@ def source_of(factory: Callable[..., Any]) -> Source:
     Raises:
         ValueError: some of it stands in no file.
     """
-    kinds = inspect.getmro(factory) if isinstance(factory, type) else (factory,)
+    kind = getattr(factory, "kind", factory)  # of a model that is given as an object
+    kinds = inspect.getmro(kind) if isinstance(kind, type) else (kind,)
     modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
     digest = hashlib.sha256()
     for module in modules:
@@ -71,5 +76,5 @@ def _top(module: str) -> str:
 @cache
 def _package(top: str) -> tuple[str, str]:
     """The name and the version of the installed package that brings a top-level module."""
-    found = packages_distributions().get(top)
+    found = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
     return (found[0], version(found[0])) if found else ("", "")

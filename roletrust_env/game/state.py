@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from roletrust_env.arrays import Array, cast
+from roletrust_env.game.brief import shapes
 from roletrust_env.world.heterogeneity import AgentProperties
 from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
@@ -27,6 +28,9 @@ class Actions(NamedTuple):
     presence: Array | None = None
     withheld: Array | None = None
     treatment: Array | None = None
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class Counts(NamedTuple):
@@ -53,7 +57,7 @@ class State(NamedTuple):
         population: who is present, if that changes.
         motion: Positions and waypoints of the agents, if they move.
         transit: the ratings that are late, if any can be.
-        properties: Ability and perception of the agents, as far as they differ.
+        properties: what agents are like, as far as they differ from the usual.
         full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
     """
 
@@ -71,6 +75,11 @@ class State(NamedTuple):
     transit: InTransit | None
     properties: AgentProperties
     full: bool
+
+    def __repr__(self) -> str:
+        s, p, *batch = self.ratings.shape
+        at = f"round: {int(self.round)}" if not batch else f"batch: {tuple(batch)}"
+        return f"State({at}, raters: {s}, providers: {p}, trust: {type(self.trust).__name__})"
 
 
 class Noise(NamedTuple):
@@ -91,6 +100,9 @@ class Noise(NamedTuple):
     ability: Array | None = None
     bias: Array | None = None
     scale: Array | None = None
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 def intended(actions: Actions, properties: AgentProperties) -> Array:

@@ -82,7 +82,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
     def begin(*_, **__):
         raise BegunError("it has begun")
 
-    monkeypatch.setattr(f"experiments.{work}", begin)
+    monkeypatch.setattr(f"roletrust_experiments.{work}", begin)
     monkeypatch.setattr("roletrust_experiments.training.loop.MANY", 50)  # quickly tried
     monkeypatch.setattr(resources, "available", lambda: 1e9)
     monkeypatch.chdir(tmp_path)

@@ -1,10 +1,10 @@
-"""Saved attackers in games: as policies like the scripted ones, or as the attacker of their own task."""
+"""Trained attackers in games: as policies like the scripted ones, or as the attacker of their own task."""
 
 from typing import Any, ClassVar
 
 import numpy as np
 
-from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
@@ -13,36 +13,40 @@ from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import rollout
-from roletrust_env.game.views import AgentView, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
+from roletrust_env.world.group import Role
+from roletrust_env.world.roster import role_in_name
 
 
 class LearnedPolicy(Policy):
-    """Policy of a trained attacker that controls one agent. `make_policy` returns the class for the agent's role.
+    """Policy of a trained attacker that controls one agent.
+
+    `learned_policy` returns the policy of a saved attacker, and `policy_of` that of a model of Stable-Baselines3.
 
     The observations are those of the training, so the games must have the same number of raters and providers. In a
-    longer game, the observed time stops at the end of the time known from training.
+    longer game, the observed time stops at the end of the game length known from training.
 
     Args:
-        attacker: Saved attacker of one agent, with the knowledge `"black_box"`.
+        decide: Network or model that was trained for one agent, with the knowledge `"black_box"`.
+        layout: Layout of the observations in training.
+        description: Description of this attacker, for its `repr`.
     """
 
-    def __init__(self, attacker: SavedAttacker) -> None:
-        self.attacker = attacker
-        self._layout = attacker.layout
+    def __init__(self, decide: Decider, layout: Layout, description: str) -> None:
+        self._decider, self._layout, self._description = decide, layout, description
 
     def __repr__(self) -> str:
-        card = self.attacker.card
-        return f"{type(self).__name__}({card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]})"
+        return f"{type(self).__name__}({self._description})"
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return the memory of the LSTM, if there is one. See `Policy.begin`."""
-        return self.attacker.network.begin(random.uniform(shape)) if self.attacker.card.architecture.lstm else None
+        return self._decider.begin(random.uniform(shape)) if self._decider.has_memory else None
 
     def _decide(self, observation: Array, memory: Any) -> tuple[Array, Any]:
         """Return the action, shape (A, ...), for an observation, shape (K, ...), clipped to the range of training."""
         try:
-            return self.attacker.network(namespace(observation).clip(observation, 0.0, 1.0), memory)
+            return self._decider(namespace(observation).clip(observation, 0.0, 1.0), memory)
         except ValueError as error:
             size = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
             raise ValueError(f"{self!r} was trained with {size}, and can play only with as many: {error}") from None
@@ -84,21 +88,27 @@ class LearnedBoth(LearnedPolicy):
         return action[0], action[1:], memory
 
 
-def make_policy(attacker: SavedAttacker) -> LearnedPolicy:
+def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     """Return the policy of a saved attacker.
 
     Raises:
         ValueError: The attacker controls several agents, or observes more than a view of its agent. Such attackers play
             in their own task, see `play_task`.
     """
-    task = attacker.card.task
+    card, task = attacker.card, attacker.card.task
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
             f"the attacker controls {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy controls "
             "one agent with black_box knowledge. The attacker can play in its own task: see `play_task`"
         )
-    classes = {"sp": LearnedProvider, "sr": LearnedRater, "srsp": LearnedBoth}
-    return classes[task.compromised[0].partition("_")[0]](attacker)
+    description = f"{card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]}"
+    return policy_for(role_in_name(task.compromised[0]), attacker.network, attacker.layout, description)
+
+
+def policy_for(role: Role, decide: Decider, layout: Layout, description: str) -> LearnedPolicy:
+    """Return the policy for an agent of a role. The other arguments are those of `LearnedPolicy`."""
+    classes: dict[Role, type[LearnedPolicy]] = {"SP": LearnedProvider, "SR": LearnedRater, "SR+SP": LearnedBoth}
+    return classes[role](decide, layout, description)
 
 
 def learned(path: str) -> LearnedPolicy:
@@ -110,7 +120,7 @@ def learned(path: str) -> LearnedPolicy:
     Raises:
         ValueError: The files are not valid, or the attacker does not control one agent with black-box knowledge.
     """
-    return make_policy(load_attacker(path))
+    return learned_policy(load_attacker(path))
 
 
 def play_task(task: AttackTask, network: Network | None, *, games: int, seed: int) -> Array:

@@ -12,7 +12,6 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from roletrust_agents.learned.methods import learned_methods
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
 from roletrust_env import make_scenario
@@ -109,6 +108,7 @@ def ladder(
     [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned results/colluders[/]
     """
     require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
+    from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
 

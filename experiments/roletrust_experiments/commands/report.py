@@ -61,7 +61,7 @@ def report(
     write_text(out / "report.html", page(content, command))
     written = "report.html"
     if told := content.robustness:
-        write_text(out / "leaderboard.md", leaderboard_markdown(told.suite, told.standings, told.command))
+        write_text(out / "leaderboard.md", leaderboard_markdown(told.leaderboard, told.command))
         written += ", leaderboard.md"
     console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
 

@@ -7,7 +7,6 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
-from roletrust_agents.learned.network_attacker import NetworkAttacker
 
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.metrics.confidence import over_games
@@ -48,6 +47,7 @@ def zoo(
     """
     require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned import saved
+    from roletrust_agents.learned.network_attacker import NetworkAttacker
 
     folder = folder or saved.ZOO
     known = saved.zoo(folder)

@@ -25,7 +25,7 @@ EVERYONE, STILL = "than everyone", "than still"
 def answer(asked: Asked) -> Finding:
     """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
     radii = sorted({*asked.some(_RADII), _NEAR, _USUAL, _EVERYONE})
-    liars = dict.fromkeys(last(_robots(asked, _USUAL, 0.0), "sr", _LIARS), BadMouthing())
+    liars = dict.fromkeys(last(_robots(asked, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
         for radius in asked.progress.track(radii, description=f"movement, {label}"):

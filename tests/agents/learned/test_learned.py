@@ -8,7 +8,7 @@ from attackers import attacker_of, changed, files_of
 from roletrust_agents.learned.cards import (
     Card,
 )
-from roletrust_agents.learned.policy import LearnedBoth, learned, make_policy, play_task
+from roletrust_agents.learned.policy import LearnedBoth, learned, learned_policy, play_task
 from roletrust_agents.learned.saved import (
     digest,
     load_attacker,
@@ -35,7 +35,7 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 def test_the_policy_plays_as_the_attacker_does_in_its_task(agent, lstm):
     attacker = attacker_of((agent,), lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=3, seed=1)
-    joint_policy = JointPolicy(attacker.task().game, {agent: make_policy(attacker)})
+    joint_policy = JointPolicy(attacker.task().game, {agent: learned_policy(attacker)})
     history = record(joint_policy, Random(np.random.default_rng(1), np.zeros((), np.float32)), (3,))
     honest = [j for j in range(3) if agent != f"sp_{j}"]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
@@ -44,7 +44,7 @@ def test_the_policy_plays_as_the_attacker_does_in_its_task(agent, lstm):
 def test_the_policy_plays_in_a_pettingzoo_game_as_in_a_batch():
     attacker = attacker_of(("sr_1",), lstm=4)
     env = parallel_env(attacker.card.scenario)
-    policies = {name: make_policy(attacker) if name == "sr_1" else Policy() for name in env.possible_agents}
+    policies = {name: learned_policy(attacker) if name == "sr_1" else Policy() for name in env.possible_agents}
     players = {name: Player(policy, name, env.layout) for name, policy in policies.items()}
     seen, _ = env.reset(seed=0)
     damage = []
@@ -57,7 +57,7 @@ def test_the_policy_plays_in_a_pettingzoo_game_as_in_a_batch():
 def test_it_plays_on_torch_and_several_agents_share_it():
     torch = pytest.importorskip("torch")
     attacker = attacker_of(("sp_2",))
-    policy = make_policy(attacker)
+    policy = learned_policy(attacker)
     numpy_game = Game(attacker.card.scenario)
     torch_game = Game(attacker.card.scenario, like=torch.zeros((), dtype=torch.float64))
     joint_policy = {"sp_0": policy, "sp_2": policy}
@@ -72,7 +72,7 @@ def test_it_plays_on_torch_and_several_agents_share_it():
 
 def test_an_agent_with_both_roles_decides_on_both_at_once():
     attacker = attacker_of(("srsp_5",), "peers", lstm=3)
-    policy = make_policy(attacker)
+    policy = learned_policy(attacker)
     assert isinstance(policy, LearnedBoth)
     observation = np.random.default_rng(0).random((attacker.card.architecture.inputs, 5))
     view = attacker.layout.both(observation)
@@ -89,7 +89,7 @@ def test_an_agent_with_both_roles_decides_on_both_at_once():
 def test_an_agent_with_both_roles_plays_as_in_its_task(lstm):
     attacker = attacker_of(("srsp_5",), "peers", lstm=lstm)
     score = play_task(attacker.task(), attacker.network, games=2, seed=1)
-    joint_policy = JointPolicy(attacker.task().game, {"srsp_5": make_policy(attacker)})
+    joint_policy = JointPolicy(attacker.task().game, {"srsp_5": learned_policy(attacker)})
     history = record(joint_policy, Random(np.random.default_rng(1), np.zeros((), np.float32)), (2,))
     honest = [j for j in range(9) if j != 5]
     assert np.allclose((1 - history.top[:, honest]).mean(axis=(0, 1)), score, atol=1e-6)
@@ -129,7 +129,7 @@ def test_honest_play_is_the_scripted_one():
 def test_one_mind_or_more_knowledge_is_no_policy(options):
     attacker = attacker_of(**options)
     with pytest.raises(ValueError, match="play_task"):
-        make_policy(attacker)
+        learned_policy(attacker)
     assert play_task(attacker.task(), attacker.network, games=2, seed=0).shape == (2,)
 
 
@@ -139,13 +139,13 @@ def test_white_box_attackers_are_saved_too():
 
 
 def test_a_game_of_another_size_is_refused():
-    joint_policy = JointPolicy(Game(make_scenario("crowd-10x10")), {"sp_2": make_policy(attacker_of())})
+    joint_policy = JointPolicy(Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())})
     with pytest.raises(ValueError, match="trained with 3 raters and 3 providers"):
         record(joint_policy, Random(np.random.default_rng(0)))
 
 
 def test_in_a_longer_game_its_clock_stands_still():
-    policy = make_policy(attacker_of())
+    policy = learned_policy(attacker_of())
     history = record(JointPolicy(Game(make_scenario("paper-3x3")), {"sp_2": policy}), Random(np.random.default_rng(0)))
     assert history.quality.shape[0] == make_scenario("paper-3x3").max_cycles
 

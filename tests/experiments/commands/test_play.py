@@ -191,7 +191,7 @@ def test_video(tmp_path):
         (["--trust-model", "mean", "--trust-model", "mean"], "twice"),
         (["--trust-model", "mine"], "'roletrust_env.trust_models'"),
         (["--trust-model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
-        (["--trust-model", "baselines:OnOff"], "must make a TrustModel"),
+        (["--trust-model", "roletrust_baselines:OnOff"], "must make a TrustModel"),
         (["--attack", "sr_0=roletrust_env.trust:Mean"], "must make a Policy"),
         (["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"], "targets has 'sp_7'; the providers are sp_0"),
     ],
