@@ -1,8 +1,8 @@
 """The search space of a kind of attack, as its class declares it on its fields.
 
 A field whose type has a range (`Share`, `Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the
-places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature.
-A field marked `NotSearched`, and every other field, keeps its default. The exceptions are facts of the game:
+places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. A
+field marked `NotSearched`, and every other field, keeps its default. The exceptions are facts of the game:
 `Accomplices` and `GameLength`.
 """
 
@@ -22,7 +22,7 @@ from roletrust_env.ranges import Accomplices, GameLength, GridValues, Identities
 AttackKind = Callable[..., Policy]
 """Class of a policy, or a `functools.partial` of it that fixes some parameters."""
 
-SearchRange = SearchRange | Victims | Identities | tuple[Any, ...]
+ParameterRange = SearchRange | Victims | Identities | tuple[Any, ...]
 """Range of a parameter in a search: an interval, victims, identities, or the options of a `Literal`."""
 
 HONEST = Policy()
@@ -203,12 +203,14 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: i
     return Coordinate(name, at, chosen.values if chosen else tried)
 
 
-def _declared(hint: Any) -> SearchRange | None:
+def _declared(hint: Any) -> ParameterRange | None:
     """Return the search range of a type; None without one."""
     if _mark(hint, NotSearched):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: SearchRange | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
+    found: ParameterRange | None = (
+        _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
+    )
     return found
 
 
