@@ -150,7 +150,7 @@ def game_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
-def declared_ranges(kind: Any) -> dict[str, SearchRange]:
+def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
     """Return the search ranges that a kind of attack declares, by the parameter's name.
 
     Args:
