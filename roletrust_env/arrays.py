@@ -64,7 +64,7 @@ def cast(array: Array, dtype: Any) -> Array:
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
 
 
-def masked_mean(values: Array, mask: Array) -> Array:
+def mean_or_zero(values: Array, mask: Array) -> Array:
     """Return the mean along the first axis over the entries where the mask is true, and 0 where it never is.
 
     Args:

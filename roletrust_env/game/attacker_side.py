@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import reduce
 
-from roletrust_env.arrays import Array, masked_mean, namespace
+from roletrust_env.arrays import Array, mean_or_zero, namespace
 from roletrust_env.game.state import Actions
 from roletrust_env.world.presence import PRESENT, WAITING
 from roletrust_env.world.roster import Roster
@@ -73,7 +73,7 @@ class AttackerSide:
         """The mean over the agents that provide; of one with several identities the mean over those that are there."""
         if present is None or all(len(own) == 1 for own in self._sellers):
             return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
-        means = [masked_mean(values[own, ...], present[own, ...]) for own in self._sellers]
+        means = [mean_or_zero(values[own, ...], present[own, ...]) for own in self._sellers]
         return namespace(values).stack(means).mean(axis=0)
 
     def gap(
@@ -119,4 +119,4 @@ def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
 def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
     """The mean of some rows, of those that are present; 0 if none is."""
     rows = values[places, ...]
-    return rows.mean(axis=0) if present is None else masked_mean(rows, present[places, ...])
+    return rows.mean(axis=0) if present is None else mean_or_zero(rows, present[places, ...])

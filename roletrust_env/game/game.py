@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copy, masked_mean, namespace
+from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
@@ -204,7 +204,7 @@ class Game:
         served = self._served(state, population, motion, top, noise)
         chosen = intended(actions, state.properties)
         if actions.treatment is not None:
-            quality = masked_mean(chosen, served)
+            quality = mean_or_zero(chosen, served)
         else:
             chosen = quality = copy(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
         strength, perception = self._perturbations.strength(state.round), state.properties.perception

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import nan_mean
+from roletrust_env.metrics.score import mean_or_nan
 
 Floats = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def over_games(values: Floats) -> Mean:
     """
     known = ~np.isnan(values)
     n = known.sum(axis=-1)
-    mean = nan_mean(values, axis=-1)
+    mean = mean_or_nan(values, axis=-1)
     squares = np.where(known, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.sqrt(squares / (n - 1) / n)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, nan_mean, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
 
 
 class Classification(NamedTuple):
@@ -108,7 +108,7 @@ def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -
         threshold: Threshold of trust.
     """
     of_honest = trust[:, list(honest)]
-    share = nan_mean(np.where(np.isnan(of_honest), np.nan, of_honest < threshold), axis=(0, 1))
+    share = mean_or_nan(np.where(np.isnan(of_honest), np.nan, of_honest < threshold), axis=(0, 1))
     return Score.where(~np.isnan(share), share, "no honest agent was ever present")
 
 

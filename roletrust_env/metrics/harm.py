@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import Floats, Score, as_numbers, nan_mean, ratio
+from roletrust_env.metrics.score import Floats, Score, as_numbers, mean_or_nan, ratio
 
 
 class WorstAttack(NamedTuple):
@@ -35,7 +35,7 @@ def damage(trust: Floats, paired: Floats, agents: Sequence[int]) -> Score:
     """
     absent = np.isnan(paired) & np.isnan(trust)
     difference = np.where(absent, np.nan, _fill_forward(paired) - _fill_forward(trust))[:, list(agents)]
-    loss = nan_mean(difference, axis=(0, 1))
+    loss = mean_or_nan(difference, axis=(0, 1))
     return Score.where(~np.isnan(loss), loss, "none of the agents was ever present")
 
 
@@ -56,7 +56,7 @@ def recovery(trust: Floats, paired: Floats, agents: Sequence[int], stop: int, wi
     """
     if not 0 <= stop < len(trust):
         raise ValueError(f"stop is {stop}; it must be a round of the game, from 0 to {len(trust) - 1}")
-    after = nan_mean(trust[stop:, list(agents)], axis=1) - nan_mean(paired[stop:, list(agents)], axis=1)
+    after = mean_or_nan(trust[stop:, list(agents)], axis=1) - mean_or_nan(paired[stop:, list(agents)], axis=1)
     recovered = abs(after) <= within
     return Score.where(recovered.any(axis=0), recovered.argmax(axis=0), "trust did not recover before the game ended")
 
@@ -88,7 +88,7 @@ def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> WorstAttack:
     """
     if not damages:
         raise ValueError("damages is empty; there must be at least one attack")
-    means = {attack: float(nan_mean(as_numbers(damage).reshape(-1), 0)) for attack, damage in damages.items()}
+    means = {attack: float(mean_or_nan(as_numbers(damage).reshape(-1), 0)) for attack, damage in damages.items()}
     for attack, mean in means.items():
         if np.isnan(mean):
             raise ValueError(f"the damage by {attack!r} is undefined in every game")

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, nan_mean, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
 
 
 def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -> Score:
@@ -58,7 +58,7 @@ def absolute_error(trust: Floats, quality: Floats) -> Score:
         trust: Trust of the providers, shape (P, ...), NaN where undefined.
         quality: True quality of the providers, shape (P, ...), see `kendall_tau`.
     """
-    error = nan_mean(abs(trust - quality), axis=0)
+    error = mean_or_nan(abs(trust - quality), axis=0)
     return Score.where(~np.isnan(error), error, "no provider has a trust")
 
 
@@ -91,4 +91,4 @@ def _ranks(values: Floats) -> Floats:
 
 def _centred(values: Floats) -> Floats:
     """Return the values minus their mean along the first axis; 0 where a value is NaN."""
-    return np.where(np.isnan(values), 0.0, values - nan_mean(values, axis=0))
+    return np.where(np.isnan(values), 0.0, values - mean_or_nan(values, axis=0))

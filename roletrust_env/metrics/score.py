@@ -44,7 +44,7 @@ def as_numbers(score: Score | npt.ArrayLike) -> Floats:
     return np.asarray(score.value if isinstance(score, Score) else score, np.float64)
 
 
-def nan_mean(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+def mean_or_nan(values: Floats, axis: int | tuple[int, ...]) -> Floats:
     """Return the mean along some axes over all values but NaN; NaN if there are none."""
     known = ~np.isnan(values)
     return ratio(np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis))

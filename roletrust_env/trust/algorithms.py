@@ -245,7 +245,7 @@ def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None
     return total(rho * tor[:, None, ...] * values, 0)
 
 
-def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
+def mean_or_zero(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
     """The mean of the values inside the mask along an axis, 0 where there are none, and their number.
 
     A mask of None is true everywhere.
@@ -273,7 +273,7 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
     Written as a step from the previous value, which is then exact where there is nothing to step to.
 
     Args:
-        value: the mean of a round, as of `masked_mean`.
+        value: the mean of a round, as of `mean_or_zero`.
         previous: the smoothed value before the round.
         lam: weight of the newest round.
         count: of how many it is the mean; 0 where nothing happened.

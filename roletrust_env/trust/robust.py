@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.algorithms import Notes, Trusts, mean_or_zero, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -57,6 +57,6 @@ class ByCentre(Smoothed, ABC):
         """One round of ratings. See `TrustModel.update`."""
         notes = Notes.of(ratings, mask)
         centre = self.centre(notes)
-        distance, given = masked_mean(abs(notes.values - centre), mask, axis=1)
+        distance, given = mean_or_zero(abs(notes.values - centre), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         return Trusts(tor, smooth(centre, state.top, self.lam, notes.received))

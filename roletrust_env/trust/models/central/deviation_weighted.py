@@ -2,7 +2,7 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.algorithms import Notes, Trusts, mean_or_zero, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -27,8 +27,8 @@ class DeviationWeighted(Smoothed):
     def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
         """One round of ratings. See `TrustModel.update`."""
         notes = Notes.of(ratings, mask)
-        average, received = masked_mean(notes.values, mask, axis=0)
-        distance, given = masked_mean(abs(notes.values - average), mask, axis=1)
+        average, received = mean_or_zero(notes.values, mask, axis=0)
+        distance, given = mean_or_zero(abs(notes.values - average), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         # Nobody is as far as 1 from an average that has a part in it, so those who rate weigh more than 0.
         quality = weighted_mean(notes.values, notes.weigh(tor[:, None, ...]), axis=0)

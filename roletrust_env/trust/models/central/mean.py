@@ -2,7 +2,7 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Trusts, masked_mean, smooth
+from roletrust_env.trust.algorithms import Trusts, mean_or_zero, smooth
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -25,5 +25,5 @@ class Mean(Smoothed):
 
     def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
         """One round of ratings. See `TrustModel.update`."""
-        average, raters = masked_mean(ratings, mask, axis=0)
+        average, raters = mean_or_zero(ratings, mask, axis=0)
         return Trusts(state.tor, smooth(average, state.top, self.lam, raters))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, largest, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Lam, Power, Share
-from roletrust_env.trust.algorithms import masked_mean, sinc, smooth, weighted_mean
+from roletrust_env.trust.algorithms import mean_or_zero, sinc, smooth, weighted_mean
 
 _LEAST = 0.01
 """Of a rater's trust, as far as its weight goes: where nobody is believed, somebody still has to count."""
@@ -82,7 +82,7 @@ class WaryRoleTrust:
         fresh = xp.where(mask, 1.0, self.keep * state.fresh)
         below = last - largest(xp.where(fresh > 0, last, 0.0))  # raters who agree are exactly 0 apart
         consensus = weighted_mean(below, self._weights(fresh, state.tor), axis=0)
-        distance, given = masked_mean(xp.sqrt(abs(below - consensus)), mask, axis=1)
+        distance, given = mean_or_zero(xp.sqrt(abs(below - consensus)), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         quality = weighted_mean(sinc(1 - last) * last, self._weights(fresh, tor), axis=0)
         return WaryState(tor, self._moved(state.top, quality, mask), last, fresh)
