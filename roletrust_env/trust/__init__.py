@@ -1,6 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
-from roletrust_env.trust.algorithms import agent_trust, mean_or_zero, provider_trust, rater_trust, smooth
+from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
 from roletrust_env.trust.model import (
     Traits,
     TrustModel,
@@ -20,7 +20,7 @@ __all__ = [
     "agent_trust",
     "check_trust_model",
     "make_trust_model",
-    "mean_or_zero",
+    "masked_mean",
     "provider_trust",
     "rater_trust",
     "register_trust_model",

@@ -29,7 +29,7 @@ from roletrust_env.game.attack_task import AttackTask, make_task
 from roletrust_env.parameters import refuse_unknown
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, Traits
-from roletrust_env.trust.algorithms import Notes, rater_quality
+from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
 
 SOFT = 1e-8
 """Smoothing of the planner's copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
@@ -43,8 +43,8 @@ class SmoothRoleTrust(RoleTrust):
     from that of role-trust by at most sqrt(s), see `SOFT`. The final sequences are scored by the exact role-trust.
     """
 
-    def _rater_quality(self, notes: Notes) -> Array:
-        return rater_quality(notes, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+    def _rater_quality(self, masked: MaskedRatings) -> Array:
+        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
 
 
 @refuse_unknown
@@ -155,7 +155,7 @@ def _smooth_task(arguments: TaskArguments) -> AttackTask:
     if game.scenario.service != "synthetic":
         raise UnsuitableError("the camera service is not differentiable")
     model = game.model
-    if not Traits.of(model).smooth:
+    if not Traits.of(model).differentiable:
         raise UnsuitableError(f"trust jumps under {type(model).__name__}, so it is not differentiable")
     if type(model) is RoleTrust:
         model = SmoothRoleTrust(lam=model.lam, initial=model.initial)

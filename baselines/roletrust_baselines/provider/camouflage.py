@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
-from roletrust_env.game.schedule import woken
+from roletrust_env.game.schedule import wake
 from roletrust_env.game.views import ProviderView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -32,4 +32,4 @@ class Camouflage(CheatingProvider):
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether its trust has been high enough in an active round. See `CheatingProvider.cheats`."""
-        return woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
+        return wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)

@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.schedule import woken
+from roletrust_env.game.schedule import wake
 from roletrust_env.game.views import RaterView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -36,5 +36,5 @@ class CamouflageRating(BadMouthing):
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the lies of `BadMouthing` once it is awake, and honest ratings before. See `LyingRater.lies`."""
         lies, _ = super().lies(view, None, random)
-        awake, memory = woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
+        awake, memory = wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
         return namespace(lies).where(awake, lies, view.service), memory
