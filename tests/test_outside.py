@@ -63,7 +63,7 @@ from typing import Annotated, ClassVar
 from pydantic.dataclasses import dataclass
 
 from roletrust_env import Policy
-from roletrust_env.ranges import Searched, Share
+from roletrust_env.ranges import SearchRange, Share
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Gossip(Policy):
     """Rates everybody a little lower, from some round on."""
 
     harm: Share = 0.5
-    since: Annotated[int, Searched(0, 4)] = 2
+    since: Annotated[int, SearchRange(0, 4)] = 2
     attacks: ClassVar = frozenset({"ratings"})
 
     def ratings(self, view, memory, random):

@@ -87,7 +87,7 @@ def searching(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchMet
         kinds: of the scripted attacks that are searched, see `Scripts.of`.
     """
     offered = {} if kinds is None else {"attacks": tuple(kinds)}
-    return search_methods.make(rung, **search_methods.taken(rung, offered))
+    return search_methods.make(rung, **search_methods.accepted_parameters(rung, offered))
 
 
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:

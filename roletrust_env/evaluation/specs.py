@@ -14,7 +14,7 @@ from typing import Any
 from roletrust_env import Policy, Scenario
 from roletrust_env.evaluation.attack_space import AttackKind, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.registry import Registry, Thing
+from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -97,7 +97,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        seated.append((_agents(pattern.strip(), roster.first_names), attacker))
+        seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
     accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
     policies: dict[str, Policy] = {}
@@ -161,28 +161,28 @@ def read_trust_model(
             raise ValueError(
                 f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
             )
-    given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
+    given = registry.accepted_parameters(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
     return registry, name, {**given, **parameters}
 
 
-def parse_named(registry: Registry[Thing], text: str) -> Thing:
+def parse_named(registry: Registry[T], text: str) -> T:
     """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
     """
-    made: Thing = _made(*_parsed(registry, text), text)
+    made: T = _made(*_parsed(registry, text), text)
     return made
 
 
-def named_factory(registry: Registry[Thing], text: str) -> Callable[..., Thing]:
+def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
     """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, or what it names is not of the registry's kind.
     """
     found, name, _ = _parsed(registry, text)
-    factory: Callable[..., Thing] = found.factory(name)
+    factory: Callable[..., T] = found.factory(name)
     return factory
 
 
@@ -241,7 +241,7 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
-    return registry.own(module, name)
+    return registry.for_class(module, name)
 
 
 def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> None:

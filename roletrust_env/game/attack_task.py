@@ -100,7 +100,7 @@ class AttackTask:
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))
-        _check_names("compromised", compromised, roster.first_names)
+        _check_names("compromised", compromised, roster.owner_names)
         _check_names("accomplices", accomplices, roster.provider_names)
         if not compromised:
             raise ValueError("compromised is empty; the attacker must control an agent")

@@ -37,7 +37,7 @@ class AttackerSide:
             name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
         ]
         self._in_gap = places(rows, roster.names)
-        self._reserve = self._mask(like, [roster.turn[place] > 0 for place in self._in_gap])
+        self._reserve = self._mask(like, [roster.identity_index[place] > 0 for place in self._in_gap])
         of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
         longest = max(map(len, of_agent))
         self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]

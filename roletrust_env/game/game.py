@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, mean_or_zero, namespace
+from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
@@ -24,7 +24,7 @@ from roletrust_env.trust.model import Traits, start_model
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.world import access, mobility, rating_delivery
-from roletrust_env.world.heterogeneity import Natures
+from roletrust_env.world.heterogeneity import AgentPropertySampler
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -60,32 +60,32 @@ class Game:
             raise ValueError(f"like is of dtype {like.dtype}; games are played in float32 or float64")
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
-            trust_model = trust_models.make(trust_model, **trust_models.taken(trust_model, offered))
+            trust_model = trust_models.make(trust_model, **trust_models.accepted_parameters(trust_model, offered))
         if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
-        self._peers = self._constant(~roster.stranger)
+        self._peers = self._constant(~roster.not_self)
         check_trust_model(trust_model, self._peers, like)
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
-        self._natures = Natures(roster, like)
+        self._property_sampler = AgentPropertySampler(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
         self._luck = NoiseSource(scenario, roster, self.presence.changes, like)
-        self._stranger = self._constant(roster.stranger)
+        self._not_self = self._constant(roster.not_self)
         self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
         self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
-        rating, providing = roster.on_duty(scenario.max_cycles)
+        rating, providing = roster.role_schedule(scenario.max_cycles)
         always = bool(rating.all() and providing.all())
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
         self._watched = needs_watching(trust_model)
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
-        self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
+        self._everyone = open_to_all and bool(roster.not_self.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is read out once.
         self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
@@ -110,7 +110,7 @@ class Game:
             start: whether this is for `start`, which takes luck of its own.
         """
         if self._on_numpy and not (start and self._luck.starts):
-            return random.deal(self._luck, batch)
+            return random.draw_noise(self._luck, batch)
         return self.luck(random.round_key(), batch, start=start)
 
     def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
@@ -123,7 +123,7 @@ class Game:
             batch: shape of the batch.
             start: whether this is for `start`, which takes luck of its own.
         """
-        return self._luck.of_round(key, batch, start)
+        return self._luck.make_round(key, batch, start)
 
     def start(self, noise: Noise) -> State:
         """The state before the first round."""
@@ -134,20 +134,20 @@ class Game:
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
             trust=start_model(self.model, nothing, self._peers),
             ratings=nothing,
-            rated=self._over(self._stranger & False, nothing.shape),
+            rated=self._over(self._not_self & False, nothing.shape),
             quality=xp.zeros_like(nothing[0]),
             service=xp.zeros_like(nothing),
-            awaiting=self._over(self._stranger & False, nothing.shape),
+            awaiting=self._over(self._not_self & False, nothing.shape),
             value=self._payoff.next_value(nothing[0] + 1, noise.value),
             counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
             if roster.n_both
             else None,
             population=self.presence.start(noise.presence) if self.presence.changes else None,
-            places=mobility.place(rules.access, noise.position, noise.goal)
+            motion=mobility.scatter(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)
             else None,
             transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
-            nature=self._natures.start(nothing, noise.ability, noise.bias, noise.scale),
+            properties=self._property_sampler.start(nothing, noise.ability, noise.bias, noise.scale),
             full=False,
         )
 
@@ -175,7 +175,7 @@ class Game:
         )
         full = state.full and self._lossless and withheld is None
         if full:
-            ratings = copied(ratings)  # whoever sent them may write to theirs again
+            ratings = copy(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated
         if self._watched:
             trust, tor, top = watched_update(self.model, state.trust, ratings, mask, state.round)
@@ -197,18 +197,18 @@ class Game:
         if population is not None:
             agents = self._payoff.agent_trust(tor, top, counts)
             population = self.presence.step(population, state.round + 1, agents, noise.presence, actions.presence)
-        places = state.places
-        if places is not None and isinstance(rules.access, InRange):
-            places = mobility.move(rules.access, places, noise.goal)
+        motion = state.motion
+        if motion is not None and isinstance(rules.access, InRange):
+            motion = mobility.move(rules.access, motion, noise.goal)
 
-        served = self._served(state, population, places, top, noise)
-        chosen = intended(actions, state.nature)
+        served = self._served(state, population, motion, top, noise)
+        chosen = intended(actions, state.properties)
         if actions.treatment is not None:
             quality = mean_or_zero(chosen, served)
         else:
-            chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
-        strength, taste = self._perturbations.strength(state.round), state.nature.taste
-        service = self.service.perceive(chosen, strength, state.round, noise.perception, taste)
+            chosen = quality = copy(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
+        strength, perception = self._perturbations.strength(state.round), state.properties.perception
+        service = self.service.perceive(chosen, strength, state.round, noise.perception, perception)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -222,9 +222,9 @@ class Game:
             value=self._payoff.next_value(state.value, noise.value),
             counts=counts,
             population=population,
-            places=places,
+            motion=motion,
             transit=transit,
-            nature=state.nature,
+            properties=state.properties,
             full=self._everyone,
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
@@ -255,7 +255,7 @@ class Game:
             actions: of all agents in the round.
             after: the state after it.
         """
-        xp, quality = namespace(self.like), intended(actions, before.nature)
+        xp, quality = namespace(self.like), intended(actions, before.properties)
         for _, providing in self._acting(before, after.population):
             quality = xp.where(providing, quality, self._nowhere)
         return quality
@@ -305,8 +305,8 @@ class Game:
             present = self._over(self._everybody, (self.roster.n_agents, *batch))
         parts = [self._clock(state) / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
         parts += [state.service, state.awaiting, state.ratings, state.rated]
-        if state.places is not None and isinstance(self.scenario.access, InRange):
-            parts.append(state.places.position / self.scenario.access.arena)
+        if state.motion is not None and isinstance(self.scenario.access, InRange):
+            parts.append(state.motion.position / self.scenario.access.arena)
         return xp.concat([part.reshape(-1, *batch) for part in parts])
 
     def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
@@ -324,17 +324,17 @@ class Game:
         self,
         state: State,
         population: Population | None,
-        places: mobility.Places | None,
+        motion: mobility.Motion | None,
         top: Array,
         noise: Noise,
     ) -> Array:
         """Who is served by whom in this round, shape (S, P, ...), boolean."""
         rules, roster = self.scenario, self.roster
-        served = self._over(self._stranger, state.awaiting.shape)
+        served = self._over(self._not_self, state.awaiting.shape)
         for rating, providing in self._acting(state, population):
             served = served & rating[:, None, ...] & providing[None, ...]
-        if places is not None and isinstance(rules.access, InRange):
-            position = places.position
+        if motion is not None and isinstance(rules.access, InRange):
+            position = motion.position
             near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
             served = served & near
         if isinstance(rules.access, Choice):

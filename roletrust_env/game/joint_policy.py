@@ -123,9 +123,9 @@ class JointPolicy:
             if name in roster.rater_names:
                 group.rater.append(roster.rater_names.index(name))
         self._groups = tuple(groups.values())
-        self._has_reserve = any(roster.turn)
-        self._before = list(roster.before)
-        self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+        self._has_reserve = any(roster.identity_index)
+        self._before = list(roster.previous_identity)
+        self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
 
     def __repr__(self) -> str:
         seated = players(self.policies) or "all play honestly"

@@ -63,14 +63,14 @@ class NoiseSource:
         self._like = like
         self._cells = sum(prod(shape) for _, shape in self._fields.values())
 
-    def ahead(self, batch: tuple[int, ...]) -> int:
+    def rounds_at_once(self, batch: tuple[int, ...]) -> int:
         """Return the number of rounds for which noise is best made at once; small arrays gain from more than one."""
         numbers = max(1, self._cells * prod(batch))
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter_rng.BLOCK // numbers)
 
-    def of_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
+    def make_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
         """Return the noise of one round, or of the start, which uses all fields. The key has shape (STREAMS, 4)."""
-        games = counter_rng.whole(self._like, prod(batch))
+        games = counter_rng.counters(self._like, prod(batch))
 
         def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [key[stream, k : k + 1] for k in range(4)]
@@ -78,10 +78,10 @@ class NoiseSource:
 
         return self._noise(make, start)
 
-    def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
+    def make_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
         """Return the noise of R rounds, on NumPy. The keys have shape (R, STREAMS, 4)."""
         rounds, games = len(keys), prod(batch)
-        numbers = np.tile(counter_rng.whole(self._like, games), rounds)
+        numbers = np.tile(counter_rng.counters(self._like, games), rounds)
 
         def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [np.repeat(keys[:, stream, k], games) for k in range(4)]

@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 from roletrust_env.arrays import Array, cast
 from roletrust_env.game.brief import shapes
-from roletrust_env.world.heterogeneity import Nature
-from roletrust_env.world.mobility import Places
+from roletrust_env.world.heterogeneity import AgentProperties
+from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
 from roletrust_env.world.rating_delivery import InTransit
 
@@ -55,9 +55,9 @@ class State(NamedTuple):
         value: of the service that each provider provides next, (P, ...).
         counts: services rated and provided so far by SR+SP agents, if there are any.
         population: who is present, if that changes.
-        places: where the agents are, if they move.
+        motion: Positions and waypoints of the agents, if they move.
         transit: the ratings that are late, if any can be.
-        nature: what agents are like, as far as they differ from the usual.
+        properties: what agents are like, as far as they differ from the usual.
         full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
     """
 
@@ -71,9 +71,9 @@ class State(NamedTuple):
     value: Array
     counts: Counts | None
     population: Population | None
-    places: Places | None
+    motion: Motion | None
     transit: InTransit | None
-    nature: Nature
+    properties: AgentProperties
     full: bool
 
     def __repr__(self) -> str:
@@ -105,9 +105,9 @@ class Noise(NamedTuple):
         return shapes(self)
 
 
-def intended(actions: Actions, nature: Nature) -> Array:
+def intended(actions: Actions, properties: AgentProperties) -> Array:
     """The quality that providers have chosen, as far as they are able, (P, ...); or for each rater, (S, P, ...)."""
-    quality = actions.quality if nature.ability is None else nature.ability * actions.quality
+    quality = actions.quality if properties.ability is None else properties.ability * actions.quality
     return quality if actions.treatment is None else actions.treatment * quality
 
 

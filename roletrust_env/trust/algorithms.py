@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, largest, namespace, total
+from roletrust_env.arrays import Array, is_compiling, largest, namespace, total
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Coefficients of `_sinc_polynomial`, the constant first."""
@@ -299,7 +299,7 @@ def sinc(x: Array) -> Array:
     The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
     """
     xp = namespace(x)
-    if compiling(x) and x.dtype == xp.float32:
+    if is_compiling(x) and x.dtype == xp.float32:
         return _sinc_polynomial(x)
     angle = math.pi * x + _TINY
     return abs(xp.sin(angle) / angle)

@@ -11,7 +11,7 @@ new credence.
 import math
 from collections.abc import Callable
 
-from roletrust_env.arrays import Array, compiling, namespace, total
+from roletrust_env.arrays import Array, is_compiling, namespace, total
 
 _BLOCK = 100_000
 """Number of values of shape (judges, S, P, ...) computed at a time: about the size of a processor's cache."""
@@ -47,7 +47,7 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
         like: Array of shape (S, P, ...). A compiler gets all judges at once, since it fuses the loops itself.
     """
     judges = like.shape[0]
-    rows = judges if compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
+    rows = judges if is_compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
     parts = [of(slice(at, at + rows)) for at in range(0, judges, rows)]
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 

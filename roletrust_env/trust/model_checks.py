@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, copied, library_of, namespace
+from roletrust_env.arrays import Array, copy, is_compiling, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
 
 
@@ -41,7 +41,7 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
         return
     if not bool((ratings == 0.25).all()) or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
         raise ValueError(f"{where}: it writes to the ratings or to the mask, which it must leave as they are")
-    first = [copied(trust) for trust in trusts]
+    first = [copy(trust) for trust in trusts]
     for changes, state in (("itself", start_model(model, ratings, peers)), ("the state it is given", start)):
         _, *again = _updated(model, state, ratings, mask, where)
         if any(bool((abs(one - other) > 1e-6).any()) for one, other in zip(first, again, strict=True)):
@@ -64,7 +64,7 @@ def watched_update(
         ValueError: If the model raises an exception, or if a read-out has another shape than (S, ...) and (P, ...) or
             another dtype than the ratings, is NaN or outside [0, 1]. The message names the model and the round.
     """
-    if compiling(ratings):  # compiled code cannot raise errors
+    if is_compiling(ratings):  # compiled code cannot raise errors
         after = model.update(state, ratings, mask)
         return after, model.rater_trust(after), model.provider_trust(after)
     where = f"trust model {model!r}, round {int(round.reshape(-1)[0])}"

@@ -56,11 +56,11 @@ def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked)
 def test_measured_attackers_take_what_was_foreseen():
     from roletrust_agents.learned.network_attacker import NetworkAttacker
     from roletrust_agents.learned.policy import play_task
-    from roletrust_agents.learned.saved import carded_task, load_attacker
+    from roletrust_agents.learned.saved import load_attacker, task_from_card
 
     attacker = load_attacker(ZOO / "collusion-10x10")
     card, network = attacker.card, attacker.network
-    task = carded_task(card.task, card.trust_model, card.scenario.change(max_cycles=10))
+    task = task_from_card(card.task, card.trust_model, card.scenario.change(max_cycles=10))
     foreseen = 1000 * task_memory(task, NetworkAttacker(network, "black_box"))
     assert 0.9 < foreseen / peak(lambda: play_task(task, network, games=1000, seed=0)) < 1.35
 

@@ -48,10 +48,10 @@ def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, mon
         "from dataclasses import dataclass\n"
         "from typing import Annotated, ClassVar\n"
         "from roletrust_env import Policy\n"
-        "from roletrust_env.ranges import Searched\n"
+        "from roletrust_env.ranges import SearchRange\n"
         "@dataclass(frozen=True)\n"
         "class Shift(Policy):\n"
-        "    by: Annotated[int, Searched(-3, 3)] = 0\n"
+        "    by: Annotated[int, SearchRange(-3, 3)] = 0\n"
         "    attacks: ClassVar = frozenset({'ratings'})\n"
     )
     about = tmp_path / "package_of_lies-1.0.dist-info"

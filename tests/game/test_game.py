@@ -34,7 +34,7 @@ def assert_matches_reference(scenario: Scenario, seed: int) -> None:
         else:
             assert state.population.phase.tolist() == list(slow.phase.values())
         if slow.place is not None:
-            np.testing.assert_allclose(state.places.position, list(slow.place.values()), **TOLERANCE)
+            np.testing.assert_allclose(state.motion.position, list(slow.place.values()), **TOLERANCE)
 
 
 @EVERY_ACCESS

@@ -39,8 +39,8 @@ def test_every_axis_is_a_slice_of_another(roles: tuple[str, ...], asarray) -> No
 
 def test_nobody_is_a_stranger_to_itself() -> None:
     who = roster(*MIXED)
-    own = [(i, j) for i, j in np.argwhere(~who.stranger) if who.rater_names[i] == who.provider_names[j]]
-    assert len(own) == (~who.stranger).sum() == 2
+    own = [(i, j) for i, j in np.argwhere(~who.not_self) if who.rater_names[i] == who.provider_names[j]]
+    assert len(own) == (~who.not_self).sum() == 2
 
 
 def test_groups_keep_their_order() -> None:
@@ -49,12 +49,12 @@ def test_groups_keep_their_order() -> None:
 
 
 def test_turns() -> None:
-    rating, providing = roster("SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2).on_duty(8)
+    rating, providing = roster("SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2).role_schedule(8)
     assert rating[:, 0].all()
     assert providing[:, 0].all()
     assert rating[:, 1].tolist() == [True, True, False, False, True, True, True, True]
     assert providing[:, 1].tolist() == [False, False, True, True, True, True, False, False]
-    rating, providing = roster("SR", "SP", "SR+SP").on_duty(3)
+    rating, providing = roster("SR", "SP", "SR+SP").role_schedule(3)
     assert rating.shape == (3, 2)
     assert providing.shape == (3, 2)
     assert rating.all()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, get_type_hints
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.ranges import Identities, Searched, allowed
+from roletrust_env.ranges import Identities, SearchRange, allowed
 from roletrust_env.registry import Registry, summary
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry as models
@@ -130,7 +130,7 @@ def _as_data(value: Any) -> Any:
 
 def _plain(range: Any) -> Any:
     """Where searches look, as plain data."""
-    if isinstance(range, Searched):
+    if isinstance(range, SearchRange):
         return {"low": range.low, "high": range.high}
     if isinstance(range, tuple):
         return {"options": list(range)}

@@ -15,7 +15,7 @@ from roletrust_experiments.commands.console import claims_table, console, progre
 from roletrust_experiments.commands.recorded import draw_recording
 from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
-from roletrust_experiments.paper.footage import loop_note, looped_s
+from roletrust_experiments.paper.footage import loop_length_s, loop_note
 from roletrust_experiments.playing.tracked import track_curves
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -114,7 +114,7 @@ def figures(
     seen = None
     if frames is not None:
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
-        seen = _Footage(looped_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
+        seen = _Footage(loop_length_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
         found = claims.for_given_frames(found)
     written = _write(out, game, seed, played, rounds, sight, found, seen)
     if seen is None or seen.in_clear_view:
@@ -132,12 +132,12 @@ class _Footage(NamedTuple):
     """What given frames were like.
 
     Attributes:
-        looped_s: how long they are if they were shown over and over, seconds; None if not.
+        loop_length_s: how long they are if they were shown over and over, seconds; None if not.
         probability: of a person being seen, in the calm rounds of Figure 3, on average.
         in_clear_view: whether the person is, so that the paper's levels apply.
     """
 
-    looped_s: float | None
+    loop_length_s: float | None
     probability: float
     in_clear_view: bool
 

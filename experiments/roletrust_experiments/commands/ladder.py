@@ -108,7 +108,7 @@ def ladder(
     [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned results/colluders[/]
     """
     require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
-    from roletrust_agents.learned.methods import learned_rungs
+    from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
 
@@ -131,7 +131,7 @@ def ladder(
     paths = learned or []
     # What is broken is better known now than at the end.
     trained = [
-        learned_rungs(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
+        learned_methods(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
         for path in paths
     ]
     prepare_folder(out)

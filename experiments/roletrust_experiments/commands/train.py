@@ -191,7 +191,7 @@ def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
 
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run, or go on with it."""
-    from roletrust_agents.learned.saved import carded_task
+    from roletrust_agents.learned.saved import task_from_card
 
     from roletrust_experiments.training.loop import MANY, game_memory, versions
     from roletrust_experiments.training.loop import train as learn
@@ -199,7 +199,7 @@ def _train(run: "Run", folder: RunFolder) -> None:
     games = run.settings["games"]
     if games > MANY:
         check_memory("--learner games", games, game_memory(run))
-    game = carded_task(run.task, run.trust_model, run.scenario).game  # before anything is written of a wrong one
+    game = task_from_card(run.task, run.trust_model, run.scenario).game  # before anything is written of a wrong one
     folder.prepare()
     if folder.config() is None:
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}

@@ -63,7 +63,7 @@ def play(asked: Asked, scenario: Scenario, attackers: Mapping[str, Policy] | Non
         "scenario": scenario,
         "trust_model": "role-trust",
         "compromised": tuple(
-            attackers or Roster.of(scenario).first_names[:1]
+            attackers or Roster.of(scenario).owner_names[:1]
         ),  # who is named and has no policy is honest
         "objective": "mislead",
     }
@@ -91,7 +91,7 @@ def lost(seen: Watched, twin: Watched, agents: Iterable[int]) -> Floats:
 def last(scenario: Scenario, role: Role, many: int) -> tuple[str, ...]:
     """Return the names of the last agents of a role, such as `SR`."""
     roster = Roster.of(scenario)
-    return tuple(name for name in roster.first_names if roster.role(name) == role)[-many:]
+    return tuple(name for name in roster.owner_names if roster.role(name) == role)[-many:]
 
 
 def honest(scenario: Scenario, attackers: Mapping[str, Policy]) -> list[int]:

@@ -20,7 +20,7 @@ from roletrust_agents.learned.cards import (
 )
 from roletrust_agents.learned.network import Network
 from roletrust_agents.learned.policy import play_task
-from roletrust_agents.learned.saved import SavedAttacker, carded_task, digest, read_weights, weights_bytes
+from roletrust_agents.learned.saved import SavedAttacker, digest, read_weights, task_from_card, weights_bytes
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -117,7 +117,7 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
     Returns:
         The attacker that scored best on the way, with a score in games of their own luck; and the learning curve.
     """
-    task = carded_task(run.task, run.trust_model, run.scenario)
+    task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = make_settings(run.task.id, run.algo, run.settings)
     env = StaggeredGames(task, settings.games)
     model = make_model(run.algo, settings, env, run.seed)
@@ -137,7 +137,7 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
 
 def game_memory(run: Run) -> float:
     """The memory that each of the learner's games takes, bytes: to play, and twice what is kept of it for an update."""
-    task = carded_task(run.task, run.trust_model, run.scenario)
+    task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = make_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
 
     def played(games: int) -> Iterator[object]:

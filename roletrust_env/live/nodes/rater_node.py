@@ -22,7 +22,7 @@ from roletrust_env.randomness import Random
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 from roletrust_env.world.vision import best_margin, probability, view
-from roletrust_env.world.vision.degrade import received
+from roletrust_env.world.vision.degrade import transmit
 
 _DEADLINE = 0.4  # of the period, for missing pictures: ratings must arrive before the manager closes the round
 
@@ -120,7 +120,7 @@ class _PersonDetector:
             features = None
         if features is None:
             return 0.0
-        return probability(best_margin(received(features, float(self._links.standard_normal()))))
+        return probability(best_margin(transmit(features, float(self._links.standard_normal()))))
 
 
 class _RatingSelector:

@@ -141,7 +141,7 @@ def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, su
     assert result.exit_code == 0, result.output
     results = json.loads((out / "results.json").read_text())
     assert results["scenario"]["playback"] == "loop"
-    assert results["footage"]["looped_s"] == 2.0
+    assert results["footage"]["loop_length_s"] == 2.0
     assert results["footage"]["in_clear_view"] is seen
     assert captions == ["the frames of walk, 2 s, are looped"] * 2
     said = " ".join(result.output.split())

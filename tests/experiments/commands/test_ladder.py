@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from roletrust_agents.learned.methods import Learned, learned_rungs
+from roletrust_agents.learned.methods import Learned, learned_methods
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_baselines.search import PaperAttacks
 from roletrust_experiments.cli import app
@@ -138,15 +138,15 @@ def trained(folder, seed, **other):
 def test_the_runs_of_a_training_are_one_rung(tmp_path):
     for seed in (4, 5):
         trained(tmp_path, seed)
-    assert [rung.path.name for rung in learned_rungs(tmp_path, (4, 5), "learned")] == ["seed-4", "seed-5"]
-    assert learned_rungs(tmp_path / "seed-5", (0,), "learned") == [Learned(tmp_path / "seed-5")]
+    assert [rung.path.name for rung in learned_methods(tmp_path, (4, 5), "learned")] == ["seed-4", "seed-5"]
+    assert learned_methods(tmp_path / "seed-5", (0,), "learned") == [Learned(tmp_path / "seed-5")]
     with pytest.raises(ValueError, match="of the seeds 4, 5; this ladder has the seeds 4, 5, 6"):
-        learned_rungs(tmp_path, (4, 5, 6), "learned")
+        learned_methods(tmp_path, (4, 5, 6), "learned")
     with pytest.raises(ValueError, match="the seeds none"):
-        learned_rungs(tmp_path / "seed-5", (4, 5), "learned")
+        learned_methods(tmp_path / "seed-5", (4, 5), "learned")
     trained(tmp_path, 6, steps=1)
     with pytest.raises(ValueError, match="differ in more than their seed"):
-        learned_rungs(tmp_path, (4, 5, 6), "learned")
+        learned_methods(tmp_path, (4, 5, 6), "learned")
 
 
 def test_trajectory_is_what_was_played():

@@ -73,7 +73,7 @@ def test_undefined_in_some_games_only():
     trust[3:, :, 1] = 0.2  # in the second game trust is not back
     found = under_attack(roster, full._replace(trust=trust), full, {"sr_0": BadMouthing(stop=3)})
     assert found["recovery, rounds"].mean == 0
-    assert found["recovery, rounds"].why == "trust was not back before the game was over, in 1 of 2 games"
+    assert found["recovery, rounds"].why == "trust did not recover before the game ended, in 1 of 2 games"
     everybody = dict.fromkeys(roster.names[:3], BadMouthing())
     assert "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
     assert "live camera" in under_attack(roster, full, None, everybody)["utility, no attack"].why

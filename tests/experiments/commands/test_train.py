@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from roletrust_agents.learned.methods import learned_rungs
+from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
 from roletrust_experiments.cli import app
@@ -81,7 +81,7 @@ def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
     assert run(*arguments, "--runs", 2, "--seed", 5).exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["seed-5", "seed-6"]
     assert [load_attacker(tmp_path / f"seed-{k}").card.training.seed for k in (5, 6)] == [5, 6]
-    assert len(learned_rungs(tmp_path, (5, 6), "learned")) == 2
+    assert len(learned_methods(tmp_path, (5, 6), "learned")) == 2
     again = run(*arguments, "--runs", 2, "--seed", 4)
     assert "seed-5 holds a run" in " ".join(again.output.split())
     assert not (tmp_path / "seed-4").exists()

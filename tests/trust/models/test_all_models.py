@@ -136,7 +136,7 @@ def test_before_any_rating_providers_have_the_initial_trust(name: str, shape: tu
     model = named(name)
     trust = read(model, play(model, [], np.zeros(shape)))
     assert all(map(in_range, trust))
-    assert not registry.taken(name, {"initial": None}) or np.all(trust[1] == 0.3)
+    assert not registry.accepted_parameters(name, {"initial": None}) or np.all(trust[1] == 0.3)
 
 
 @EVERY_MODEL
@@ -193,7 +193,7 @@ def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, 
     + [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))],
 )
 def test_what_is_out_of_range_or_not_taken_is_refused(name: str, field: str, value: float, allowed: str) -> None:
-    taken = registry.taken(name, {field: value})
+    taken = registry.accepted_parameters(name, {field: value})
     with pytest.raises(ValueError, match=field) as error:
         make_trust_model(name, **{field: value})
     assert not taken or (str(value) in str(error.value) and allowed in str(error.value))
@@ -202,7 +202,7 @@ def test_what_is_out_of_range_or_not_taken_is_refused(name: str, field: str, val
 @EVERY_MODEL
 def test_parameters_at_the_edge_are_taken(name: str) -> None:
     for lam, initial in ((0.5, 0), (0.999, 1)):
-        assert make_trust_model(name, **registry.taken(name, {"lam": lam, "initial": initial}))
+        assert make_trust_model(name, **registry.accepted_parameters(name, {"lam": lam, "initial": initial}))
 
 
 @EVERY_MODEL
