@@ -11,6 +11,10 @@ from urllib.parse import unquote, urlsplit
 from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[3]
+ROOTS = ("", "agents", "baselines", "experiments")
+"""Folders with packages."""
+WHOLE = HOUSE / "build" / "site"
+"""Where `make docs` puts it."""
 
 
 def build_quickly(folder: Path) -> Path:
