@@ -83,10 +83,10 @@ class Spectator:
         if self._state is None:
             return heading
         state = first_game(self._state)
-        now = tuple(np.asarray(trust) for trust in self._game.published(state))
-        before = tuple(np.full_like(trust, np.nan) for trust in now)
+        tor, top = (np.asarray(trust) for trust in self._game.published(state))
+        before = np.full_like(tor, np.nan), np.full_like(top, np.nan)
         # Without a render mode there is no record of the rounds before.
-        curves = self.curves or [*[before] * int(state.round), now]
+        curves = self.curves or [*[before] * int(state.round), (tor, top)]
         try:
             return f"{heading}<br>{_image(self._game, state, curves, self.attackers)}"
         except DependencyNotInstalled:
@@ -107,7 +107,7 @@ def _image(game: Game, state: State, curves: Any, attackers: tuple[str, ...]) ->
     from roletrust_env.rendering.renderer import Renderer
 
     renderer = Renderer(game, "rgb_array")
-    picture = renderer.render(state, curves, attackers)
+    picture = np.asarray(renderer.render(state, curves, attackers))
     from matplotlib.image import imsave
 
     file = BytesIO()

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
-from roletrust_env.evaluation.attack_space import searched, told, words
+from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, Searched, allowed
 from roletrust_env.registry import Registry, summary
@@ -46,7 +46,7 @@ def all_models() -> dict[str, Entry]:
     def entry(name: str) -> Entry:
         factory = models.factory(name)
         traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
-        said = {key: getattr(traits, key) for key in ("family", "source", "cost", "smooth", "rates_raters")}
+        said = {key: getattr(traits, key) for key in ("family", "source", "cost", "differentiable", "rates_raters")}
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
         return {"description": summary(factory), **said, "parameters": parameters}
 
@@ -63,7 +63,7 @@ def all_attackers() -> dict[str, Entry]:
 
     def entry(name: str) -> Entry:
         factory = attackers.factory(name)
-        ranges, known = searched(factory), told(factory, (0,), 1)
+        ranges, known = declared_ranges(factory), game_facts(factory, (0,), 1)
         parameters = {
             key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "told": key in known}
             for key, parameter in _parameters(factory).items()
@@ -78,7 +78,7 @@ def all_attackers() -> dict[str, Entry]:
 def unfit(entry: Entry) -> list[str]:
     """What a trust model is not fit for, in a few words each."""
     lacks = [] if entry["rates_raters"] else ["no trust in raters"]
-    lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
+    lacks += [] if entry["differentiable"] else ["trust jumps, no gradients"]
     return lacks + ([] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"])
 
 
@@ -121,7 +121,7 @@ def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
 def _as_data(value: Any) -> Any:
     """A default as JSON knows it; a policy in the words of the command line, and all else as Python writes it."""
     if isinstance(value, Policy):
-        return words(value)
+        return as_spec(value)
     if isinstance(value, list | tuple):
         return [_as_data(item) for item in value]
     plain = value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and isfinite(value))

@@ -50,7 +50,7 @@ def list_command(
     [cyan]roletrust list attackers[/]
 
     [dim]# for scripts: the models on which gradients are of use[/]
-    [cyan]roletrust list models --json | jq '.models | map_values(select(.smooth)) | keys'[/]
+    [cyan]roletrust list models --json | jq '.models | map_values(select(.differentiable)) | keys'[/]
     """
     kinds = Kind if kind is None else [kind]
     if as_json:

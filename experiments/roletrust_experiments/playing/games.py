@@ -8,7 +8,7 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Policy
 from roletrust_env.evaluation.attacked_games import HELD_OUT, AttackedRound, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.curves import Curves, kept_bytes
+from roletrust_env.evaluation.curves import Curves, curve_bytes
 from roletrust_env.evaluation.resources import Cost, some, try_out
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.rollout import rollout
@@ -46,7 +46,7 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
 
 def all_kept_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
     """The memory that the curves of every game take at the worst moment, see `foresee`."""
-    return kept_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
+    return curve_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
 
 
 def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> Cost:
