@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished, write_json
+from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished_path, write_json
 
 _KEPT = 2
 """Checkpoints that are kept: the last one, and the one to fall back to should it be damaged."""
@@ -73,7 +73,7 @@ class RunFolder:
         """Add a checkpoint: whole under its name, or not there. Older ones than the last two are removed."""
         self._checkpoints.mkdir(parents=True, exist_ok=True)
         final = self._checkpoints / f"{checkpoint.steps:012d}"
-        new = unfinished(final)
+        new = unfinished_path(final)
         shutil.rmtree(new, ignore_errors=True)  # of an attempt of ours that failed
         new.mkdir()
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()}
