@@ -14,6 +14,9 @@ HOUSE = Path(__file__).parents[3]
 ROOTS = ("", "agents", "baselines", "experiments")
 """Folders that hold packages."""
 
+WHOLE = HOUSE / "build" / "site"
+"""Site of `make docs`."""
+
 
 def build_quickly(folder: Path) -> Path:
     """Build all pages in a folder, with few pictures, and without running the tutorials; a warning is an error."""
