@@ -1,10 +1,10 @@
-"""The game: its state and the transition from one round to the next, pure and batched.
+"""The game: the transition from one round to the next, pure and batched.
 
-One round is: ratings arrive -> trust -> who is present -> services -> rewards. Providers and raters act at once, so the
+One round is: ratings arrive -> trust -> presence -> services -> rewards. Providers and raters act at once. So the
 ratings of a round are for the services of the round before, and on the first step there is nothing to rate.
 
-Everything here is a function of its arguments and of constants. Random numbers are drawn outside and passed in, so that
-a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
+Random numbers are drawn outside and passed in. So a planner cannot foresee the noise, and one game and a batch of games
+can have the same noise.
 """
 
 from collections.abc import Iterator
@@ -36,17 +36,17 @@ class Game:
     """The rules of one scenario under one trust model.
 
     Args:
-        scenario: what is played.
-        trust_model: the name of a trust model, which is made with the scenario's `lam` and `initial_trust`; or a model,
-            which keeps its own.
-        like: an array of the library, dtype and device to play with; by default NumPy's float64.
+        scenario: Scenario of the game.
+        trust_model: Name of a trust model, which is made with the `lam` and `initial_trust` of the scenario; or a trust
+            model as it is.
+        like: Array of the library, dtype and device to play with; by default NumPy's float64.
 
     Attributes:
-        scenario: as given.
-        model: the trust model.
-        roster: who is who.
-        layout: where each field of a view stands in an observation.
-        like: an array of the library, dtype and device that it plays with.
+        scenario: Scenario of the game.
+        model: Trust model.
+        roster: Agents of the scenario.
+        layout: Positions of the fields of a view in an observation.
+        like: Array of the library, dtype and device.
     """
 
     def __init__(
@@ -72,9 +72,8 @@ class Game:
         self.presence = Presence(scenario, roster, like)
         self._property_sampler = AgentPropertySampler(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
-        self._luck = NoiseSource(scenario, roster, self.presence.changes, like)
+        self._noise_source = NoiseSource(scenario, roster, self.presence.changes, like)
         self._not_self = self._constant(roster.not_self)
-        self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
         self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
@@ -94,39 +93,39 @@ class Game:
         return f"{type(self).__name__}({game_facts(self)})"
 
     def random(self, seed: int | None = None) -> Random:
-        """A source of luck for this game: of its array library, dtype and device.
+        """Return a source of random numbers with the array library, dtype and device of this game.
 
         Args:
-            seed: makes it reproducible; None takes fresh entropy.
+            seed: Random seed; None takes fresh entropy.
         """
         return Random(np.random.default_rng(seed), self.like)
 
     def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
-        """Draw the luck of one round, or of the start.
+        """Draw the noise of one round, or of the start.
 
         Args:
-            random: the source.
-            batch: shape of the batch.
-            start: whether this is for `start`, which takes luck of its own.
+            random: Source of random numbers.
+            batch: Shape of the batch.
+            start: Whether the noise is for `start`, which uses further fields.
         """
-        if self._on_numpy and not (start and self._luck.starts):
-            return random.draw_noise(self._luck, batch)
-        return self.luck(random.round_key(), batch, start=start)
+        if self._on_numpy and not (start and self._noise_source.starts):
+            return random.draw_noise(self._noise_source, batch)
+        return self.noise(random.round_key(), batch, start=start)
 
-    def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
-        """The luck of one round, or of the start, as a function of its key: what `draw` draws.
+    def noise(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
+        """Return the noise of one round, or of the start, as a function of its key: that of `draw`.
 
         A compiler that sees this and `step` together makes the numbers where they are used.
 
         Args:
-            key: of the round, see `Random.round_key`.
-            batch: shape of the batch.
-            start: whether this is for `start`, which takes luck of its own.
+            key: Key of the round, see `Random.round_key`.
+            batch: Shape of the batch.
+            start: Whether the noise is for `start`, which uses further fields.
         """
-        return self._luck.make_round(key, batch, start)
+        return self._noise_source.make_round(key, batch, start)
 
     def start(self, noise: Noise) -> State:
-        """The state before the first round."""
+        """Return the state before the first round."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         nothing = xp.zeros_like(noise.perception)
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
@@ -155,16 +154,16 @@ class Game:
         """Play one round.
 
         Args:
-            state: before the round; it is left as it is.
-            actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
-                A rating that is withheld never arrives, and the service was provided all the same.
-            noise: the luck of the round.
+            state: State before the round; it is not changed.
+            actions: Actions of all agents. Those of absent agents, and ratings of services that were not received, are
+                ignored. A withheld rating never arrives, but the service counts as provided.
+            noise: Noise of the round.
 
         Returns:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
 
         Raises:
-            ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
+            ValueError: The shapes of the actions are not those of the state, or a trust model fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         actions = fitted(actions, state)
@@ -230,30 +229,30 @@ class Game:
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
     def published(self, state: State) -> tuple[Array, Array]:
-        """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers, shape (P, ...)."""
         trust, published = self._published
         if trust is state.trust and published is not None:  # most often that of the last round
             return published
         return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
 
     def agent_trust(self, state: State) -> Array:
-        """The trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
+        """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
         return self._payoff.agent_trust(*self.published(state), state.counts)
 
     def present(self, state: State) -> Array | None:
-        """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
+        """Return whether each agent is present, boolean, shape (N, ...); None where everybody always is."""
         return None if state.population is None else state.population.phase == PRESENT
 
     def offered(self, before: State, actions: Actions, after: State) -> Array:
-        """The quality that each provider had for whoever came in a round, (P, ...); NaN where it did not serve.
+        """Return the quality on offer in a round, shape (P, ...); NaN where a provider did not serve.
 
-        What it delivered is 0 where nobody came; what a consumer could have had is not. Where any provider treats
-        raters differently it is what each of them could have had, (S, P, ...).
+        Delivered quality is 0 where no rater came, but a consumer could still have had the quality on offer. Where a
+        provider treats raters differently, the shape is (S, P, ...): the quality on offer for each rater.
 
         Args:
-            before: the state before the round.
-            actions: of all agents in the round.
-            after: the state after it.
+            before: State before the round.
+            actions: Actions of all agents in the round.
+            after: State after the round.
         """
         xp, quality = namespace(self.like), intended(actions, before.properties)
         for _, providing in self._acting(before, after.population):
@@ -261,7 +260,7 @@ class Game:
         return quality
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
-        """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
+        """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...)."""
         return look(
             self._clock(state),
             *self.published(state),
@@ -274,7 +273,7 @@ class Game:
         )
 
     def observations(self, state: State) -> tuple[Array, Array, Array | None]:
-        """The observation vectors of the SR, (K, n, ...), of the SP and of the SR+SP agents (None without any)."""
+        """Return the observation vectors of the SR, (K, n, ...), the SP and the SR+SP agents, None without any."""
         provider, rater = self.views(state)
         of_raters, of_providers = self.layout.flatten(rater), self.layout.flatten(provider)
         both = self.roster.n_both
@@ -285,32 +284,8 @@ class Game:
         of_both = namespace(self.like).concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
         return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
 
-    @property
-    def summary_size(self) -> int:
-        """Number of entries of `summary`."""
-        s, p, n = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents
-        return 1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(self.scenario.access, InRange) else 0)
-
-    def summary(self, state: State) -> Array:
-        """The whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
-
-        In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); who is present
-        (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
-        and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
-        """
-        xp, batch = namespace(self.like), state.round.shape
-        tor, top = self.published(state)
-        present = self.present(state)
-        if present is None:
-            present = self._over(self._everybody, (self.roster.n_agents, *batch))
-        parts = [self._clock(state) / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
-        parts += [state.service, state.awaiting, state.ratings, state.rated]
-        if state.motion is not None and isinstance(self.scenario.access, InRange):
-            parts.append(state.motion.position / self.scenario.access.arena)
-        return xp.concat([part.reshape(-1, *batch) for part in parts])
-
     def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
-        """Which raters and which providers act in this round, by each of the reasons for which some may not."""
+        """Yield which raters and which providers act in this round, once for each reason not to act."""
         xp, roster = namespace(self.like), self.roster
         if self._duty is not None:
             rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
@@ -328,7 +303,7 @@ class Game:
         top: Array,
         noise: Noise,
     ) -> Array:
-        """Who is served by whom in this round, shape (S, P, ...), boolean."""
+        """Return whether each provider serves each rater in this round, boolean, shape (S, P, ...)."""
         rules, roster = self.scenario, self.roster
         served = self._over(self._not_self, state.awaiting.shape)
         for rating, providing in self._acting(state, population):
@@ -342,13 +317,13 @@ class Game:
         return served
 
     def _clock(self, state: State) -> Array:
-        """The number of the round, in the dtype of everything else."""
+        """Return the number of the round, in the dtype of the game."""
         return cast(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
-        """A constant, such as one of shape (S, P), for every game of a batch.
+        """Return a constant, such as one of shape (S, P), for every game of a batch.
 
-        A view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the whole trust model.
+        It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.
         """
         if constant.shape == shape:
             return constant

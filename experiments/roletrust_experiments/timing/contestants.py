@@ -218,7 +218,7 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
     actions = itertools.cycle(samples)
 
     def advance(state: Any, joint: Actions, key: Any) -> tuple[Any, ...]:
-        state, rewards = game.step(state, joint, game.luck(key, shape))
+        state, rewards = game.step(state, joint, game.noise(key, shape))
         return state, rewards, game.observations(state)
 
     if library == "compiled torch":
