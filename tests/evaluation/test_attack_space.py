@@ -107,5 +107,5 @@ def test_what_cannot_be_searched_says_why():
     with pytest.raises(ValueError, match=r"attack GridValues cannot be searched, it makes .*GridValues.*, no Policy"):
         Space(GridValues, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
-        with pytest.raises(ValueError, match=f"low={low}, high={high}.* no range"):
+        with pytest.raises(ValueError, match=f"low={low}, high={high}.* is not a range"):
             SearchRange(low, high)

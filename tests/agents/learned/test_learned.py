@@ -206,7 +206,7 @@ def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
     [
         (b"[" * 100_000, "nested|JSON"),
         (b'{"format": NaN}', "NaN"),
-        (b'{"format": 1, "format": 2}', "twice"),
+        (b'{"format": 1, "format": 2}', "two fields of one name"),
         (b"\xff\xfe", "decode"),
         (b"", "Expecting value"),
         (b"[]", "dictionary|object"),

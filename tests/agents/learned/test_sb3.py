@@ -114,5 +114,5 @@ def test_a_game_of_another_size_is_refused_in_one_line():
     task = one("sp_2")
     policy = policy_of(trained(task), task)
     larger = make_task("crowd-10x10", ("sp_2",), **SHORT).game
-    with pytest.raises(ValueError, match="learned among 3 raters and 3 providers, and can play only there"):
+    with pytest.raises(ValueError, match="trained with 3 raters and 3 providers, and can play only with as many"):
         record(JointPolicy(larger, {"sp_2": policy}), larger.random(0))
