@@ -96,7 +96,7 @@ def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path) -> N
         (["--attack", "bad-mouth"], "unknown attacker 'bad-mouth'"),
         (["--model", "os:system:command=touch hacked"], "'os:system' must make a TrustModel"),
         (["--attack", "os:system:command=touch hacked"], "'os:system' must make a Policy"),
-        (["--suite", "tidy"], "unknown suite 'tidy'; known:"),
+        (["--suite", "tidy"], "unknown suite 'tidy'. Known:"),
     ],
 )
 def test_a_name_that_nobody_has_is_refused_before_anything_happens(here: Path, options: list[str], words: str) -> None:

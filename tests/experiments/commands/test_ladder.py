@@ -94,7 +94,7 @@ def test_runs_are_the_ladders_of_their_seeds_side_by_side(tmp_path):
 
 
 def test_an_agent_with_both_roles(tmp_path):
-    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--trust-model", "mean")
+    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--model", "mean")
     assert results["trust_model"]["class"].endswith("Mean")
 
 
@@ -180,7 +180,7 @@ def test_names_of_tasks(text):
         ),
         (
             ["RaterAttack", "--attack", "bad-mouthing:depth=3"],
-            "has no parameter 'depth'; it takes start, stop, lie",
+            "has no parameter 'depth'; did you mean",
         ),
         (["RaterAttack", "--attack", "bad-mouthing:level=3"], "level is 3: it must lie in [0, 1]"),
     ],

@@ -68,8 +68,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
     attacked = ["--attack", "sr_0=bad-mouthing", "--out", str(tmp_path / "play")]
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
-    small = ["max_cycles=10", "games=8", "hidden=[8]", "batch_size=40", "n_steps=10", "n_epochs=1"]
-    settings = [text for k, setting in enumerate(small) for text in ("--learner" if k else "--set", setting)]
+    settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
     trained = run("train", "RaterAttack", *settings)
     assert trained.exit_code == 0, trained.output

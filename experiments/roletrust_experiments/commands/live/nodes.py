@@ -104,7 +104,7 @@ def manager(
     ],
     scenario: Scenario = _PAPER,
     trust_model: Annotated[
-        str, typer.Option(metavar="NAME:key=value,...", help="Any trust model; see `roletrust list`.")
+        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Any trust model; see `roletrust list`.")
     ] = "role-trust",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -121,7 +121,7 @@ def manager(
     [cyan]roletrust live manager results/live.journal --keys keys[/]
 
     [dim]# another trust model[/]
-    [cyan]roletrust live manager results/travos.journal --trust-model travos[/]
+    [cyan]roletrust live manager results/travos.journal --model travos[/]
     """
     require_live()
     from roletrust_env.live.nodes.manage import run_manager
