@@ -9,8 +9,13 @@ from pydantic import ValidationError
 _MOST, _LONGEST = 10, 300  # wrong fields that are named, letters of a value that are shown: a file may have millions
 
 
-def suggest(name: object, known: Iterable[str]) -> str:
+def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
     """Return the end of a message about an unknown name: the nearest known name, and all of them.
+
+    Args:
+        name: Unknown name.
+        known: Names that exist.
+        label: Words in front of the known names.
 
     Example:
         >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
@@ -18,7 +23,8 @@ def suggest(name: object, known: Iterable[str]) -> str:
     """
     names = {one.casefold(): one for one in known}
     near = get_close_matches(str(name).casefold(), names, 1)
-    return f"{f'; did you mean {names[near[0]]!r}?' if near else '.'} Known: {', '.join(names.values())}"
+    hint = f"; did you mean {names[near[0]]!r}?" if near else "."
+    return f"{hint} {label} {', '.join(names.values()) or 'none'}"
 
 
 def explain(error: ValidationError) -> str:

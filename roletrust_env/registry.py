@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import ValidationError
 
 from roletrust_env.errors import explain, suggest
+from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 Thing = TypeVar("Thing")
 
@@ -116,16 +117,18 @@ class Registry(Generic[Thing]):
         """
         factory = self.factory(name)
         signature = inspect.signature(factory)
-        known = signature.parameters
-        for key in () if any(one.kind is one.VAR_KEYWORD for one in known.values()) else parameters:
-            if key not in known:
-                raise ValueError(f"{self.kind} {name!r} has no parameter {key!r}{suggest(key, known)}")
+        taken = self.taken(name, parameters)
+        for parameter in parameters:
+            if parameter not in taken:
+                raise ValueError(unknown_parameter(f"{self.kind} {name!r}", parameter, signature.parameters))
         try:
             signature.bind(**parameters)
         except TypeError as error:
             raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
         try:
             made = factory(**parameters)
+        except UnknownParameterError as error:  # of a factory that passes on all that it is given
+            raise ValueError(f"{self.kind} {name!r}: {error}") from None
         except ValidationError as error:
             raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
         if isinstance(made, type) or not isinstance(made, self.base):

@@ -1,13 +1,24 @@
-"""What every test leaves as it found it, and a browser for those that want one."""
+"""What every test leaves as it found it, the settings of Hypothesis, and a browser for those that want one."""
 
 import shutil
 
+import hypothesis
 import pytest
 
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
+
+# No deadline, for a busy machine takes longer; the same examples on every machine, so that a failure can be repeated.
+hypothesis.settings.register_profile(
+    "roletrust",
+    deadline=None,
+    derandomize=True,
+    print_blob=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("roletrust")
 
 
 @pytest.fixture(autouse=True)

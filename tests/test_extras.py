@@ -16,7 +16,10 @@ import pytest
 pytestmark = pytest.mark.extras
 
 HOUSE = Path(__file__).parent.parent
-FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
+PACKAGES = (
+    *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
+    "experiments/roletrust_experiments",
+)
 COMMANDS = (
     *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
     *("submit", "train", "verify", "zoo"),
@@ -41,7 +44,7 @@ for command in {COMMANDS}:
     assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
 """
 SHORT = ("--set", "max_cycles=8")
-ZOO = HOUSE / "agents" / "zoo" / "provider-3x3"
+ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
 
 
 class Run(NamedTuple):
@@ -105,7 +108,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pip("download", "--retries=0", "--no-deps", "--dest", here, "typing-extensions")
     except AssertionError as error:
         pytest.skip(f"no package index can be reached to install from: {error}")
-    for name in FOLDERS:
+    for name in PACKAGES:
         shutil.copytree(HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(HOUSE / name, here / "house" / name)
@@ -129,9 +132,12 @@ def fresh(wheel: Path, tmp_path: Path) -> Iterator[Callable[..., Environment]]:
 
 def test_the_wheel_holds_every_file(wheel: Path) -> None:
     held = set(zipfile.ZipFile(wheel).namelist())
-    for folder in FOLDERS:
-        files = [path for path in (HOUSE / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-        assert {str(path.relative_to(HOUSE)) for path in files} <= held
+    for package in PACKAGES:
+        files = [path for path in (HOUSE / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        assert {str(path.relative_to((HOUSE / package).parent)) for path in files} <= held
+    assert {name.partition("/")[0] for name in held if ".dist-info/" not in name} == {
+        package.rpartition("/")[2] for package in PACKAGES
+    }
 
 
 def test_the_library_alone(fresh: Callable[..., Environment]) -> None:

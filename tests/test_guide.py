@@ -84,7 +84,7 @@ def test_your_learner_learns():
     """With a few thousand rounds it lies far better than after its first update."""
     task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
     rung = Entered(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
-    rounds = {"seed": 0, "games": 2, "tell": lambda rounds: None}
+    rounds = {"seed": 0, "games": 2}
     begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
     assert isinstance(rung.learner, Learner)
     assert learned.rounds == 12_800

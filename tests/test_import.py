@@ -17,7 +17,7 @@ def imported(statement: str) -> set[str]:
         "import roletrust_env",
         "import roletrust_env; e = roletrust_env.parallel_env(); e.reset(); "
         "e.step({agent: e.action_space(agent).low for agent in e.agents})",
-        "import roletrust_agents, baselines",
+        "import roletrust_agents, roletrust_baselines",
     ],
     ids=["import", "play", "players"],
 )

@@ -10,7 +10,12 @@ import grimp
 import pytest
 
 HOUSE = Path(__file__).parent.parent
-FOLDERS = ("roletrust_env", "agents", "baselines", "experiments")
+FOLDERS = {  # by the name of the package
+    "roletrust_env": HOUSE / "roletrust_env",
+    "roletrust_agents": HOUSE / "agents" / "roletrust_agents",
+    "roletrust_baselines": HOUSE / "baselines" / "roletrust_baselines",
+    "roletrust_experiments": HOUSE / "experiments" / "roletrust_experiments",
+}
 PAGE = (HOUSE / "docs/how/structure.md").read_text(encoding="utf-8")
 LONGEST = 350  # lines of a file that is read in one sitting
 
@@ -23,17 +28,21 @@ def arrows() -> dict[str, set[str]]:
     for importer in graph.modules:
         for imported in graph.find_modules_directly_imported_by(importer):
             above, below = room(importer), room(imported)
-            if not {importer, imported} & set(FOLDERS) and above != below:
+            if not {importer, imported} & FOLDERS.keys() and above != below:
                 found.setdefault(above, set()).add(below)
     return found
 
 
 def room(module: str) -> str:
-    """The room of a module: a folder, a file beside folders, or the small files of the library, which are one."""
-    parts = module.split(".")[:2]
-    if HOUSE.joinpath(*parts).is_dir():
-        return "/".join(parts)
-    return parts[0] if parts[0] == "roletrust_env" else "/".join(parts) + ".py"
+    """The room of a module: a folder, a file beside folders, or the small files of the library, which are one.
+
+    The rooms of the other packages are called after the folder at the top, such as `agents/learned`.
+    """
+    package, *below = module.split(".")[:2]
+    name = "/".join([package if package == "roletrust_env" else package.removeprefix("roletrust_"), *below])
+    if FOLDERS[package].joinpath(*below).is_dir():
+        return name
+    return package if package == "roletrust_env" else f"{name}.py"
 
 
 def reduced(arrows: dict[str, set[str]]) -> set[tuple[str, str]]:
@@ -74,7 +83,8 @@ def test_the_tree_names_every_room():
         assert f"{name.rpartition('/')[2]}" in tree[1]
 
 
-@pytest.mark.parametrize("folder", [*FOLDERS, "tests"])
+@pytest.mark.parametrize("folder", [*FOLDERS.values(), HOUSE / "tests"], ids=lambda folder: folder.name)
 def test_every_file_is_read_in_one_sitting(folder):
-    lengths = {path: len(path.read_text().splitlines()) for path in (HOUSE / folder).rglob("*.py")}
+    lengths = {path: len(path.read_text().splitlines()) for path in folder.rglob("*.py")}
+    assert lengths
     assert {path.name: n for path, n in lengths.items() if n > LONGEST} == {}

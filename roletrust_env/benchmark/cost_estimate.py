@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from roletrust_env.benchmark.attackers import SEARCHING, aim, searching
 from roletrust_env.benchmark.cells import HONEST, Cell, attacks, place
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.evaluation.attacked_games import HELD_OUT, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.search import HELD_OUT, UnsuitableError, exact_task, play, sources
+from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_trust_model
 
 _TRIED = 4
@@ -84,7 +85,7 @@ def _seconds_each(suite: Suite, cell: Cell) -> float:
     taken = []
     for _ in range(2):  # the first time, much is made ready
         began = process_time()
-        for _ in play(task, Scripted({}), (1, suite.games), *sources(task, 0, HELD_OUT)):
+        for _ in judged_rollout(task, Scripted({}), (1, suite.games), *random_sources(task, 0, HELD_OUT)):
             pass
         taken.append(process_time() - began)
     return min(taken) / _TRIED / suite.games
@@ -94,9 +95,7 @@ def _beside(suite: Suite, cell: Cell, seconds_each: float) -> float:
     """Seconds that a rung takes for a round beside playing it."""
     began = process_time()
     try:
-        attempt = searching(cell.rung).attack(
-            _arguments(suite, cell), min(suite.budget, _BUDGET), cell.seed, lambda rounds: None
-        )
+        attempt = searching(cell.rung).search(_arguments(suite, cell), Budget(min(suite.budget, _BUDGET)), cell.seed)
     except UnsuitableError:
         return 0.0
     return max(0.0, (process_time() - began) / max(attempt.rounds, 1) - seconds_each)

@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env import metrics
+from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker, Scripted
-from roletrust_env.evaluation.search import HELD_OUT, sources, turns
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.consumer import Bought
-from roletrust_env.game.joint_policy import check_chosen
 from roletrust_env.metrics.score import mean_where, ratio
 from roletrust_env.trust import Traits
 
@@ -64,18 +63,16 @@ class Measured(NamedTuple):
 
 
 def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
-    """Play held-out games to the end and keep what is measured. Arguments as for `evaluation.search.turns`.
+    """Play held-out games to the end and keep what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
         ValueError: somebody chose what is not allowed, or a trust model of another package fails.
     """
     game, trusts, bought = task.game, [], []
-    for turn in turns(task, attacker, batch, *sources(task, seed, HELD_OUT)):
-        check_chosen(turn.joint, game, f"round {int(turn.before.game.round.reshape(-1)[0])}")
-        state = turn.after.game
+    for before, actions, state, _ in attacked_rollout(task, attacker, batch, *random_sources(task, seed, HELD_OUT)):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
-        bought.append(task.bought(turn.before.game, turn.joint, state))
+        bought.append(task.bought(before, actions, state))
     return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
 
 

@@ -9,7 +9,8 @@ from roletrust_env.benchmark.cells import HONEST, Cell, attacks, place
 from roletrust_env.benchmark.measurement import Measured, measure, measure_honest
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmark.suite import Suite
-from roletrust_env.evaluation.search import TaskArguments, UnsuitableError, exact_task
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
 from roletrust_env.game.attack_task import AttackTask
 
@@ -59,8 +60,8 @@ def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArgument
             yield found, "at its defaults"
         return
     rung = searching(cell.rung, list(kinds.values()))
-    attempt = rung.attack(arguments, suite.budget, cell.seed, lambda rounds: None)
-    yield AttackBatch((cell.rung,), attempt.attacker, attempt.rounds), attempt.words
+    attempt = rung.search(arguments, Budget(suite.budget), cell.seed)
+    yield AttackBatch((cell.rung,), attempt.attacker, attempt.rounds), attempt.description
 
 
 def _measured(

@@ -1,4 +1,4 @@
-"""How all agents of one attacker play together: each by a policy of its own, or by a sequence fixed beforehand."""
+"""Attackers: all compromised agents of a task as one mind, by a policy for each agent or by a fixed sequence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,34 +6,42 @@ from typing import Any, Protocol
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack_task import AttackTask, TaskState
-from roletrust_env.game.joint_policy import JointPolicy
+from roletrust_env.game.game import Game
+from roletrust_env.game.joint_policy import JointPolicy, checked_actions
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.state import Actions
+from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 
 
 class Attacker(Protocol):
-    """How all compromised agents play, as one mind, in a batch of games of shape (K, G)."""
+    """All compromised agents of a task as one mind, in a batch of games."""
 
-    def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
-        """What it remembers before the first round."""
+    def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
+        """Return the memory before the first round."""
         ...
 
     def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array | Actions, Any]:
-        """The joint action, (A, K, G), see `AttackTask.action_size`, or all agents' actions; and the new memory."""
+        """Return the action and the new memory.
+
+        The action has shape (A, *batch), see `AttackTask.action_size`, or is an `Actions` of all agents, of which those
+        of the attacker's identities count.
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Scripted:
-    """Each compromised agent has a policy of its own, and plays honestly without.
+    """An attacker with a policy for each compromised agent; an agent without a policy plays honestly.
 
-    Policies play on every channel, also on those that a task's action does not have: presence, silence and treatment.
+    The policies use every channel, also those that the action of a task lacks: presence, silence and treatment.
+
+    Attributes:
+        policies: Policies by the name of the agent.
     """
 
     policies: Mapping[str, Policy]
 
-    def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
+    def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """See `Attacker.begin`."""
         joint_policy = JointPolicy(task.game, self.policies)
         return joint_policy, joint_policy.begin(random, batch)
@@ -47,11 +55,15 @@ class Scripted:
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """A fixed sequence of joint actions, whatever happens: (T, A), or (T, A, K) for K sequences side by side."""
+    """A fixed sequence of joint actions.
+
+    Attributes:
+        actions: Actions of T rounds, shape (T, A), or shape (T, A, K) for K sequences side by side.
+    """
 
     actions: Array
 
-    def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
+    def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
         """See `Attacker.begin`."""
         return 0
 
@@ -60,3 +72,36 @@ class OpenLoop:
         action = self.actions[memory]
         whole = 0 * state.game.quality[:1]  # (1, K, G)
         return action.reshape(action.shape[0], -1, 1) + whole, memory + 1
+
+
+@dataclass(frozen=True, eq=False)
+class AttackedPlayers:
+    """The players of an attacked game: the attacker, and the scripted agents of its task.
+
+    Attributes:
+        task: Task of the attacker.
+        attacker: Attacker that plays it.
+    """
+
+    task: AttackTask
+    attacker: Attacker
+
+    @property
+    def game(self) -> Game:
+        """The game of the task."""
+        return self.task.game
+
+    def begin(self, random: Random, batch: tuple[int, ...]) -> Any:
+        """Return the memories of the scripted agents and of the attacker."""
+        return self.task.joint_policy.begin(random, batch), self.attacker.begin(self.task, random, batch)
+
+    def checked_act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
+        """See `roletrust_env.game.rollout.Players`."""
+        return checked_actions(self.game, state, "the attacker", self._act, memory, random)
+
+    def _act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
+        scripted, own = memory
+        task_state = TaskState(state, scripted)
+        action, own = self.attacker.act(self.task, task_state, own, random)
+        actions, scripted = self.task.joint(task_state, action, random)
+        return actions, (scripted, own)

@@ -1,14 +1,15 @@
-"""Playing to the end with a progress bar, keeping the curves and not the ratings, of which a crowd has too many."""
+"""Curves of games: trust, rewards and quality of each round, without the ratings, which take too much memory."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from rich.progress import Progress
 
-from roletrust_env import JointPolicy, Random, State
-from roletrust_env.game.rollout import stacked
+from roletrust_env.game.joint_policy import JointPolicy
+from roletrust_env.game.rollout import rollout, stack_offered
+from roletrust_env.game.state import State
+from roletrust_env.randomness import Random
 
 Floats = npt.NDArray[np.float64]
 
@@ -44,41 +45,33 @@ def kept_bytes(joint_policy: JointPolicy) -> int:
     return columns * game.scenario.max_cycles * np.dtype(np.float64).itemsize
 
 
-def record(
+def record_curves(
     joint_policy: JointPolicy,
     seed: int,
-    progress: Progress,
-    label: str,
     *,
     games: int = 1,
-    watch: Callable[[State], None] = lambda state: None,
+    on_round: Callable[[State], None] = lambda state: None,
 ) -> Curves:
-    """Play games to the scenario's end, all of them as one batch.
+    """Play games to the end of the scenario as one batch, and return their curves.
 
-    The luck of the games and that of the policies are drawn apart: with the same seed, games have the same luck
-    whoever plays, so that a run under attack can be paired with one without.
+    The noise of the games and the random numbers of the policies are drawn apart: with the same seed games have the
+    same noise under any policies, so that a run under attack can be paired with one without.
 
     Args:
-        joint_policy: the game, and who plays how.
-        seed: of all luck.
-        progress: where to show how far it is.
-        label: what to call it there.
-        games: number of games E.
-        watch: is shown the state after each round.
+        joint_policy: Game and policies of its agents.
+        seed: Random seed.
+        games: Number of games E.
+        on_round: Called with the state after each round.
 
     Raises:
-        ValueError: a trust model or a policy fails.
+        ValueError: A trust model or a policy fails.
     """
     game = joint_policy.game
     rows: list[tuple[Floats, ...]] = []
     offered: list[Floats] = []
     roster, length = game.roster, game.scenario.max_cycles
-    luck, whims = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
-    state, memories = game.start(game.draw(luck, (games,), start=True)), joint_policy.begin(whims, (games,))
-    for _ in progress.track(range(length), description=label):
-        actions, memories = joint_policy.checked_act(state, memories, whims)
-        before = state
-        state, rewards = game.step(before, actions, game.draw(luck, (games,)))
+    noise, chance = Random(np.random.default_rng(seed)), Random(np.random.default_rng([seed, 1]))
+    for before, actions, state, rewards in rollout(joint_policy, noise, chance, (games,)):
         offered.append(game.offered(before, actions, state))
         here = game.present(state)
         present = np.ones(rewards.shape, dtype=bool) if here is None else here
@@ -91,7 +84,7 @@ def record(
                 np.where(present, rewards, np.nan),
             )
         )
-        watch(state)
+        on_round(state)
     time_s = np.arange(1, length + 1, dtype=np.float64) * game.scenario.period_s
-    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
+    columns = [*(np.stack(column) for column in zip(*rows, strict=True)), stack_offered(offered)]
     return Curves(time_s, *columns)

@@ -14,6 +14,7 @@ from roletrust_env import Policy, Scenario
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import Kind, told
 from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, Thing
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
@@ -128,7 +129,7 @@ def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[Kind, ...]:
         known = inspect.signature(kind).parameters
         for key in parameters:
             if key not in known:
-                raise ValueError(f"attacker {text!r} has no parameter {key!r}{suggest(key, known)}")
+                raise ValueError(unknown_parameter(f"attacker {text!r}", key, known))
         kinds.append(partial(kind, **parameters) if parameters else kind)
     return tuple(kinds)
 

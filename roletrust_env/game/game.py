@@ -86,6 +86,8 @@ class Game:
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
+        # The state of the model after the last round with its published trust, so that the trust is read out once.
+        self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
 
     def random(self, seed: int | None = None) -> Random:
         """A source of luck for this game: of its array library, dtype and device.
@@ -172,10 +174,12 @@ class Game:
             ratings = copied(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated
         if self._watched:
-            trust = watched_update(self.model, state.trust, ratings, mask, state.round)
+            trust, tor, top = watched_update(self.model, state.trust, ratings, mask, state.round)
         else:
             trust = self.model.update(state.trust, ratings, mask)
-        tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+            tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+        if self._on_numpy:
+            self._published = trust, (tor, top)
 
         counts = state.counts
         if counts is not None:
@@ -223,6 +227,9 @@ class Game:
 
     def published(self, state: State) -> tuple[Array, Array]:
         """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        trust, published = self._published
+        if trust is state.trust and published is not None:  # most often that of the last round
+            return published
         return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
 
     def agent_trust(self, state: State) -> Array:

@@ -1,7 +1,7 @@
-"""The joint_policy: policies seated at the agents of a game, in one game or a batch."""
+"""The joint policy: policies seated at the agents of a game, in one game or a batch."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.world.presence import PRESENT
+
+Memory = TypeVar("Memory")
 
 _CHANNELS: dict[str, frozenset[Channel]] = {
     "sr": frozenset({"ratings"}),
@@ -155,22 +157,13 @@ class JointPolicy:
         return actions, tuple(after)
 
     def checked_act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
-        """What `act` gives, if it can be played: for policies that others wrote.
+        """Return what `act` returns, once it is checked: the policies may come from other packages.
 
         Raises:
-            ValueError: a policy raised something, or chose what is NaN or outside [0, 1]. The message names the round.
+            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the round.
         """
-        where = f"round {int(state.round.reshape(-1)[0])}"
-        try:
-            actions, memories = self.act(state, memories, random)
-        except MemoryError:
-            raise
-        except Exception as error:  # whatever a foreign policy raises
-            whose = ", ".join(dict.fromkeys(map(policy_name, self.policies.values())))
-            what = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-            raise ValueError(f"{where}: a policy ({whose}) fails: {what}") from error
-        check_chosen(actions, self.game, where)
-        return actions, memories
+        names = dict.fromkeys(map(policy_name, self.policies.values()))
+        return checked_actions(self.game, state, f"a policy ({', '.join(names)})", self.act, memories, random)
 
     def _alike(self, quality: Array) -> Array:
         """The treatment, (n, S, ...), by providers that serve all raters alike, with this quality, (n, ...)."""
@@ -208,12 +201,41 @@ class JointPolicy:
         return _Deeds(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
 
 
-def check_chosen(actions: Actions, game: Game, where: str) -> None:
-    """See that everybody chose what is allowed.
+def checked_actions(
+    game: Game,
+    state: State,
+    name: str,
+    act: Callable[[State, Memory, Random], tuple[Actions, Memory]],
+    memory: Memory,
+    random: Random,
+) -> tuple[Actions, Memory]:
+    """Return the actions that `act` chooses, and the new memory.
+
+    Args:
+        game: Game that is played.
+        state: State before the round.
+        name: Name of the players in error messages.
+        act: Choice of the actions of all agents.
+        memory: Memory of the players.
+        random: Random numbers of the players.
 
     Raises:
-        ValueError: names, after `where`, an agent and what it chose that is NaN or outside [0, 1].
+        ValueError: `act` fails, or an action is NaN or outside [0, 1]. The message names the round.
     """
+    where = f"round {int(state.round.reshape(-1)[0])}"
+    try:
+        actions, memory = act(state, memory, random)
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever a foreign policy raises
+        what = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise ValueError(f"{where}: {name} fails: {what}") from error
+    _check_actions(actions, game, where)
+    return actions, memory
+
+
+def _check_actions(actions: Actions, game: Game, where: str) -> None:
+    """Refuse actions that are NaN or outside [0, 1]; the error names an agent and the channel."""
     raters, providers = game.roster.rater_names, game.roster.provider_names
     treatment = None if actions.treatment is None else actions.treatment.swapaxes(0, 1)
     for channel, chosen, names in (

@@ -1,44 +1,73 @@
-"""Playing a game to its end with a joint policy, in one game or a batch."""
+"""The loop over the rounds of a game, and the record of a whole game."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
-from roletrust_env.game.state import State
+from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
 
 
-class Round(NamedTuple):
-    """What one round left behind.
+class Players(Protocol):
+    """The behaviour of all agents of a game: a `JointPolicy`, or an attacker among scripted agents.
 
     Attributes:
-        state: after the round.
-        rewards: (N, ...).
-        offered: quality that providers had for whoever came, (P, ...) or (S, P, ...), see `Game.offered`.
+        game: The game that they play.
     """
 
+    @property
+    def game(self) -> Game:
+        """The game that they play."""
+        ...
+
+    def begin(self, random: Random, batch: tuple[int, ...]) -> Any:
+        """Return the memory before the first round."""
+        ...
+
+    def checked_act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
+        """Return the actions of all agents, each in [0, 1], and the new memory.
+
+        Raises:
+            ValueError: A policy fails, or an action is NaN or outside [0, 1]. The message names the round.
+        """
+        ...
+
+
+class Round(NamedTuple):
+    """One round of a game.
+
+    Attributes:
+        before: State before the round.
+        actions: Actions of all agents.
+        state: State after the round.
+        rewards: Rewards of the agents, shape (N, ...).
+    """
+
+    before: State
+    actions: Actions
     state: State
     rewards: Array
-    offered: Array
 
 
 class History(NamedTuple):
-    """What a whole game left behind, one row for each of its T rounds.
+    """The record of a whole game, one row for each of its T rounds.
 
     Attributes:
-        tor: trust of the raters, (T, S, ...).
-        top: trust of the providers, (T, P, ...).
-        trust: trust of the agents, each by its role, (T, N, ...).
-        quality: delivered quality, 0 where nobody came, the mean over those who were served, (T, P, ...).
-        ratings: ratings that arrived, 0 where none did, (T, S, P, ...).
-        rated: where they did, boolean, (T, S, P, ...).
-        served: who was served by whom, boolean, (T, S, P, ...); rated in the next round at the earliest.
-        rewards: (T, N, ...).
-        present: who is present after the round, boolean, (T, N, ...). The trust of an agent that is not there is the
-            initial one before it joins, and stays where it was after it has gone; leave it out of means.
-        offered: quality that was there for whoever came, NaN where none was, (T, P, ...); or for each rater,
-            (T, S, P, ...), where any provider ever treated them differently, see `Game.offered`.
+        tor: Trust of the raters, shape (T, S, ...).
+        top: Trust of the providers, shape (T, P, ...).
+        trust: Trust of the agents by role, shape (T, N, ...).
+        quality: Delivered quality, shape (T, P, ...): the mean over the raters that were served, 0 without any.
+        ratings: Ratings that arrived, shape (T, S, P, ...); 0 where none did.
+        rated: Whether a rating arrived, boolean, shape (T, S, P, ...).
+        served: Whether a provider served a rater, boolean, shape (T, S, P, ...). The rating follows in the next round
+            at the earliest.
+        rewards: Rewards of the agents, shape (T, N, ...).
+        present: Whether an agent is present after the round, boolean, shape (T, N, ...). The trust of an absent agent
+            is the initial trust before it joins, and stays constant after it has left; leave it out of means.
+        offered: Quality that was on offer, shape (T, P, ...), or shape (T, S, P, ...) where a provider treated raters
+            differently; NaN where a provider did not serve. See `Game.offered`.
     """
 
     tor: Array
@@ -53,34 +82,46 @@ class History(NamedTuple):
     offered: Array
 
 
-def play(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> Iterator[Round]:
-    """Play round after round, to the scenario's end.
+def rollout(
+    players: Players, noise: Random, chance: Random, batch: tuple[int, ...] = (), *, rows: int | None = None
+) -> Iterator[Round]:
+    """Play games round by round, to the end of the scenario. Every other loop over rounds is this one.
 
     Args:
-        joint_policy: the game, and who plays how.
-        random: the source of all luck, with the game's array library, dtype and device.
-        batch: shape of the batch of games.
+        players: Behaviour of all agents.
+        noise: Random numbers of the game, with its array library, dtype and device.
+        chance: Random numbers of the policies. It may be the same object as `noise`: the two streams are independent.
+        batch: Shape of the batch of games.
+        rows: Number of rows K of games that meet the same noise. The players see the batch (K, *batch).
 
     Yields:
-        Each round as it was played.
+        The rounds, in order.
 
     Raises:
-        ValueError: `batch` is no tuple, or a policy fails, see `JointPolicy.checked_act`.
+        ValueError: `batch` is no tuple, or the players fail, see `Players.checked_act`.
     """
     if not isinstance(batch, tuple):
         raise ValueError(f"batch is {batch!r}; it must be a shape, such as () for one game or (1000,)")
-    game = joint_policy.game
-    state = game.start(game.draw(random, batch, start=True))
-    memories = joint_policy.begin(random, batch)
+    game = players.game
+    state = game.start(_draw(game, noise, batch, rows, start=True))
+    memory = players.begin(chance, batch if rows is None else (rows, *batch))
     for _ in range(game.scenario.max_cycles):
-        actions, memories = joint_policy.checked_act(state, memories, random)
+        actions, memory = players.checked_act(state, memory, chance)
         before = state
-        state, rewards = game.step(before, actions, game.draw(random, batch))
-        yield Round(state, rewards, game.offered(before, actions, state))
+        state, rewards = game.step(before, actions, _draw(game, noise, batch, rows))
+        yield Round(before, actions, state, rewards)
 
 
 def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = ()) -> History:
-    """Play to the scenario's end and keep what happened. Arguments as for `play`.
+    """Play games to the end of the scenario and return the record.
+
+    Args:
+        joint_policy: Game and policies of its agents.
+        random: Random numbers of the game and of the policies.
+        batch: Shape of the batch of games.
+
+    Raises:
+        ValueError: `batch` is no tuple, or a policy fails.
 
     Example:
         >>> import roletrust_env
@@ -89,21 +130,31 @@ def record(joint_policy: JointPolicy, random: Random, batch: tuple[int, ...] = (
         >>> history.top[30].round(3)
         array([1., 1., 1.])
     """
+    game = joint_policy.game
     rows, offered = [], []
-    for state, rewards, there in play(joint_policy, random, batch):
-        offered.append(there)
-        tor, top = joint_policy.game.published(state)
-        trust = joint_policy.game.agent_trust(state)
-        present = joint_policy.game.present(state)
+    for before, actions, state, rewards in rollout(joint_policy, random, random, batch):
+        offered.append(game.offered(before, actions, state))
+        tor, top = game.published(state)
+        trust = game.agent_trust(state)
+        present = game.present(state)
         if present is None:
             present = trust == trust  # everybody
         rows.append((tor, top, trust, state.quality, state.ratings, state.rated, state.awaiting, rewards, present))
     stack = namespace(rows[0][0]).stack
-    columns = [*(stack(column) for column in zip(*rows, strict=True)), stacked(offered)]
+    columns = [*(stack(column) for column in zip(*rows, strict=True)), stack_offered(offered)]
     return History(*columns)
 
 
-def stacked(offered: Sequence[Array]) -> Array:
-    """What was offered round by round, (P, ...) or (S, P, ...) each, as one array."""
+def stack_offered(offered: Sequence[Array]) -> Array:
+    """Stack the quality on offer in each round, shape (P, ...) or (S, P, ...), into one array."""
     xp, shape = namespace(offered[0]), max((one.shape for one in offered), key=len)
     return xp.stack([xp.broadcast_to(one, shape) for one in offered])
+
+
+def _draw(game: Game, random: Random, batch: tuple[int, ...], rows: int | None, *, start: bool = False) -> Noise:
+    """Draw the noise of a round, the same for every row."""
+    noise = game.draw(random, batch, start=start)
+    if rows is None:
+        return noise
+    axis = -1 - len(batch)
+    return Noise(*(None if part is None else namespace(part).stack([part] * rows, axis=axis) for part in noise))

@@ -86,7 +86,7 @@ class Standing:
             ratings[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
         mask = ~np.isnan(ratings)
         ratings[~mask] = 0
-        self._state = watched_update(self._model, self._state, ratings, mask, self._round)
+        self._state = watched_update(self._model, self._state, ratings, mask, self._round)[0]
         self._round = self._round + 1
         self._rated += mask.sum(axis=1)
         self._provided += mask.sum(axis=0)

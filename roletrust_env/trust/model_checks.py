@@ -46,8 +46,10 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
             raise ValueError(f"{where} twice alike: it changes {changes}, and must return what it remembers anew")
 
 
-def watched_update(model: TrustModel[State], state: State, ratings: Array, mask: Array | None, round: Array) -> State:
-    """What `model.update` makes of a round, if it is sound.
+def watched_update(
+    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, round: Array
+) -> tuple[State, Array, Array]:
+    """Return the state after a round and the trust of raters and of providers, once these are checked.
 
     Args:
         model: see `TrustModel`.
@@ -61,9 +63,10 @@ def watched_update(model: TrustModel[State], state: State, ratings: Array, mask:
             dtype than the ratings, is NaN or outside [0, 1]. The message names the model and the round.
     """
     if compiling(ratings):  # a compiler cannot stop half-way
-        return model.update(state, ratings, mask)
+        after = model.update(state, ratings, mask)
+        return after, model.rater_trust(after), model.provider_trust(after)
     where = f"trust model {model!r}, round {int(round.reshape(-1)[0])}"
-    return _updated(model, state, ratings, mask, where)[0]
+    return _updated(model, state, ratings, mask, where)
 
 
 def _updated(

@@ -2,9 +2,8 @@
 
 from abc import ABC, abstractmethod
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
@@ -35,7 +34,7 @@ def median(notes: Notes) -> Array:
     return middle_mean(notes, (notes.received - 1) / 2)
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class ByCentre(Smoothed, ABC):
     """A trust model that is told by how it takes the centre of a provider's ratings; both trusts follow from that.
 

@@ -1,13 +1,12 @@
 """What the models share that remember nothing but trust."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Trusts
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Smoothed:
     """The part of a trust model that remembers nothing but trust: where it starts and how it is read.
 

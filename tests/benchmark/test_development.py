@@ -7,7 +7,7 @@ from pathlib import Path
 from roletrust_env.benchmark.cells import models
 from roletrust_env.benchmark.suite import load_suite, suites
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_the_table_is_the_leaderboard_of_the_development_suite() -> None:

@@ -11,12 +11,12 @@ from benchmark_cases import results, tiny
 
 from roletrust_env.benchmark import store as store_file
 from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import Done, Row
+from roletrust_env.benchmark.run_cell import AttackResult, CellResult
 from roletrust_env.benchmark.store import Store
 
 SUITE = tiny()
 SCORES = {"utility": [0.25, None, 1.0]}
-DONE = Done((Row("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None]),), 1.5, env_steps=15)
+DONE = CellResult((AttackResult("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None]),), 1.5, env_steps=15)
 
 
 @pytest.fixture

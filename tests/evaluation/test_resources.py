@@ -54,14 +54,14 @@ def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked)
 
 
 def test_measured_attackers_take_what_was_foreseen():
-    from roletrust_agents.learned.methods import Mind
+    from roletrust_agents.learned.network_attacker import NetworkAttacker
     from roletrust_agents.learned.policy import play_task
     from roletrust_agents.learned.saved import carded_task, load_attacker
 
     attacker = load_attacker(ZOO / "collusion-10x10")
     card, network = attacker.card, attacker.network
     task = carded_task(card.task, card.trust_model, card.scenario.change(max_cycles=10))
-    foreseen = 1000 * task_memory(task, Mind(network, "black_box"))
+    foreseen = 1000 * task_memory(task, NetworkAttacker(network, "black_box"))
     assert 0.9 < foreseen / peak(lambda: play_task(task, network, games=1000, seed=0)) < 1.35
 
 
@@ -82,7 +82,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
     def begin(*_, **__):
         raise BegunError("it has begun")
 
-    monkeypatch.setattr(f"experiments.{work}", begin)
+    monkeypatch.setattr(f"roletrust_experiments.{work}", begin)
     monkeypatch.setattr("roletrust_experiments.training.loop.MANY", 50)  # quickly tried
     monkeypatch.setattr(resources, "available", lambda: 1e9)
     monkeypatch.chdir(tmp_path)

@@ -86,7 +86,7 @@ def test_an_unknown_client_is_refused(capsys):
 
 def test_every_client_has_a_file_and_a_word_in_the_guide():
     guide = (HOUSE / "docs/guide/frameworks.md").read_text().lower()
-    folder = HOUSE / "experiments" / "clients"
+    folder = HOUSE / "experiments" / "roletrust_experiments" / "clients"
     assert {path.stem for path in folder.glob("*.py")} == {*CLIENTS, "__init__", "__main__", "games", "inside"}
     assert all(name in guide for name in CLIENTS)
 

@@ -153,4 +153,4 @@ def play(game: Game, start: Noise, actions: list[Actions], noises: list[Noise]) 
 
 
 def many(max_examples: int) -> Any:
-    return settings(deadline=None, max_examples=max_examples)
+    return settings(max_examples=max_examples)

@@ -10,7 +10,7 @@ import torch
 from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
 
 from roletrust_env import Actions, Game, JointPolicy, Player, Policy, Random, Scenario, make_task, parallel_env, record
-from roletrust_env.game.rollout import play
+from roletrust_env.game.rollout import rollout
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
 from roletrust_env.world.roster import Roster
 
@@ -32,9 +32,8 @@ def joint_policy(policies: dict[str, Policy] | None = None, like: Any = None) ->
 
 def phases(joint_policy: JointPolicy, seed: int = 0, batch: tuple[int, ...] = ()) -> np.ndarray:
     """(T, N, ...)."""
-    return np.stack(
-        [np.asarray(r.state.population.phase) for r in play(joint_policy, joint_policy.game.random(seed), batch)]
-    )
+    random = joint_policy.game.random(seed)
+    return np.stack([np.asarray(r.state.population.phase) for r in rollout(joint_policy, random, random, batch)])
 
 
 def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> None:
@@ -100,7 +99,7 @@ def test_nobody_comes_back_and_only_owners_of_a_reserve_withdraw() -> None:
 
 def test_a_newcomer_serves_from_its_first_full_round_on() -> None:
     wash = joint_policy({"sp_0": Whitewashing(threshold=0.45, reserve=2)})
-    rows = list(play(wash, wash.game.random(0)))
+    rows = list(rollout(wash, wash.game.random(0), wash.game.random(0)))
     place = wash.game.roster.provider_names.index("sp_3")
     n = wash.game.roster.names.index("sp_3")
     came = next(t for t, row in enumerate(rows) if row.state.population.phase[n] == PRESENT)

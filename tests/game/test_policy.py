@@ -10,7 +10,7 @@ from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
 
 from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
-from roletrust_env.game.rollout import play, record
+from roletrust_env.game.rollout import record, rollout
 
 SCENARIO = Scenario(
     agents=[{"role": "SR", "count": 4}, {"role": "SP", "count": 3}, {"role": "SR+SP", "count": 3}],
@@ -88,7 +88,7 @@ def test_numpy_and_torch_play_alike(batch: tuple[int, ...]) -> None:
 def test_a_game_in_single_precision_stays_so(like: Any, switching: str) -> None:
     game = Game(SCENARIO, like=like)
     seated = JointPolicy(game, POLICIES | {"sp_2": OnOff(bad=0.3, switching=switching)})
-    *_, (state, rewards, _) = play(seated, luck(like), (2,))
+    *_, (_, _, state, rewards) = rollout(seated, luck(like), luck(like), (2,))
     floats = [state.ratings, state.quality, state.service, state.value, rewards, *game.published(state)]
     assert {array.dtype for array in floats} == {like.dtype}
 

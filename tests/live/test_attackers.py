@@ -14,7 +14,7 @@ from roletrust_env.live.nodes.assess import _Critic
 from roletrust_env.live.nodes.cam import _Seller
 from roletrust_env.world.roster import Roster
 
-ZOO = Path(__file__).parents[2] / "agents" / "zoo"
+ZOO = Path(__file__).parents[2] / "agents" / "roletrust_agents" / "zoo"
 RULES = make_scenario("paper-3x3").change(max_cycles=40, perturbations=()).change(noise=0.0)
 ROSTER = Roster.of(RULES)
 TOLD = {

@@ -112,7 +112,7 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         ("commands.play", "play_games"),
         ("commands.figures", "record"),
     ):
-        monkeypatch.setattr(f"experiments.{module}.{name}", work)
+        monkeypatch.setattr(f"roletrust_experiments.{module}.{name}", work)
     (tmp_path / "file").write_text("in the way")
     result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / out)])
     assert result.exit_code == 2, result.output

@@ -125,7 +125,7 @@ def test_1000_random_agents_match_the_reference(asarray: Callable) -> None:
 anything = st.floats(0, 1)
 steps = st.integers(0, 64).map(lambda k: k / 64)  # sums of these are exact, in whatever order they are taken
 lams = st.floats(0.5, 1, exclude_max=True)
-properties = settings(deadline=None, max_examples=60)
+properties = settings(max_examples=60)
 
 
 @st.composite

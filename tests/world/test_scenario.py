@@ -253,7 +253,7 @@ fields = st.dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(fields, agents)
 def test_a_scenario_of_anything_is_refused_clearly_or_plays(fields: dict[str, Any], agents: list[Any]) -> None:
     message = "junk: "

@@ -1,45 +1,21 @@
 """Saved attackers as search methods that search nothing."""
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from roletrust_env.arrays import Array
+from roletrust_agents.learned.network_attacker import NetworkAttacker, with_knowledge
 from roletrust_env.envs.attack_env import task_spaces
-from roletrust_env.evaluation.search import OnRounds, SearchResult, TaskArguments, UnsuitableError, exact_task
-from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
-from roletrust_env.randomness import Random
-
-if TYPE_CHECKING:
-    from roletrust_agents.learned.network import Network
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.game.attack_task import AttackTask
 
 _OF_A_RUN: Any = {
     **dict.fromkeys(("observation", "score", "weights_sha256"), True),
     "training": {"seed", "seconds", "rounds"},
 }
 """In what the cards of two runs of one training may differ."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mind:
-    """A network that decides for all compromised agents, seeing what its knowledge lets it see."""
-
-    network: "Network"
-    knowledge: Knowledge
-
-    def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> Any:
-        """See `Attacker.begin`."""
-        return _knowing(task, self.knowledge), self.network.begin(np.zeros(batch))
-
-    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Array, Any]:
-        """See `Attacker.act`."""
-        task, remembered = memory
-        action, remembered = self.network(task.observe(state), remembered)
-        return action, (task, remembered)
 
 
 @dataclass(frozen=True)
@@ -54,21 +30,21 @@ class Learned:
     path: Path
     name: str = "learned"
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         from roletrust_agents.learned.saved import load_attacker
 
         saved = load_attacker(self.path)
         card, task = saved.card, exact_task(arguments)
-        mind = Mind(saved.network, card.task.knowledge)
-        seen, needed = _observation_size(_knowing(task, mind.knowledge)), card.architecture.inputs
+        attacker = NetworkAttacker(saved.network, card.task.knowledge)
+        seen, needed = _observation_size(with_knowledge(task, card.task.knowledge)), card.architecture.inputs
         if (seen, task.action_size) != (needed, card.architecture.outputs):
             raise UnsuitableError(
                 f"{self.path} learned with {needed} observations and {card.architecture.outputs} actions; "
                 f"this task has {seen} and {task.action_size}"
             )
         words = f"{card.training.algorithm} on {card.task.id}, {card.task.knowledge}"
-        return SearchResult(mind, card.training.rounds or card.training.steps, words, card.training.seconds)
+        return SearchResult(attacker, card.training.rounds or card.training.steps, words, card.training.seconds)
 
 
 def learned_rungs(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
@@ -100,13 +76,6 @@ def learned_rungs(folder: Path, seeds: Sequence[int], name: str) -> list[Learned
     if len(trainings) > 1:
         raise ValueError(f"the runs in {folder} differ in more than their seed; they are not one rung")
     return [Learned(found[seed], name) for seed in seeds]
-
-
-def _knowing(task: AttackTask, knowledge: Knowledge) -> AttackTask:
-    """The same task, seen with another knowledge."""
-    other = copy.copy(task)
-    other.knowledge = knowledge
-    return other
 
 
 def _observation_size(task: AttackTask) -> int:

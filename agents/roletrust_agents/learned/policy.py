@@ -5,11 +5,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.evaluation.attacked_games import judged
+from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.rollout import rollout
 from roletrust_env.game.views import AgentView, ProviderView, RaterView
 from roletrust_env.randomness import Random
 
@@ -111,39 +114,21 @@ def learned(path: str) -> LearnedPolicy:
 
 
 def play_task(task: AttackTask, network: Network | None, *, games: int, seed: int) -> Array:
-    """The score of each game, (E,): the mean reward per round of the scenario's length, 0 in rounds after the end.
+    """Return the score of each game, shape (E,): the mean reward per round of the full length, 0 after the end.
 
     Args:
-        task: what is played, on NumPy.
-        network: of who plays; None plays honestly.
-        games: number of games, E.
-        seed: of all luck.
+        task: Task to play, on NumPy.
+        network: Network that decides for the compromised agents; None plays honestly.
+        games: Number of games, E.
+        seed: Random seed.
 
     Raises:
-        ValueError: the network's observations or actions are of other sizes than the task's.
+        ValueError: The observations or the actions of the network have another size than those of the task.
     """
     if network is not None and network.architecture.outputs != task.action_size:
         raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
-    batch, random = TaskBatch(task, (games,)), task.game.random(seed)
-    batch.restart(random)
-    score, playing = np.zeros(games), np.ones(games, bool)
-    memory = network.begin(score) if network is not None else None
-    for _ in range(task.game.scenario.max_cycles):
-        if network is None:
-            action = _honest(task, batch, random)
-        else:
-            action, memory = network(batch.observe(), memory)
-        outcome = batch.step(np.asarray(action, task.game.like.dtype), random)
-        score += np.where(playing, outcome.reward, 0.0)
-        playing &= ~outcome.caught
-        if not playing.any():
-            break
+    attacker = Scripted({}) if network is None else NetworkAttacker(network)
+    random, score = task.game.random(seed), np.zeros(games)
+    for _, outcome in judged(task, rollout(AttackedPlayers(task, attacker), random, random, (games,))):
+        score += outcome.reward
     return score / task.game.scenario.max_cycles
-
-
-def _honest(task: AttackTask, batch: TaskBatch, random: Random) -> Array:
-    """What the compromised agents would do if they were not."""
-    if batch.state is None:
-        raise RuntimeError("the games have not begun")
-    actions, _ = task.joint_policy.act(batch.state.game, batch.state.memories, random)
-    return task.own_action(actions)

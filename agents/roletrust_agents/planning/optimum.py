@@ -7,8 +7,9 @@ import numpy as np
 
 from roletrust_agents.planning.bracket import Bracket, bracket_rater
 from roletrust_agents.planning.exact import Optimum, optimal_provider
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import OpenLoop
-from roletrust_env.evaluation.search import OnRounds, SearchResult, TaskArguments, UnsuitableError, exact_task
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.trust import RoleTrust
 from roletrust_env.world.scenario import Scenario
@@ -20,8 +21,8 @@ class Exact:
 
     name: str = "exact"
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         task = exact_task(arguments)
         _check_model(task)
         agents = task.compromised
@@ -43,8 +44,8 @@ class BestKnown:
 
     name: str = "best known"
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         task = exact_task(arguments)
         _check_model(task)
         agents, price = task.compromised, task.stealth

@@ -15,19 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.evaluation.attackers import OpenLoop
-from roletrust_env.evaluation.search import (
+from roletrust_env.evaluation.attacked_games import (
     SEARCHED,
-    OnRounds,
-    RoundCounter,
-    SearchResult,
     TaskArguments,
-    UnsuitableError,
     is_certain,
-    measure,
-    play,
-    sources,
+    judged_rollout,
+    mean_rewards,
+    random_sources,
 )
+from roletrust_env.evaluation.attackers import OpenLoop
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask, make_task
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, Traits
@@ -71,58 +68,57 @@ class Planner:
     rate: float = 0.3
     name: str = "white-box planner"
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         with _one_thread():
-            return self._attack(arguments, budget, seed, tell)
+            return self._search(arguments, budget, seed)
 
-    def _attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
+    def _search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         import torch
 
         true = make_task(**arguments)
         task = _smooth_task(arguments)
-        used = RoundCounter(tell)
         rounds, size = task.game.scenario.max_cycles, task.action_size
         samples = 1 if is_certain(arguments) else self.samples
-        used.count(2 * rounds)
+        budget.spend(2 * rounds)
         check = samples if samples == 1 else 16 * samples
         # Small arrays cost what their number costs; beyond some thousands of cells time grows with their size.
         cells = task.game.roster.n_raters * task.game.roster.n_providers * samples
-        starts = max(8, min(self.starts, 6400 // cells, budget // (60 * rounds * samples)))
+        starts = max(8, min(self.starts, 6400 // cells, budget.rounds // (60 * rounds * samples)))
         kept = max(2, starts // 4)
-        left = budget - used.rounds - kept * check * rounds
+        left = budget.left - kept * check * rounds
         first, second = _steps(left, rounds * samples, starts, kept)
         if first < 1:
             raise UnsuitableError(
-                f"the budget of {budget} rounds is too small for the planner in games of {rounds} rounds"
+                f"the budget of {budget.rounds} rounds is too small for the planner in games of {rounds} rounds"
             )
 
-        luck, chance = sources(task, seed, SEARCHED)
+        noise, chance = random_sources(task, seed, SEARCHED)
         logits = torch.tensor(_starts(np.random.default_rng(seed), rounds, size, starts))
         for steps, done in ((first, 0), (second, first)):
             logits.requires_grad_()
             adam = torch.optim.Adam([logits], lr=self.rate)
             for step in range(done, done + steps):
                 adam.param_groups[0]["lr"] = self.rate * 0.5 * (1 + math.cos(math.pi * step / (first + second)))
-                score = self._climb(task, logits, adam, luck, chance, samples)
-                used.count(rounds * samples * logits.shape[2])
+                score = self._climb(task, logits, adam, noise, chance, samples)
+                budget.spend(rounds * samples * logits.shape[2])
             logits = logits.detach()
             if not done:
                 logits = logits[:, :, score.argsort(descending=True)[:kept]].clone()
         actions = torch.sigmoid(logits).numpy()
-        scores = measure(true, OpenLoop(actions.astype(true.game.like.dtype)), seed, (kept, check), SEARCHED)[0]
-        used.count(kept * check * rounds)
+        scores = mean_rewards(true, OpenLoop(actions.astype(true.game.like.dtype)), seed, (kept, check), SEARCHED)[0]
+        budget.spend(kept * check * rounds)
         best = int(scores.mean(axis=1).argmax())
         words = f"open loop, best of {starts} starts, {first} + {second} steps"
-        return SearchResult(OpenLoop(actions[:, :, best]), used.rounds, words)
+        return SearchResult(OpenLoop(actions[:, :, best]), budget.spent, words)
 
-    def _climb(self, task: AttackTask, logits: Any, adam: Any, luck: Random, chance: Random, samples: int) -> Any:
+    def _climb(self, task: AttackTask, logits: Any, adam: Any, noise: Random, chance: Random, samples: int) -> Any:
         """One step of Adam; returns the scores before it, one for each sequence."""
         import torch
 
         attacker = OpenLoop(torch.sigmoid(logits))
-        moments = play(task, attacker, (logits.shape[2], samples), luck, chance)
-        score = sum(moment.outcome.reward for moment in moments).mean(dim=1) / len(logits)
+        rounds = judged_rollout(task, attacker, (logits.shape[2], samples), noise, chance)
+        score = sum(outcome.reward for _, outcome in rounds).mean(dim=1) / len(logits)
         adam.zero_grad()
         (-score.sum()).backward()
         # Trust models other than role-trust may have corners of their own; a direction that is lost is no direction.

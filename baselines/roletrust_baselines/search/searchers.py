@@ -9,19 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.evaluation.attack_space import Kind
+from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
-from roletrust_env.evaluation.search import (
-    SEARCHED,
-    OnRounds,
-    RoundCounter,
-    SearchResult,
-    TaskArguments,
-    UnsuitableError,
-    is_certain,
-    measure,
-)
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.game.policy import Policy
 
@@ -45,8 +37,8 @@ class PaperAttacks:
     name: str = "scripted, default"
     attacks: Attacks = None
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         attack = Scripts.of(make_task(**arguments), self.attacks).default
         return SearchResult(Scripted(attack), 0, describe(attack))
 
@@ -58,9 +50,9 @@ class Grid:
     name: str = "scripted, best of grid"
     attacks: Attacks = None
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
-        trial = _Trial(arguments, self.attacks, budget, seed, tell)
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = _Trial(arguments, self.attacks, budget, seed)
         attacks = trial.scripts.grid
         if len(attacks) > trial.left:
             attacks = [attacks[k] for k in np.random.default_rng(seed).permutation(len(attacks))[: trial.left]]
@@ -74,9 +66,9 @@ class RandomSearch:
     name: str = "random search"
     attacks: Attacks = None
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
-        trial = _Trial(arguments, self.attacks, budget, seed, tell)
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = _Trial(arguments, self.attacks, budget, seed)
         points = np.random.default_rng(seed).random((trial.left, trial.dimensions(1)))
         return trial.best_point(points, trial.score_points(points))
 
@@ -97,9 +89,9 @@ class CmaEs:
     name: str = "CMA-ES"
     attacks: Attacks = None
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
-        trial = _Trial(arguments, self.attacks, budget, seed, tell)
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = _Trial(arguments, self.attacks, budget, seed)
         random = np.random.default_rng(seed)
         size = trial.dimensions(2)  # in one it does not work; a further coordinate counts for nothing
         points, scores = np.empty((0, size)), np.empty(0)
@@ -127,25 +119,26 @@ class _Trial:
     are tried again: the best of many noisy scores is mostly the luckiest.
     """
 
-    def __init__(self, arguments: TaskArguments, attacks: Attacks, budget: int, seed: int, tell: OnRounds) -> None:
+    def __init__(self, arguments: TaskArguments, attacks: Attacks, budget: Budget, seed: int) -> None:
         self.task = make_task(**arguments)
         self.scripts = Scripts.of(self.task, attacks)
         self._seed, self._budget, self._luck = seed, budget, 0
-        self._counter = RoundCounter(tell)
         self._rounds = self.task.game.scenario.max_cycles
         certain = is_certain(arguments)
-        self._counter.count(2 * self._rounds)
+        self._budget.spend(2 * self._rounds)
         self._games = 1 if certain else GAMES
-        reserve = 0 if certain else min(budget // 5, _FINALISTS * 8 * GAMES * self._rounds)
+        reserve = 0 if certain else min(budget.rounds // 5, _FINALISTS * 8 * GAMES * self._rounds)
         self._again = reserve // (_FINALISTS * self._rounds)
         if self.left < _GENERATION:
             needed = 2 * _GENERATION * self._games * self._rounds
-            raise UnsuitableError(f"the budget of {budget} rounds is too small for a search; give {needed} or more")
+            raise UnsuitableError(
+                f"the budget of {budget.rounds} rounds is too small for a search; give {needed} or more"
+            )
 
     @property
     def left(self) -> int:
         """How many more attacks can be tried."""
-        spare = self._budget - self._counter.rounds - self._again * _FINALISTS * self._rounds
+        spare = self._budget.left - self._again * _FINALISTS * self._rounds
         return max(0, spare // (self._rounds * self._games))
 
     def dimensions(self, least: int) -> int:
@@ -168,8 +161,8 @@ class _Trial:
             some = attacks[at : at + rows]
             self._luck += 1
             attacker, batch = Scripted(side_by_side(some)), (len(some), games)
-            found.append(measure(self.task, attacker, (self._seed, self._luck), batch, SEARCHED)[0].mean(axis=1))
-            self._counter.count(len(some) * games * self._rounds)
+            found.append(mean_rewards(self.task, attacker, (self._seed, self._luck), batch, SEARCHED)[0].mean(axis=1))
+            self._budget.spend(len(some) * games * self._rounds)
         scores: Points = np.concatenate(found).astype(np.float64)
         return scores
 
@@ -188,4 +181,4 @@ class _Trial:
         if self._again:
             leading = leading[np.argsort(-self.scores([attacks[k] for k in leading], self._again))]
         attack = attacks[leading[0]]
-        return SearchResult(Scripted(attack), self._counter.rounds, describe(attack))
+        return SearchResult(Scripted(attack), self._budget.spent, describe(attack))

@@ -30,7 +30,7 @@ CLIENTS = {
 }
 """What is installed for each of them."""
 
-_ROOT = Path(__file__).parents[2]
+_ROOT = Path(__file__).parents[3]
 _BUILD = _ROOT / "build" / "clients"
 _MINUTES = 30
 """After which a client that does not come to an end is given up."""

@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
-from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.evaluation.curves import Curves
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
 from roletrust_experiments.commands.console import claims_table, console, progress_bar
@@ -16,6 +16,7 @@ from roletrust_experiments.commands.recorded import draw_recording
 from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
 from roletrust_experiments.paper.footage import loop_note, looped_s
+from roletrust_experiments.playing.tracked import track_curves
 from roletrust_experiments.plots.figure_files import write_figure
 
 _MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Figure 3, for the montage
@@ -47,7 +48,8 @@ def figures(
     recording: Annotated[
         Path | None,
         typer.Option(
-            help="Play nothing, and draw what `roletrust live record` or `live demo` has recorded.", show_default=False
+            help="Play nothing, and draw what `roletrust live record` or `live demo` has recorded.",
+            show_default=False,
         ),
     ] = None,
     attack: Annotated[
@@ -103,7 +105,7 @@ def figures(
         for paper in played:
             watch = sight.watch if service == "hog" and paper.number == 3 else lambda state: None
             joint_policy = JointPolicy(game, paper.policies)
-            rounds.append(record(joint_policy, seed, progress, f"Figure {paper.number}", watch=watch))
+            rounds.append(track_curves(joint_policy, seed, progress, f"Figure {paper.number}", on_round=watch))
     found = [
         claim
         for paper, curves in zip(played, rounds, strict=True)

@@ -1,6 +1,7 @@
 """`roletrust ladder`: every way to attack a task, from honest play to the optimum, in one table and one picture."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,23 +10,15 @@ import numpy as np
 import typer
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from roletrust_agents.learned.methods import learned_rungs
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.scripts import Scripts
-from roletrust_env.evaluation.search import (
-    HonestPlay,
-    MeasuredSearch,
-    SearchMethod,
-    TaskArguments,
-    UnsuitableError,
-    exact_task,
-    find,
-)
+from roletrust_env.evaluation.search import Budget, HonestPlay, MeasuredSearch, SearchMethod, UnsuitableError, find
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import provenance
@@ -120,6 +113,7 @@ def ladder(
     [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned results/colluders[/]
     """
     require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
+    from roletrust_agents.learned.methods import learned_rungs
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
 
@@ -202,11 +196,16 @@ def climb(
     with progress_bar(columns=columns) as progress:
         for rungs in zip(*ladders, strict=True):
             job = progress.add_task(rungs[0].name, total=budget * len(rungs))
-            advance = lambda rounds, job=job: progress.advance(job, rounds)  # noqa: E731
             try:
                 found.append(
                     [
-                        find(rung, arguments, budget=budget, seed=run, games=games, tell=advance)
+                        find(
+                            rung,
+                            arguments,
+                            budget=Budget(budget, partial(progress.advance, job)),
+                            seed=run,
+                            games=games,
+                        )
                         for run, rung in enumerate(rungs, start=seed)
                     ]
                 )
@@ -240,7 +239,7 @@ def _print(about: str, rows: Sequence[Row], seed: int, budget: int, missing: dic
     for row in rows:
         over = f"; more than the budget of {budget:,} rounds" if max(run.rounds for run in row.runs) > budget else ""
         console.print(
-            f"[dim]{escape(_run_name(row, seed))}: {escape(row.runs[row.best].words)}{over}[/]", soft_wrap=True
+            f"[dim]{escape(_run_name(row, seed))}: {escape(row.runs[row.best].description)}{over}[/]", soft_wrap=True
         )
     for name, why in missing.items():
         console.print(f"[dim]{escape(name)}: {escape(why)}[/]", soft_wrap=True)

@@ -66,7 +66,7 @@ def list_command(
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
         )
-    print_next("play", "--attack", "sr_2=bad-mouthing")
+    print_next(*_NEXT.get(kind, _NEXT[None]))
 
 
 def _scenario_table(entries: Mapping[str, Entry]) -> FittedTable:
@@ -133,6 +133,12 @@ def _table(title: str, *columns: str) -> FittedTable:
         table.column(column, "right" if column == "rounds" else "left")
     return table
 
+
+_NEXT: dict[Kind | None, tuple[str, ...]] = {
+    Kind.SCENARIOS: ("play", "crowd-10x10"),
+    Kind.MODELS: ("models",),
+    None: ("play", "--attack", "sr_2=bad-mouthing"),
+}
 
 _KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, Entry]], FittedTable]]] = {
     Kind.SCENARIOS: (all_scenarios, _scenario_table),

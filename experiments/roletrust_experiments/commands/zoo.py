@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
-from roletrust_agents.learned.methods import Mind
 
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
@@ -53,6 +52,7 @@ def zoo(
     """
     require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned import saved
+    from roletrust_agents.learned.network_attacker import NetworkAttacker
 
     folder = folder or saved.ZOO
     known = saved.zoo(folder)
@@ -70,7 +70,7 @@ def zoo(
             errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
             well = False
     for attacker in attackers.values():
-        mind = Mind(attacker.network, attacker.card.task.knowledge)
+        mind = NetworkAttacker(attacker.network, attacker.card.task.knowledge)
         check_memory("--games", games, task_memory(attacker.task(), mind))
     with progress_bar() as progress:
         for name, attacker in progress.track(attackers.items(), description="Playing"):

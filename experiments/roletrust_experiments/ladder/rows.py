@@ -83,7 +83,7 @@ def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
         for run, found in enumerate(row.runs, start=seed):
             score, half, _ = over_games(found.scores)
             parts = (float(score), float(half), float(found.objective.mean()), float(found.cost.mean()))
-            table.append((row.name, run, *parts, found.rounds, found.seconds, found.words))
+            table.append((row.name, run, *parts, found.rounds, found.seconds, found.description))
     return table
 
 

@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Policy
-from roletrust_env.evaluation import search
+from roletrust_env.evaluation.attacked_games import HELD_OUT, AttackedRound, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.curves import Curves, kept_bytes, record
+from roletrust_env.evaluation.curves import Curves, kept_bytes
 from roletrust_env.evaluation.resources import Cost, some, try_out
-from roletrust_env.evaluation.search import Moment
-from roletrust_env.game import rollout
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.rollout import rollout
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_experiments.playing.group_measures import Group, damage, measure, measured_since, under_attack
+from roletrust_experiments.playing.tracked import track_curves
 
 HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
 
@@ -56,7 +56,7 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
     the last games are recorded, their rows, of which the curves are made.
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
-    trial = try_out(lambda games: rollout.play(joint_policies[0], game.random(0), (games,)), some(game))
+    trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
     memory = all_kept_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 
@@ -64,8 +64,8 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
 def task_memory(task: AttackTask, attacker: Attacker) -> float:
     """The memory that each game takes in which an attacker is measured, bytes."""
 
-    def played(games: int) -> Iterator[Moment]:
-        return search.play(task, attacker, (1, games), *search.sources(task, 0, search.HELD_OUT))
+    def played(games: int) -> Iterator[AttackedRound]:
+        return judged_rollout(task, attacker, (1, games), *random_sources(task, 0, HELD_OUT))
 
     return try_out(played, some(task.game)).memory
 
@@ -76,9 +76,9 @@ def play_games(
     """Play under one trust model, with the attack and once more without, and measure it."""
     game, twin, rates_raters = joint_policy.game, None, joint_policy.game.model.rates_raters
     attackers = game.roster.with_reserves(attackers)
-    curves = record(joint_policy, seed, progress, f"Playing, {model}", games=games)
+    curves = track_curves(joint_policy, seed, progress, f"Playing, {model}", games=games)
     if has_twin(game, attackers):
-        twin = record(JointPolicy(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
+        twin = track_curves(JointPolicy(game, {}), seed, progress, f"Playing, {model}, all honest", games=games)
     lost = damage(game.roster, curves, twin, attackers, rates_raters) if twin else {}
     metrics = under_attack(game.roster, curves, twin, attackers, rates_raters) if attackers else {}
     since = measured_since(attackers, game.scenario.max_cycles)

@@ -11,11 +11,12 @@ from matplotlib.lines import Line2D
 from rich.progress import Progress
 
 from roletrust_env import JointPolicy
-from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import Floats
 from roletrust_env.metrics.score import mean_where
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import attack_rounds
+from roletrust_experiments.playing.tracked import track_curves
 from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
 
 _ROW, _HEAD = 0.82, 1.5  # inches
@@ -46,9 +47,9 @@ class Panel(NamedTuple):
 
 
 def play_panel(joint_policy: JointPolicy, seed: int, progress: Progress, label: str, *, games: int) -> Panel:
-    """Play games of one model under one attack; see `record`."""
+    """Play games of one model under one attack; see `track_curves`."""
     game = joint_policy.game
-    curves = record(joint_policy, seed, progress, label, games=games)
+    curves = track_curves(joint_policy, seed, progress, label, games=games)
     lines = mean_lines(game.roster, curves, joint_policy.attackers, game.model.rates_raters)
     start, stop = (r * game.scenario.period_s for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles))
     return Panel(curves.time_s, lines, (start, stop))

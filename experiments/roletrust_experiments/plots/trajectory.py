@@ -1,14 +1,15 @@
 """One game of an attack, round by round: what it does, what becomes of trust, and what it gains."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array
-from roletrust_env.evaluation.search import HELD_OUT, MeasuredSearch, TaskArguments, exact_task, play, sources
+from roletrust_env.evaluation.attacked_games import HELD_OUT, TaskArguments, exact_task, judged_rollout, random_sources
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.search import MeasuredSearch
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.state import Actions
 
@@ -63,13 +64,15 @@ def watch(arguments: TaskArguments, finding: MeasuredSearch, seed: int, called: 
     """Play one held-out game of what a rung found in the run with a seed; it is called by the rung or by a name."""
     task = exact_task(arguments)
     roster, bad = task.game.roster, {*task.identities, *task.joint_policy.attackers}
-    moments = list(play(task, finding.attacker, (1, 1), *sources(task, seed, HELD_OUT)))
-    trust = [task.game.published(moment.state.game) for moment in moments]
+    rounds = list(judged_rollout(task, finding.attacker, (1, 1), *random_sources(task, seed, HELD_OUT)))
+    trust = [task.game.published(played.round.state) for played in rounds]
     tor, top = (np.stack([pair[k][:, 0, 0] for pair in trust]) for k in range(2))
     victims = [i for i, name in enumerate(roster.provider_names) if name not in bad]
-    deeds = [_deeds(task, moment.action) for moment in moments]
-    quality = {name: np.stack([chosen[name] for chosen, _ in deeds]) for name in deeds[0][0]}
-    ratings = {name: np.stack([given[name] for _, given in deeds])[:, victims] for name in deeds[0][1]}
+    # Only policies decide on identities in reserve; an action of the task does not.
+    names = task.identities if isinstance(finding.attacker, Scripted) else task.compromised
+    chosen = [_chosen(task, names, played.round.actions) for played in rounds]
+    quality = {name: np.stack([values[name] for values, _ in chosen]) for name in chosen[0][0]}
+    ratings = {name: np.stack([values[name] for _, values in chosen])[:, victims] for name in chosen[0][1]}
     for given in ratings.values():
         given[0] = np.nan  # nothing has been served yet
     shown = [name for name in task.identities if name in quality or name in ratings]
@@ -83,27 +86,20 @@ def watch(arguments: TaskArguments, finding: MeasuredSearch, seed: int, called: 
                 group[kind] = values[:, places].mean(axis=1)
             if group is mine:
                 own |= {f"{kind} of {names[place]}": values[:, place] for place in places}
-    objective, cost = (np.array([float(moment.outcome[k][0, 0]) for moment in moments]) for k in (1, 2))
+    objective, cost = (np.array([float(played.outcome[k][0, 0]) for played in rounds]) for k in (1, 2))
     called = called or finding.name
     return Trajectory(called, quality, ratings, own, mine, honest, objective, cost, task.stealth.weight)
 
 
-def _deeds(task: AttackTask, action: Array | Actions) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """The quality that the attacker's agents choose in one game, by name, and their ratings, (P,) each."""
+def _chosen(task: AttackTask, names: Sequence[str], actions: Actions) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the quality that some agents choose in one game, by name, and their ratings, (P,) each."""
     roster = task.game.roster
-    quality, ratings, at = {}, {}, 0
-    if isinstance(action, Actions):
-        for name in task.identities:
-            if name in roster.provider_names:
-                quality[name] = action.quality[roster.provider_names.index(name), 0, 0]
-            if name in roster.rater_names:
-                ratings[name] = action.ratings[roster.rater_names.index(name), :, 0, 0]
-        return quality, ratings
-    for name in task.compromised:
-        if name in roster.provider_names:
-            quality[name] = action[at, 0, 0]
-            at += 1
-        if name in roster.rater_names:
-            ratings[name] = action[at : at + roster.n_providers, 0, 0]
-            at += roster.n_providers
+    quality = {
+        name: actions.quality[roster.provider_names.index(name), 0, 0]
+        for name in names
+        if name in roster.provider_names
+    }
+    ratings = {
+        name: actions.ratings[roster.rater_names.index(name), :, 0, 0] for name in names if name in roster.rater_names
+    }
     return quality, ratings

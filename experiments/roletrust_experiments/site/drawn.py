@@ -12,7 +12,7 @@ from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.site.films import Film, films
 from roletrust_experiments.site.pictures import Picture, attack_pictures, model_pictures
 
-_HOUSE = Path(__file__).parents[2]
+_HOUSE = Path(__file__).parents[3]
 _DRAWN_BY = ("roletrust_env", "agents", "baselines", "experiments")
 
 

@@ -9,7 +9,7 @@ from roletrust_env.benchmark.cells import Cell, cells, place
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.game.rollout import play
+from roletrust_env.game.rollout import rollout
 
 
 class Throughput(NamedTuple):
@@ -46,5 +46,6 @@ def _turn(suite: Suite, cell: Cell) -> Throughput:
     between = process_time()
     scenario = place(suite, cell).scenario
     game, batch = Game(scenario, parse_trust_model(cell.model, scenario)), (len(done.rows), 2 * suite.games)
-    steps = batch[0] * batch[1] * sum(1 for _ in play(JointPolicy(game, {}), game.random(cell.seed), batch))
+    noise = game.random(cell.seed)
+    steps = batch[0] * batch[1] * sum(1 for _ in rollout(JointPolicy(game, {}), noise, noise, batch))
     return Throughput(done.env_steps / (between - began), steps / (process_time() - between))

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from roletrust_agents.learned.methods import Mind
+from roletrust_agents.learned.network_attacker import NetworkAttacker
 
-from roletrust_env.evaluation.search import OnRounds, RoundCounter, SearchResult, TaskArguments, UnsuitableError
+from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import make_task
 from roletrust_experiments.training.settings import Algo
 
@@ -30,8 +31,8 @@ class Learner:
     algo: Algo
     name: str = "PPO"
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         from roletrust_experiments.training.experience import StaggeredGames
         from roletrust_experiments.training.learners import make_model, network_of, normalising_rounds
         from roletrust_experiments.training.settings import make_settings
@@ -39,17 +40,18 @@ class Learner:
         task = make_task(**arguments, like=np.zeros((), np.float32))
         settings = make_settings("", self.algo, {})
         settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
-        used = RoundCounter(tell)
-        used.count(normalising_rounds(task))
+        budget.spend(normalising_rounds(task))
         model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)
         kept: Any = settings
         rollout = settings.games * getattr(kept, "n_steps", 1)
-        steps = (budget - used.rounds) // rollout * rollout
+        steps = budget.left // rollout * rollout
         if steps < 1:
-            raise UnsuitableError(f"the budget of {budget} rounds is too small for {self.name}")
+            raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {self.name}")
         model.learn(steps)
-        used.count(steps)
-        return SearchResult(Mind(network_of(model), "black_box"), used.rounds, f"{self.name} in {steps} rounds")
+        budget.spend(steps)
+        return SearchResult(
+            NetworkAttacker(network_of(model), "black_box"), budget.spent, f"{self.name} in {steps} rounds"
+        )
 
 
 def ppo() -> Learner:

@@ -15,7 +15,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from roletrust_env.arrays import Array
 from roletrust_env.envs.attack_env import check_action
 from roletrust_env.envs.vector import AttackVectorEnv
-from roletrust_env.evaluation.search import OnRounds, RoundCounter, SearchResult, TaskArguments
+from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.search import Budget, SearchResult
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
@@ -66,13 +67,12 @@ class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
 
     Args:
         env: games that begin anew in the step in which they end.
-        budget: rounds x games.
-        used: counts them.
+        budget: Budget in game rounds.
     """
 
-    def __init__(self, env: VectorEnv[Any, Any, Any], budget: int, used: RoundCounter) -> None:
+    def __init__(self, env: VectorEnv[Any, Any, Any], budget: Budget) -> None:
         super().__init__(env)
-        self._budget, self._used = budget, used
+        self._budget = budget
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Play one round of all games. See `gymnasium.vector.VectorEnv.step`.
@@ -80,13 +80,13 @@ class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
         Raises:
             SpentError: the budget does not hold so many more rounds. Nothing has changed then.
         """
-        if self._used.rounds + self.num_envs > self._budget:
-            left = self._budget - self._used.rounds
+        if self.num_envs > self._budget.left:
             raise SpentError(
-                f"{left} of {self._budget} rounds are left, and a step of {self.num_envs} games needs more"
+                f"{self._budget.left} of {self._budget.rounds} rounds are left, and a step of {self.num_envs} games "
+                "needs more"
             )
         stepped = self.env.step(actions)
-        self._used.count(self.num_envs)
+        self._budget.spend(self.num_envs)
         return stepped
 
 
@@ -104,16 +104,15 @@ class Entered:
     name: str
     task_id: str
 
-    def attack(self, arguments: TaskArguments, budget: int, seed: int, tell: OnRounds) -> SearchResult:
-        """See `Rung.attack`."""
-        used = RoundCounter(tell)
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
         number = getattr(self.learner, "games", GAMES)
         games = AttackVectorEnv(self.task_id, number, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         games.reset(seed=seed)  # a later reset without a seed goes on from here
-        play = self.learner.learn(CountedGames(games, budget, used), budget, seed)
+        play = self.learner.learn(CountedGames(games, budget), budget.rounds, seed)
         if not callable(play):
             raise ValueError(f"learn() of {self.name} gave {play!r}; it must give what plays, see Learner")
-        return SearchResult(Taught(play), used.rounds, f"{self.name} in {used.rounds} rounds")
+        return SearchResult(Taught(play), budget.spent, f"{self.name} in {budget.spent} rounds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,7 @@ class Taught:
 
     play: Play
 
-    def begin(self, task: AttackTask, random: Random, batch: tuple[int, int]) -> None:
+    def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> None:
         """See `Attacker.begin`."""
         if callable(begin := getattr(self.play, "begin", None)):
             begin(prod(batch))

@@ -21,12 +21,12 @@ def play_trial(suite: LearnersSuite, trial: Trial) -> CellResult:
     began, task = perf_counter(), suite.tasks[trial.task]
     rung, arguments = contestant(trial.learner, task.id), task.arguments()
     try:
-        found = find(rung, arguments, budget=trial.budget, seed=trial.seed, games=suite.games, tell=lambda rounds: None)
+        found = find(rung, arguments, budget=trial.budget, seed=trial.seed, games=suite.games)
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     measured: dict[str, list[float | None]] = {"score": found.scores.tolist()}
     if found.bound is not None:
         measured["bound"] = [found.bound]
-    row = AttackResult(trial.learner, found.words, found.rounds, {}, measured)
+    row = AttackResult(trial.learner, found.description, found.rounds, {}, measured)
     steps = found.rounds + suite.games * arguments["scenario"].max_cycles
     return CellResult((row,), perf_counter() - began, env_steps=steps)

@@ -7,7 +7,7 @@ from pydantic import Field, PositiveInt, model_validator
 from roletrust_env import make_scenario
 from roletrust_env.benchmark.schema import SuiteSchema, Text, check_unique
 from roletrust_env.envs.tasks import TASKS
-from roletrust_env.evaluation.search import TaskArguments
+from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.world.base_model import FrozenModel
 

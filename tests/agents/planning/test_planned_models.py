@@ -14,7 +14,7 @@ RATER = {"scenario": "paper-3x3", "max_cycles": 8, "perturbations": (), "noise":
 def found(name: str, budget: int) -> float:
     arguments = {**RATER, "objective": "damage", "trust_model": name}
     planner = Planner(starts=8, samples=1)
-    return float(np.mean(find(planner, arguments, budget=budget, seed=0, games=2, tell=lambda rounds: None).scores))
+    return float(np.mean(find(planner, arguments, budget=budget, seed=0, games=2).scores))
 
 
 @pytest.mark.parametrize("name", trust_models())

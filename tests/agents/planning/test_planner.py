@@ -9,19 +9,17 @@ from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import SOFT, Planner, SmoothRoleTrust
 from roletrust_baselines import BadMouthing, OnOff
 
-from roletrust_env.evaluation.attackers import OpenLoop, Scripted
-from roletrust_env.evaluation.search import (
+from roletrust_env.evaluation.attacked_games import (
     HELD_OUT,
     SEARCHED,
-    HonestPlay,
-    UnsuitableError,
     exact_task,
-    find,
     is_certain,
-    measure,
-    play,
-    sources,
+    judged_rollout,
+    mean_rewards,
+    random_sources,
 )
+from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.trust import RoleTrust
 
@@ -40,7 +38,7 @@ def nobody(rounds):
 
 
 def found(rung, arguments, budget=100_000, seed=0, games=3):
-    return find(rung, arguments, budget=budget, seed=seed, games=games, tell=nobody)
+    return find(rung, arguments, budget=budget, seed=seed, games=games)
 
 
 # --- measuring ---------------------------------------------------------------------------------------
@@ -58,29 +56,33 @@ def test_scripts_and_open_loop_measure_alike():
     actions = np.where(np.arange(20)[:, None] % 2, 1.0, 0.0)
     task = exact_task(PROVIDER)
     scripted, sequence = Scripted({"sp_2": OnOff()}), OpenLoop(actions)
-    for one, other in zip(*(measure(task, a, 0, (1, 2), SEARCHED) for a in (scripted, sequence)), strict=True):
+    for one, other in zip(*(mean_rewards(task, a, 0, (1, 2), SEARCHED) for a in (scripted, sequence)), strict=True):
         assert one == pytest.approx(other, abs=1e-15)
 
 
 def test_attacks_side_by_side_meet_the_same_luck_and_score_as_alone():
     task = exact_task(CROWD)
     actions = np.random.default_rng(0).random((8, task.action_size, 3))
-    together = measure(task, OpenLoop(actions), 5, (3, 4), SEARCHED)[0]
-    alone = [measure(task, OpenLoop(actions[..., k]), 5, (1, 4), SEARCHED)[0][0] for k in range(3)]
+    together = mean_rewards(task, OpenLoop(actions), 5, (3, 4), SEARCHED)[0]
+    alone = [mean_rewards(task, OpenLoop(actions[..., k]), 5, (1, 4), SEARCHED)[0][0] for k in range(3)]
     assert together == pytest.approx(np.array(alone), abs=1e-14)
     assert not np.allclose(together[:, 0], together[:, 1], atol=1e-9)
 
 
 def test_held_out_luck_is_none_that_was_searched_with():
     task = exact_task(CROWD)
-    luck = [sources(task, seed, kind)[0].normal((4,)).tolist() for seed in (0, 1) for kind in (SEARCHED, HELD_OUT)]
+    luck = [
+        random_sources(task, seed, kind)[0].normal((4,)).tolist() for seed in (0, 1) for kind in (SEARCHED, HELD_OUT)
+    ]
     assert len({tuple(row) for row in luck}) == 4
 
 
 def test_who_is_caught_earns_nothing_more():
     arguments = certain(30, compromised=("sp_2",), objective="damage", admission={"threshold": 0.4, "rounds": 2})
     moments = list(
-        play(exact_task(arguments), OpenLoop(np.zeros((30, 1))), (1, 1), *sources(exact_task(arguments), 0, 0))
+        judged_rollout(
+            exact_task(arguments), OpenLoop(np.zeros((30, 1))), (1, 1), *random_sources(exact_task(arguments), 0, 0)
+        )
     )
     caught = [bool(moment.outcome.caught[0, 0]) for moment in moments]
     paid = [float(moment.outcome.reward[0, 0]) for moment in moments]
@@ -127,7 +129,7 @@ def test_gradients_through_a_game_are_those_of_the_score(arguments):
     actions = torch.tensor(np.random.default_rng(1).uniform(0.2, 0.8, (20, task.action_size)), requires_grad=True)
 
     def score(x):
-        moments = play(task, OpenLoop(x), (1, 1), *sources(task, 0, SEARCHED))
+        moments = judged_rollout(task, OpenLoop(x), (1, 1), *random_sources(task, 0, SEARCHED))
         return sum(moment.outcome.reward for moment in moments).sum()
 
     score(actions).backward()
@@ -153,7 +155,7 @@ def test_planner_comes_near_the_optimum_of_a_short_game(arguments, top):
 
 def test_without_stealth_the_best_lie_is_0():
     arguments = {**RATER, "stealth": None, "max_cycles": 8}
-    zero = measure(exact_task(arguments), Scripted({"sr_2": BadMouthing(level=0)}), 0, (1, 1), SEARCHED)[0].mean()
+    zero = mean_rewards(exact_task(arguments), Scripted({"sr_2": BadMouthing(level=0)}), 0, (1, 1), SEARCHED)[0].mean()
     best = found(BestKnown(), arguments)
     assert best.scores == pytest.approx(zero, abs=1e-12)
     assert best.bound == pytest.approx(zero, abs=1e-12)
@@ -162,12 +164,13 @@ def test_without_stealth_the_best_lie_is_0():
 
 
 def test_planner_counts_keeps_its_budget_and_its_seed_decides():
-    told = []
+    budgets = [Budget(5_000) for _ in range(3)]
     plans = [
-        find(Planner(starts=4), CROWD, budget=5_000, seed=seed, games=2, tell=told.append).scores for seed in (3, 3, 4)
+        find(Planner(starts=4), CROWD, budget=budget, seed=seed, games=2).scores
+        for budget, seed in zip(budgets, (3, 3, 4), strict=True)
     ]
     assert plans[0].tolist() == plans[1].tolist() != plans[2].tolist()
-    assert sum(told) <= 3 * 5_000
+    assert all(0 < budget.spent <= 5_000 for budget in budgets)
     assert plans[0].mean() > found(HonestPlay(), CROWD).scores.mean()
 
 

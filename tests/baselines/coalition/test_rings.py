@@ -74,8 +74,8 @@ def test_searches_tell_the_ring_who_belongs_to_it():
     space = Scripts.of(make_task(**arguments), (Collusion,))
     assert space.size == 9
     assert space.default == dict.fromkeys(("sr_8", "sp_9", "sr_9"), Collusion(accomplices=(9,)))
-    finding = find(PaperAttacks(attacks=(Collusion,)), arguments, budget=0, seed=0, games=2, tell=lambda rounds: None)
-    assert finding.words == "sr_8, sp_9, sr_9: collusion:bad=0,lift=1,sink=1,accomplices=[9]"
+    finding = find(PaperAttacks(attacks=(Collusion,)), arguments, budget=0, seed=0, games=2)
+    assert finding.description == "sr_8, sp_9, sr_9: collusion:bad=0,lift=1,sink=1,accomplices=[9]"
     raters = {**arguments, "compromised": ("sr_8",)}
     with pytest.raises(ValueError, match=r"attack Collusion cannot be searched.* field accomplices is missing"):
         Scripts.of(make_task(**raters), (Collusion,))

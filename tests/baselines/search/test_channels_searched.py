@@ -10,10 +10,18 @@ from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from roletrust_experiments.plots.trajectory import watch
 
 from roletrust_env import JointPolicy, record
+from roletrust_env.evaluation.attacked_games import (
+    HELD_OUT,
+    SEARCHED,
+    exact_task,
+    judged_rollout,
+    mean_rewards,
+    random_sources,
+)
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.composite import Both, side_by_side
 from roletrust_env.evaluation.scripts import Scripts
-from roletrust_env.evaluation.search import HELD_OUT, SEARCHED, MeasuredSearch, exact_task, find, measure, play, sources
+from roletrust_env.evaluation.search import MeasuredSearch, find
 from roletrust_env.world.presence import LEFT, PRESENT
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
@@ -53,8 +61,8 @@ def test_the_number_of_identities_is_a_coordinate() -> None:
 @pytest.mark.parametrize(("arguments", "attacks"), ATTACKS.values(), ids=ATTACKS)
 def test_side_by_side_they_score_as_alone(arguments: Any, attacks: Any) -> None:
     task = exact_task(arguments)
-    together = measure(task, Scripted(side_by_side(attacks)), 2, (len(attacks), 3), SEARCHED)[0]
-    alone = [measure(task, Scripted(attack), 2, (1, 3), SEARCHED)[0][0] for attack in attacks]
+    together = mean_rewards(task, Scripted(side_by_side(attacks)), 2, (len(attacks), 3), SEARCHED)[0]
+    alone = [mean_rewards(task, Scripted(attack), 2, (1, 3), SEARCHED)[0][0] for attack in attacks]
     assert together == pytest.approx(np.array(alone), abs=1e-14)
     assert len(set(together[:, 0])) == len(attacks)
 
@@ -63,37 +71,39 @@ def test_side_by_side_they_score_as_alone(arguments: Any, attacks: Any) -> None:
 def test_what_is_sold_is_what_a_recorded_game_tells(policy: Any) -> None:
     """The mean over those of its identities that are there of trust times what service lacks."""
     task = exact_task(SELLER)
-    history = record(JointPolicy(task.game, {"sp_2": policy}), sources(task, 0, SEARCHED)[0])
+    history = record(JointPolicy(task.game, {"sp_2": policy}), random_sources(task, 0, SEARCHED)[0])
     sold = (history.top * (1 - history.quality) * history.served.any(axis=1))[:, 2:]
     there = history.present[:, 6:]
     expected = (sold * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-    assert measure(task, Scripted({"sp_2": policy}), 0, (1, 1), SEARCHED)[0][0, 0] == pytest.approx(expected.mean())
+    assert mean_rewards(task, Scripted({"sp_2": policy}), 0, (1, 1), SEARCHED)[0][0, 0] == pytest.approx(
+        expected.mean()
+    )
 
 
 @pytest.mark.parametrize("rung", [Grid, RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
 def test_searches_find_what_whitewashing_brings_and_pick_it_from_a_mixture(rung: Any) -> None:
     def found(some: Any, kinds: Any) -> Any:
-        return find(some(attacks=kinds), SELLER, budget=20_000, seed=0, games=2, tell=nobody)
+        return find(some(attacks=kinds), SELLER, budget=20_000, seed=0, games=2)
 
     default = found(PaperAttacks, (Whitewashing,))
     best = found(rung, (Whitewashing,))
-    assert best.words.startswith("sp_2: whitewashing:reserve=")
+    assert best.description.startswith("sp_2: whitewashing:reserve=")
     assert best.scores.mean() >= default.scores.mean()
     mixed = found(rung, (partial(OnOff, duty=0.0, good=1.0), Whitewashing))
-    assert mixed.words.startswith("sp_2: whitewashing")
+    assert mixed.description.startswith("sp_2: whitewashing")
 
 
 def test_who_left_is_paid_for_and_who_never_came_is_not() -> None:
     """By hand: the first identity leaves in round 3 and the second comes in round 4, served for a round before."""
     task = exact_task(SELLER | {"stealth": {"weight": 1.0, "tolerance": 0.0}})
     attack = Scripted({"sp_2": Whitewashing(threshold=0.45)})
-    moments = list(play(task, attack, (1, 1), *sources(task, 0, SEARCHED)))
-    phases = np.stack([moment.state.game.population.phase[6:, 0, 0] for moment in moments])
+    moments = list(judged_rollout(task, attack, (1, 1), *random_sources(task, 0, SEARCHED)))
+    phases = np.stack([moment.round.state.population.phase[6:, 0, 0] for moment in moments])
     left = int((phases[:, 0] == LEFT).argmax())
     assert phases[left + 1].tolist() == [LEFT, PRESENT, 0, 0]
     for moment in moments:
-        top = task.game.published(moment.state.game)[1][:, 0, 0]
-        came = moment.state.game.population.phase[6:, 0, 0] > 0
+        top = task.game.published(moment.round.state)[1][:, 0, 0]
+        came = moment.round.state.population.phase[6:, 0, 0] > 0
         gap = max(top[:2].mean() - own for own, there in zip(top[2:], came, strict=True) if there)
         assert moment.outcome.cost[0, 0] == pytest.approx(max(gap, 0))
     assert not any(moment.outcome.caught.any() for moment in moments)
@@ -106,7 +116,8 @@ def test_an_action_has_no_say_over_them() -> None:
     worst = OpenLoop(np.zeros((20, 1)))
     assert task.action_size == plain.action_size == 1
     ours, theirs = (
-        [moment.outcome for moment in play(some, worst, (1, 1), *sources(some, 0, SEARCHED))] for some in (task, plain)
+        [moment.outcome for moment in judged_rollout(some, worst, (1, 1), *random_sources(some, 0, SEARCHED))]
+        for some in (task, plain)
     )
     assert [one.reward.item() for one in ours] == [one.reward.item() for one in theirs]
     assert theirs[-1].caught.all()
@@ -123,8 +134,8 @@ def test_a_trajectory_shows_the_identities_that_the_attacker_can_call(attacker: 
     task = exact_task(SELLER)
     top = np.stack(
         [
-            task.game.published(m.state.game)[1][:, 0, 0]
-            for m in play(task, attacker, (1, 1), *sources(task, 0, HELD_OUT))
+            task.game.published(m.round.state)[1][:, 0, 0]
+            for m in judged_rollout(task, attacker, (1, 1), *random_sources(task, 0, HELD_OUT))
         ]
     )
     assert np.array_equal(trajectory.honest["ToP"], top[:, :2].mean(axis=1))  # none of them is honest

@@ -12,10 +12,11 @@ from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
+from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
-from roletrust_env.evaluation.search import SEARCHED, UnsuitableError, exact_task, find, measure
+from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.ranges import Searched
 
@@ -48,7 +49,7 @@ def nobody(rounds):
 
 
 def found(rung, arguments, budget, seed=0):
-    return find(rung, arguments, budget=budget, seed=seed, games=4, tell=nobody)
+    return find(rung, arguments, budget=budget, seed=seed, games=4)
 
 
 def scripts(arguments):
@@ -100,7 +101,7 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
     assert space.decode([0.5, 0.25, 0.3, 0.3, 0.3]) == {"sp_2": Stingy(service=0.925)}
     for rung in (Grid, RandomSearch, CmaEs):
         finding = found(rung(attacks=kinds), PROVIDER, 20_000)
-        assert finding.words.startswith("sp_2: on-off:period=")
+        assert finding.description.startswith("sp_2: on-off:period=")
         assert finding.scores.mean() > 0.1
 
 
@@ -139,15 +140,15 @@ def test_attacks_side_by_side_score_as_alone(arguments):
     task, random = exact_task(arguments), np.random.default_rng(0)
     space = Scripts.of(task)
     attacks = [space.decode(random.random(space.size)) for _ in range(5)]
-    together = measure(task, Scripted(side_by_side(attacks)), 2, (5, 3), SEARCHED)[0]
-    alone = [measure(task, Scripted(attack), 2, (1, 3), SEARCHED)[0][0] for attack in attacks]
+    together = mean_rewards(task, Scripted(side_by_side(attacks)), 2, (5, 3), SEARCHED)[0]
+    alone = [mean_rewards(task, Scripted(attack), 2, (1, 3), SEARCHED)[0][0] for attack in attacks]
     assert together == pytest.approx(np.array(alone), abs=1e-14)
 
 
 def test_random_switching_plays_side_by_side():
     task = exact_task(PROVIDER)
     attacks = [{"sp_2": OnOff(switching="random", period=4)}, {"sp_2": OnOff(duty=0)}]
-    scores = measure(task, Scripted(side_by_side(attacks)), 0, (2, 50), SEARCHED)[0]
+    scores = mean_rewards(task, Scripted(side_by_side(attacks)), 0, (2, 50), SEARCHED)[0]
     assert np.ptp(scores[0]) > 0
     assert scores[1] == pytest.approx(0)
 
@@ -158,7 +159,7 @@ def test_searchers_keep_the_budget_and_their_seed_decides(rung, arguments):
     one, again, other = (found(rung, arguments, 12_000, seed) for seed in (0, 0, 1))
     assert one.scores.tolist() == again.scores.tolist()
     assert one.rounds == again.rounds <= 12_000
-    assert one.words == again.words
+    assert one.description == again.description
     assert other.rounds <= 12_000
 
 

@@ -7,7 +7,7 @@ from roletrust_env.benchmark.learners.contestants import contestant
 from roletrust_env.benchmark.learners.learner import CountedGames, Entered, SpentError, Taught
 from roletrust_env.benchmark.learners.suite import Task
 from roletrust_env.envs.vector import AttackVectorEnv
-from roletrust_env.evaluation.search import RoundCounter, find
+from roletrust_env.evaluation.search import Budget, find
 
 PROVIDER = Task(task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "perturbations": []})
 DUAL = Task(task="DualAttack", set={"max_cycles": 12})
@@ -30,15 +30,13 @@ class Stubborn:
 
 
 def entered(learner, task=PROVIDER, budget=100, games=3, seed=0):
-    return find(
-        Entered(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games, tell=lambda n: None
-    )
+    return find(Entered(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
 
 
 def test_what_is_learned_is_played_in_games_of_its_own():
     found = entered(Stubborn(0.25), DUAL)
     assert found.rounds == 100
-    assert found.words == "mine in 100 rounds"
+    assert found.description == "mine in 100 rounds"
     assert found.scores.shape == (3,)
     assert len(set(found.scores)) == 3  # each with luck of its own
     same = entered(Stubborn(0.25), DUAL, budget=8)
@@ -52,19 +50,19 @@ def test_selling_bad_service_pays_as_the_reward_says():
 
 
 def test_no_round_is_played_beyond_the_budget():
-    used = RoundCounter(lambda rounds: None)
-    games = CountedGames(AttackVectorEnv(PROVIDER.id, 4, **PROVIDER.arguments()), 10, used)
+    budget = Budget(10)
+    games = CountedGames(AttackVectorEnv(PROVIDER.id, 4, **PROVIDER.arguments()), budget)
     games.reset(seed=0)
     quality = np.full((4, 1), 0.5, np.float32)
     with pytest.raises(ValueError, match="the action holds nan"):
         games.step(quality * np.nan)
-    assert used.rounds == 0
+    assert budget.spent == 0
     games.step(quality)
     games.step(quality)
     for _ in range(2):
         with pytest.raises(SpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
             games.step(quality)
-    assert used.rounds == 8
+    assert budget.spent == 8
     games.reset(options={"reset_mask": np.ones(4, bool)})  # costs nothing
 
 
@@ -143,7 +141,7 @@ def test_nothing_but_a_class_of_learners_is_called(tmp_path, monkeypatch):
     assert (found.learner.rate, found.name) == (3, "somebodys:Fine:rate=3")
     for name, message in (
         ("os:system:command=true", "must make a Learner"),
-        ("somebodys:Fine:speed=3", "Known: rate"),
+        ("somebodys:Fine:speed=3", "It takes rate"),
         ("nowhere:Fine", "cannot be loaded"),
         ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: PPO, recurrent PPO, SAC"),
     ):

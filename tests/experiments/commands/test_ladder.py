@@ -16,7 +16,8 @@ from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.search import UnsuitableError, exact_task, find
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.search import UnsuitableError, find
 
 CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
 
@@ -100,7 +101,8 @@ def test_an_agent_with_both_roles(tmp_path):
 
 def test_other_attacks_are_searched_also_your_own_and_with_some_parameters_given(tmp_path, monkeypatch):
     (tmp_path / "my_lies_for_test.py").write_text(
-        "from dataclasses import dataclass\nfrom baselines import BadMouthing\nfrom roletrust_env.ranges import Share\n"
+        "from dataclasses import dataclass\nfrom roletrust_baselines import BadMouthing\n"
+        "from roletrust_env.ranges import Share\n"
         "@dataclass(frozen=True)\nclass Liar(BadMouthing):\n    zeal: Share = 0.5\n"
     )
     monkeypatch.chdir(tmp_path)
@@ -116,7 +118,7 @@ def test_other_attacks_are_searched_also_your_own_and_with_some_parameters_given
 def test_a_trained_attacker():
     zoo = Learned(ZOO / "provider-3x3")
     arguments = {"scenario": "paper-3x3", "noise": 0.0, "perturbations": (), "max_cycles": 200, "objective": "exploit"}
-    measured = {"budget": 0, "seed": 0, "games": 2, "tell": lambda rounds: None}
+    measured = {"budget": 0, "seed": 0, "games": 2}
     trained = find(zoo, {**arguments, "compromised": ("sp_2",)}, **measured)
     assert trained.scores.mean() > 0.23  # the best regular script has 0.230
     assert trained.rounds > 100_000
@@ -149,7 +151,7 @@ def test_the_runs_of_a_training_are_one_rung(tmp_path):
 
 def test_trajectory_is_what_was_played():
     arguments = {"scenario": "paper-3x3", "max_cycles": 12, "compromised": ("sr_2", "sp_0"), "objective": "damage"}
-    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2, tell=lambda rounds: None)
+    finding = find(PaperAttacks(), arguments, budget=0, seed=0, games=2)
     seen = watch(arguments, finding, 0)
     assert seen.quality["sp_0"].tolist() == [0, 1] * 6
     assert seen.ratings["sr_2"].shape == (12, 2)

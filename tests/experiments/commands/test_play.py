@@ -191,7 +191,7 @@ def test_video(tmp_path):
         (["--model", "mean", "--model", "mean"], "twice"),
         (["--model", "mine"], "'roletrust_env.trust_models'"),
         (["--model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
-        (["--model", "baselines:OnOff"], "must make a TrustModel"),
+        (["--model", "roletrust_baselines:OnOff"], "must make a TrustModel"),
         (["--attack", "sr_0=roletrust_env.trust:Mean"], "must make a Policy"),
         (["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"], "targets has 'sp_7'; the providers are sp_0"),
     ],

@@ -6,9 +6,10 @@ from command_line import TINY, play, run
 from roletrust_baselines import BadMouthing
 from roletrust_experiments.commands.console import errors, progress_bar
 from roletrust_experiments.playing.group_measures import under_attack
+from roletrust_experiments.playing.tracked import track_curves
 
 from roletrust_env import Game, JointPolicy, make_scenario, metrics
-from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.roster import Roster
 
@@ -24,7 +25,7 @@ def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):
     game = Game(rules)
     joint_policies = [JointPolicy(game, attackers) for attackers in ({"sr_2": BadMouthing(start=4, stop=7)}, {})]
     with progress_bar(errors) as progress:
-        curves, twin = (record(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies)
+        curves, twin = (track_curves(joint_policy, 0, progress, "", games=3) for joint_policy in joint_policies)
     scores = {
         "AUC under the attack, sr": metrics.auc(curves.trust[4:7, :3].mean(axis=0), [2]),
         "AUC at the end, sr": metrics.auc(curves.trust[-1, :3], [2]),

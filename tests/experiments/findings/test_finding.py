@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from roletrust_experiments.findings import admission, both_roles, dilution, movement, noise, roles
 from roletrust_experiments.findings.finding import amount, listed, sign, told, verdict
@@ -17,14 +17,12 @@ estimates = st.builds(Estimate, st.floats(-1, 1), st.floats(0, 1))
 
 
 @given(estimates)
-@settings(deadline=None)
 def test_rounded_numbers_lie_on_the_same_side_of_0_as_the_exact_ones(one):
     mean, half = map(float, re.findall(r"-?\d+\.\d+", amount(one)))
     assert sign(Estimate(mean, half)) == sign(one) or abs(abs(one.mean) - one.half) < 1e-8
 
 
 @given(estimates)
-@settings(deadline=None)
 def test_a_difference_is_told_once_and_in_its_direction(one):
     words = told(one, "up", "down", "open")
     assert [word in words for word in ("up", "down", "open")] == [sign(one) > 0, sign(one) < 0, sign(one) == 0]

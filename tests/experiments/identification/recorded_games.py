@@ -3,7 +3,7 @@
 import numpy as np
 
 from roletrust_env import Game, JointPolicy, Random
-from roletrust_env.game.rollout import play
+from roletrust_env.game.rollout import rollout
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import Recorded
 
@@ -15,8 +15,8 @@ def spoken(scenario, seed=0, late=0.0, attackers=None):
     """The ratings that arrive in a game, each round's a message of each rater; a share of messages is too late."""
     game, random = Game(scenario), np.random.default_rng([seed, 7])
     raters, providers = game.roster.rater_names, game.roster.provider_names
-    said = []
-    for r, one in enumerate(play(JointPolicy(game, attackers or {}), Random(np.random.default_rng(seed)))):
+    said, noise = [], Random(np.random.default_rng(seed))
+    for r, one in enumerate(rollout(JointPolicy(game, attackers or {}), noise, noise)):
         for i, rater in enumerate(raters):
             row = {p: float(one.state.ratings[i, j]) for j, p in enumerate(providers) if one.state.rated[i, j]}
             stamp, delay = START + r * PERIOD, 1.3 if random.random() < late else 0.1

@@ -65,7 +65,7 @@ def games(draw: st.DrawFn) -> list[Round]:
 
 
 @EVERY_MODEL
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(rounds=games())
 def test_trust_stays_in_0_to_1_and_finite(name: str, rounds: list[Round]) -> None:
     model = named(name)

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from roletrust_env import Game, JointPolicy
-from roletrust_env.evaluation.curves import Curves, record
+from roletrust_env.evaluation.curves import Curves
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe_policies, described
 from roletrust_experiments.commands.console import claims_table, console, progress_bar
@@ -19,6 +19,7 @@ from roletrust_experiments.commands.live.team import Lived, Plan, run_team
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.identification.journals import curves_of, latencies_ms
 from roletrust_experiments.paper.figures import Attack
+from roletrust_experiments.playing.tracked import track_curves
 
 _YIELDS = 19  # of the simulation to the robots, as `nice` has it
 
@@ -76,7 +77,7 @@ def _simulated(plan: Plan) -> Curves:
     """The same run without robots."""
     with progress_bar() as progress:
         progress.disable = True
-        return record(JointPolicy(Game(plan.scenario), plan.paper.policies), plan.seed, progress, "")
+        return track_curves(JointPolicy(Game(plan.scenario), plan.paper.policies), plan.seed, progress, "")
 
 
 def _tell(plan: Plan, lived: Lived, simulated: Curves, out: Path) -> None:

@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes, occurred
 from roletrust_env.trust.beta import reputation
@@ -24,7 +23,7 @@ class BetaState(NamedTuple):
     tor: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Beta:
     """Beta reputation: all ratings of a provider counted as successes and failures, which fade.
 

@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.beta import quantile, reputation
@@ -30,7 +29,7 @@ class BetaFilteredState(NamedTuple):
     tor: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class BetaFiltered:
     """Filtered Beta reputation: ratings by whom the majority's mean would be too unlikely do not count.
 

@@ -1,13 +1,12 @@
 """The control: trust that nothing moves."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Trusts
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Constant:
     """Control: everybody keeps the initial trust whatever is rated, so that no attack does harm and no choice is good.
 

@@ -1,13 +1,12 @@
 """The deviation-weighted mean: believe a rater as far as it agrees with the average."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Notes, Trusts, masked_mean, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class DeviationWeighted(Smoothed):
     """Deviation-weighted mean: a rater counts by how little its ratings have deviated from the average ones.
 

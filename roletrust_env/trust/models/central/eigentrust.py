@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.random_walk import number, shared, walk
 
@@ -28,7 +27,7 @@ class EigenTrustState(NamedTuple):
     peers: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class EigenTrust:
     """EigenTrust: an agent is trusted as far as the agents that are trusted were content with it.
 

@@ -1,9 +1,9 @@
 """The Huber mean: believe the distant less."""
 
 from pydantic import PositiveFloat
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Notes, weighted_mean
 from roletrust_env.trust.robust import ByCentre, median
 
@@ -11,7 +11,7 @@ STEPS = 30
 """Of reweighting, after which the centre is within 1e-6 of where it would stay."""
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class HuberMean(ByCentre):
     """Huber mean: a provider's ratings near the centre count in full, others the less the further away they are.
 

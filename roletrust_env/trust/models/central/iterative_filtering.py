@@ -2,9 +2,8 @@
 
 from typing import Literal, NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import weighted_mean
 
@@ -30,7 +29,7 @@ class FilteringState(NamedTuple):
     rated: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class IterativeFiltering:
     """Iterative filtering: raters weigh by how near they are to the weighted mean, iterated until both agree.
 

@@ -1,13 +1,12 @@
 """The undefended baseline: believe what the raters say, on average."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts, masked_mean, smooth
 from roletrust_env.trust.smoothed import Smoothed
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Mean(Smoothed):
     """Undefended baseline: an exponential mean of a provider's average notes, every rater believed alike.
 

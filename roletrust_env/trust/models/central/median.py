@@ -1,13 +1,12 @@
 """The median: believe the rater in the middle."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.robust import ByCentre, median
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Median(ByCentre):
     """Median of a provider's ratings: it holds as long as fewer than half of the raters lie, and falls at half.
 

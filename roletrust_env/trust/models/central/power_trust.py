@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.random_walk import shared, walk
 
@@ -29,7 +29,7 @@ class PowerTrustState(NamedTuple):
     peers: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class PowerTrust:
     """PowerTrust: as EigenTrust hands trust on, from the latest ratings, with an advance for the most rated.
 

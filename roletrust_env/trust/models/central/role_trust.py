@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace, ones
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, occurred, provider_quality, rater_quality, smooth
 
@@ -27,7 +26,7 @@ class RoleTrustState(NamedTuple):
     full: bool = False
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class RoleTrust:
     """Role-based trust: a rater by its distance to the average note, a provider by good, steady, trusted notes.
 

@@ -1,14 +1,13 @@
 """The trimmed mean: believe nobody at either end."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import LessThanHalf
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.robust import ByCentre, middle_mean
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class TrimmedMean(ByCentre):
     """Trimmed mean: of a provider's ratings, a share of the lowest and as many of the highest do not count.
 

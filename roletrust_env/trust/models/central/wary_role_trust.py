@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, largest, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Lam, Power, Share
 from roletrust_env.trust.algorithms import masked_mean, sinc, smooth, weighted_mean
 
@@ -28,7 +27,7 @@ class WaryState(NamedTuple):
     fresh: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class WaryRoleTrust:
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 

@@ -1,15 +1,14 @@
 """Clustering: a judge believes the raters whose ratings lie in its own cluster."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
 from roletrust_env.trust.judges import credences, heeded, product, published_providers, published_raters, with_self
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Clustering:
     """Clustering: the mean of the ratings by the raters in the judge's own cluster, then the usual smoothing.
 

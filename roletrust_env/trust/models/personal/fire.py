@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 from pydantic import PositiveFloat
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
     absorbed,
@@ -49,7 +49,7 @@ class FireState(NamedTuple):
     weights: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Fire:
     """FIRE's interaction trust and witness reputation, each weighted by its reliability.
 

@@ -1,8 +1,7 @@
 """PeerTrust with personalised similarity: who rates as the judge does is believed."""
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.judges import credences, heeded, published_providers, published_raters
@@ -11,7 +10,7 @@ from roletrust_env.trust.similarity import Experience, Likened, disagreement
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree, and is lost in rounding everywhere else
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class PeerTrust:
     """PeerTrust (PSM): the mean of all ratings so far, each weighted by how alike its rater and the judge have rated.
 

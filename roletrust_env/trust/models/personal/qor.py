@@ -3,9 +3,8 @@
 import math
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Share
 from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import (
@@ -46,7 +45,7 @@ class QorState(NamedTuple):
     weights: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class QualityOfRecommendation:
     """Quality of recommendation: faded notes, each multiplied by what its author's notes were worth before.
 

@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Ridge, Share
 from roletrust_env.trust.algorithms import Notes, smooth
 from roletrust_env.trust.judges import by_judges, credences, in_common, product, published_providers
@@ -58,7 +57,7 @@ class RegressionAlignedState(NamedTuple):
     tor: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class RegressionAligned:
     """Regression-aligned mean: what raters say, put on the judge's own scale by what both said before, all alike.
 

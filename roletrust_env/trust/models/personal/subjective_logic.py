@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
     by_judges,
@@ -37,7 +36,7 @@ class SubjectiveLogicState(NamedTuple):
     failures: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class SubjectiveLogic:
     """Subjective logic (TNA-SL): own opinion of a provider, fused with those of advisers as far as they are trusted.
 

@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Notes
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
@@ -36,7 +36,7 @@ class TravosState(NamedTuple):
     credence: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Travos:
     """TRAVOS: a judge asks others where it has seen too little, and believes them as far as they proved right.
 

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Share
 from roletrust_env.trust.judges import (
     compared,
@@ -41,7 +41,7 @@ class YuSinghState(NamedTuple):
     known: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class YuSingh:
     """Own experience, and advisers believed less with every miss: weighted majority among judges.
 

@@ -3,9 +3,8 @@
 import math
 from typing import NamedTuple
 
-from pydantic.dataclasses import dataclass
-
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Inside, Lam, Share
 from roletrust_env.trust.algorithms import Notes, smooth
 from roletrust_env.trust.judges import (
@@ -37,7 +36,7 @@ class ZhangCohenState(NamedTuple):
     trust: Array
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class ZhangCohen:
     """Personalised: advisers believed by their agreement with the judge, and with everybody while that is little.
 

@@ -147,10 +147,10 @@ def test_searches_that_could_not_play_and_conditions_without_attack_are_told() -
     idle = StoredCell(
         Cell("mean", "market", "raters", 0.5, "random search", 0), CellResult((), 1.0, unsuitable="too few rounds")
     )
-    assert "random search attack_scores nothing: too few rounds" in caveats(
+    assert "random search attacked nothing: too few rounds" in caveats(
         SUITE, [RUN[1], idle], attack_scores([RUN[1]]), []
     )
-    assert not any("attack_scores nothing" in line for line in caveats(SUITE, RUN, attack_scores(RUN), []))
+    assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(RUN), []))
     (told,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(RUN[:1]), []) if "no attack" in line)
     assert told == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
 
