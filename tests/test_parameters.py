@@ -124,7 +124,7 @@ def test_every_trust_model_refuses(name: str) -> None:
     parameters = list(inspect.signature(cls).parameters)
     with pytest.raises(TypeError, match=f"has no parameter 'initail'[;.] .*{', '.join(parameters) or 'none'}$"):
         cls(initail=0.5)
-    with pytest.raises(ValueError, match=f"^trust model '{name}' has no parameter 'initail'; "):
+    with pytest.raises(ValueError, match=f"^trust model '{name}' has no parameter 'initail'[;.] "):
         make_trust_model(name, initail=0.5)
 
 

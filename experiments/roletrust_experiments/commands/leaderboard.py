@@ -20,9 +20,7 @@ _COLUMNS = ("clean", "worst", "damage", "alarms", "AUC", "holds")
 
 def leaderboard_table(suite: Suite, rows: Sequence[LeaderboardRow]) -> Table:
     """For the screen."""
-    table = number_table(f"Leaderboard, suite {suite.name}", _CAPTION, *_COLUMNS[:-1])
-    table.add_column(_COLUMNS[-1], justify="right", no_wrap=True)
-    table.columns[0].overflow = "fold"  # a terminal of 80 columns has room for all numbers
+    table = number_table(f"Leaderboard, suite {suite.name}", _CAPTION, *_COLUMNS)
     for row in rows:
         table.add_row(f"{row.rank:2} {escape(row.model)}", *(cell.replace("0.", ".") for cell in _cells(row, "±")))
     return table

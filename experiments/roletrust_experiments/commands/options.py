@@ -71,6 +71,10 @@ StealthWeight = Annotated[float, typer.Option(min=0, help="Price of a trust gap 
 StealthTolerance = Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")]
 Threads = Annotated[int, typer.Option(min=1, help="Number of threads of torch.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes; by default one for each core.", show_default=False),
+]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
 OptionalOut = Annotated[
     Path | None,

@@ -48,6 +48,7 @@ class Robustness(NamedTuple):
     suite: Suite
     software: dict[str, Any]
     command: str
+    path: Path
     standings: list[LeaderboardRow]
     blind: float
     conditions: list[str]
@@ -81,7 +82,7 @@ class Robustness(NamedTuple):
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
         where = list(dict.fromkeys(called(one.condition) for one in struck))
         warnings = caveats(suite, kept, attacks, names)
-        return cls(suite, software, command(suite, path), rows, blind, where, tables, warnings)
+        return cls(suite, software, command(suite, path), path, rows, blind, where, tables, warnings)
 
     @property
     def order(self) -> list[str]:

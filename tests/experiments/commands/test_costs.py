@@ -86,4 +86,4 @@ def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
 def test_one_size_does_not_show_growth():
     result = CliRunner().invoke(app, ["costs", "--side", "3"])
     assert result.exit_code == 2
-    assert "growth needs two" in result.output + result.stderr
+    assert "growth needs at least two" in result.output + result.stderr

@@ -79,7 +79,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     [
         (["figures", "--recording", "nowhere"], "nowhere cannot be read"),
         (["figures", "--recording", "nowhere", "--frames", "walk.mp4"], "--recording plays nothing"),
-        (["figures", "--attack", "on-off"], "--attack is what was played in a --recording"),
+        (["figures", "--attack", "on-off"], "--attack says what a --recording shows"),
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
         (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml is there already"),
