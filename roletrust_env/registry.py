@@ -48,6 +48,10 @@ class Registry(Generic[Thing]):
             raise ValueError(f"{self.kind} {name!r} is registered already")
         self._factories[name] = factory
 
+    def unregister(self, name: str) -> None:
+        """Remove a factory that was registered under a name."""
+        del self._factories[name]
+
     def __contains__(self, name: str) -> bool:
         """Whether a name is known; what is installed is looked through only for those not registered here."""
         load_plugins()

@@ -1,1 +1,11 @@
-"""The robustness benchmark: suites, their cells, how these are played, kept and ranked."""
+"""The robustness benchmark: suites, their cells, how the cells are played, stored and ranked.
+
+`benchmark` plays a suite and returns its leaderboard; `roletrust benchmark` is the same on the command line.
+"""
+
+from roletrust_env.benchmark.learners.learner import Learner, register_learner
+from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.run import benchmark
+from roletrust_env.benchmark.suite import Suite, load_suite, suites
+
+__all__ = ["Leaderboard", "Learner", "Suite", "benchmark", "load_suite", "register_learner", "suites"]

@@ -90,17 +90,6 @@ def searching(rung: str, kinds: Sequence[Kind] | None = None) -> SearchMethod:
     return search_methods.make(rung, **search_methods.taken(rung, offered))
 
 
-def aim(rung: str, roles: Sequence[str]) -> str:
-    """The objective of a rung on a track: to mislead consumers, but for the planner, which needs a gradient.
-
-    Which provider is the most trusted jumps. So the planner exploits good trust where providers alone are compromised,
-    and else lowers the trust of the honest.
-    """
-    if rung != "white-box planner":
-        return "mislead"
-    return "exploit" if tuple(roles) == ("SP",) else "damage"
-
-
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
     """The scores of one attack as plain data; None where they are undefined."""
     return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}

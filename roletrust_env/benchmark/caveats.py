@@ -49,9 +49,10 @@ def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[s
 
 
 def ignores_ratings(calm: AttackScores) -> bool:
-    """Whether going by trust brings just what going blindly does."""
-    difference = calm.measured["utility"] - calm.measured["blind"]
-    return bool(np.nanmax(abs(difference)) < _SAME)
+    """Return whether trust brings no more than a blind choice does, where the best choice would."""
+    utility, blind = calm.measured["utility"], calm.measured["blind"]
+    best_is_better = np.nanmin(blind) < 1 - _SAME  # else all providers are equally good, and nothing can be told
+    return bool(best_is_better and np.nanmax(abs(utility - blind)) < _SAME)
 
 
 def is_random(game: Game) -> bool:

@@ -1,11 +1,13 @@
 """The cells of a suite: what is played apart from all else, and can be played anywhere and in any order."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from roletrust_env import Policy, Scenario
-from roletrust_env.benchmark.suite import Suite, Track
-from roletrust_env.evaluation.specs import named_factory
+from roletrust_env.benchmark.suite import PLANNER, Suite, Track
+from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.specs import named_factory, parse_trust_model
+from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -101,6 +103,41 @@ def place(suite: Suite, cell: Cell) -> Place:
         known = [name for name in roster.first_names if name.startswith(f"{role.lower()}_")]
         names += known[len(known) - _number(cell, role, len(known)) :]
     return Place(scenario, tuple(names))
+
+
+def task_arguments(suite: Suite, cell: Cell) -> TaskArguments:
+    """Return the arguments of the attack task that a cell is.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+
+    Raises:
+        ValueError: The track cannot be had in this scenario, see `place`, or the trust model cannot be made.
+    """
+    scenario, compromised = place(suite, cell)
+    return {
+        "scenario": scenario,
+        "trust_model": parse_trust_model(cell.model, scenario),
+        # An attack task needs an agent also where everybody is honest; then it plays honestly.
+        "compromised": compromised or Roster.of(scenario).first_names[:1],
+        "objective": objective(cell.rung, suite.tracks[cell.track].roles),
+    }
+
+
+def objective(rung: str, roles: Sequence[str]) -> Objective:
+    """Return the objective of a rung on a track: to mislead consumers, except for the planner, which needs a gradient.
+
+    The most trusted provider jumps. So the planner exploits good trust where providers alone are compromised, and else
+    lowers the trust of the honest.
+
+    Args:
+        rung: Name of the rung.
+        roles: Roles of the compromised agents.
+    """
+    if rung != PLANNER:
+        return "mislead"
+    return "exploit" if tuple(roles) == ("SP",) else "damage"
 
 
 def _number(cell: Cell, role: str, known: int) -> int:

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from time import process_time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from roletrust_env.benchmark.attackers import SEARCHING, aim, searching
-from roletrust_env.benchmark.cells import HONEST, Cell, attacks, place
+from roletrust_env.benchmark.attackers import SEARCHING, searching
+from roletrust_env.benchmark.cells import HONEST, Cell, attacks, place, task_arguments
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.attacked_games import HELD_OUT, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.search import Budget, UnsuitableError
-from roletrust_env.evaluation.specs import parse_trust_model
 
 _TRIED = 4
 """Rounds of a trial of a trust model."""
@@ -66,19 +65,9 @@ def rounds(suite: Suite, cell: Cell) -> tuple[int, int]:
     return suite.budget, 2 * each
 
 
-def _arguments(suite: Suite, cell: Cell) -> dict[str, Any]:
-    scenario, compromised = place(suite, cell)
-    return {
-        "scenario": scenario,
-        "trust_model": parse_trust_model(cell.model, scenario),
-        "compromised": compromised or ("sr_0",),
-        "objective": aim(cell.rung, suite.tracks[cell.track].roles),
-    }
-
-
 def _seconds_each(suite: Suite, cell: Cell) -> float:
     """Seconds of a round of a game in a batch, with everybody honest."""
-    arguments = _arguments(suite, cell)
+    arguments = task_arguments(suite, cell)
     task = exact_task(
         {**arguments, "scenario": arguments["scenario"].change(max_cycles=_TRIED), "objective": "mislead"}
     )
@@ -95,7 +84,9 @@ def _beside(suite: Suite, cell: Cell, seconds_each: float) -> float:
     """Seconds that a rung takes for a round beside playing it."""
     began = process_time()
     try:
-        attempt = searching(cell.rung).search(_arguments(suite, cell), Budget(min(suite.budget, _BUDGET)), cell.seed)
+        attempt = searching(cell.rung).search(
+            task_arguments(suite, cell), Budget(min(suite.budget, _BUDGET)), cell.seed
+        )
     except UnsuitableError:
         return 0.0
     return max(0.0, (process_time() - began) / max(attempt.rounds, 1) - seconds_each)

@@ -4,6 +4,7 @@ import os
 from collections.abc import Generator, Sequence
 from typing import Any, Protocol
 
+from roletrust_env.benchmark.entrants import enter_packed
 from roletrust_env.benchmark.processes import Answer, WorkerPool
 from roletrust_env.benchmark.schema import CellResult, reason
 from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
@@ -34,16 +35,18 @@ class LocalPool:
     """Processes of this machine.
 
     Args:
-        workers: how many; by default one for each core that this process may use.
+        workers: Number of processes; None is one for each core that this process may use.
+        entrants: Trust models that are given as objects, see `roletrust_env.benchmark.entrants.pack`.
     """
 
-    def __init__(self, workers: int | None = None) -> None:
+    def __init__(self, workers: int | None = None, entrants: bytes = b"") -> None:
         self.workers = workers or cores()
+        self._entrants = entrants
 
     def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
         """See `Pool.play`."""
         with players(self.workers) as crew:
-            yield from played(crew, suite, cells)
+            yield from played(crew, suite, cells, self._entrants)
 
 
 def players(workers: int) -> WorkerPool[AnyCell]:
@@ -51,9 +54,9 @@ def players(workers: int) -> WorkerPool[AnyCell]:
     return WorkerPool(play_safely, workers, _ONE_THREAD)
 
 
-def played(crew: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any]) -> Plays:
-    """Have cells played, each within the suite's limit. See `Pool.play`."""
-    for cell, answer in crew.do({cell: (suite, cell) for cell in cells}, suite.limit_s, TRIES):
+def played(crew: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any], entrants: bytes = b"") -> Plays:
+    """Let a pool play cells, each within the suite's limit. See `Pool.play`."""
+    for cell, answer in crew.do({cell: (suite, cell, entrants) for cell in cells}, suite.limit_s, TRIES):
         yield cell, _done(answer, suite)
 
 
@@ -74,9 +77,10 @@ def gone(words: str) -> CellResult:
     return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {words}")
 
 
-def play_safely(suite: AnySuite, cell: AnyCell) -> CellResult:
+def play_safely(suite: AnySuite, cell: AnyCell, entrants: bytes = b"") -> CellResult:
     """Play a cell; whatever a trust model, an attacker or a learner raises becomes one line."""
     try:
+        enter_packed(entrants)
         return suite_type(suite).play(suite, cell)
     except (Exception, SystemExit) as error:  # of classes that others wrote
         return CellResult((), 0.0, failed=reason(error))

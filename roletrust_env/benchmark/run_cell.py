@@ -2,16 +2,15 @@
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import Any
 
-from roletrust_env.benchmark.attackers import AttackBatch, aim, as_curve, as_lists, scripted, searching, suited
-from roletrust_env.benchmark.cells import HONEST, Cell, attacks, place
-from roletrust_env.benchmark.measurement import Measured, measure, measure_honest
+from roletrust_env.benchmark.attackers import AttackBatch, as_curve, as_lists, scripted, searching, suited
+from roletrust_env.benchmark.cells import HONEST, Cell, attacks, task_arguments
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
 from roletrust_env.evaluation.search import Budget, UnsuitableError
-from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
+from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.game.attack_task import AttackTask
 
 
@@ -26,17 +25,11 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
         ValueError: a name of the suite is unknown, or a trust model or an attacker of another package fails.
     """
     began = perf_counter()
-    scenario, compromised = place(suite, cell)
-    arguments: dict[str, Any] = {
-        "scenario": scenario,
-        "trust_model": parse_trust_model(cell.model, scenario),
-        "compromised": compromised or (_anybody(scenario),),
-        "objective": aim(cell.rung, suite.tracks[cell.track].roles),
-    }
+    arguments = task_arguments(suite, cell)
     task = exact_task(arguments)
     if cell.rung == HONEST:
         row = _row(HONEST, "everyone honest", 0, measure_honest(task, cell.seed, suite.games), 0)
-        return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * scenario.max_cycles)
+        return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
     rows: list[AttackResult] = []
     failed: list[str] = []
     steps = 0
@@ -44,7 +37,7 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
         for found, words in _attacks(suite, cell, task, arguments):
             good, bad = _measured(suite, cell, task, found, words)
             rows, failed = rows + good, failed + bad
-            steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * scenario.max_cycles
+            steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
@@ -100,10 +93,3 @@ def _one_by_one(
     if not rows:
         raise error
     return rows, failed
-
-
-def _anybody(scenario: Any) -> str:
-    """Some agent; the attack tasks take one also where it is honest."""
-    from roletrust_env.world.roster import Roster
-
-    return Roster.of(scenario).first_names[0]

@@ -38,7 +38,8 @@ def source_of(factory: Callable[..., Any]) -> Source:
     Raises:
         ValueError: some of it stands in no file.
     """
-    kinds = inspect.getmro(factory) if isinstance(factory, type) else (factory,)
+    kind = getattr(factory, "kind", factory)  # of a model that is given as an object
+    kinds = inspect.getmro(kind) if isinstance(kind, type) else (kind,)
     modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
     digest = hashlib.sha256()
     for module in modules:

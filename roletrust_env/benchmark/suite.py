@@ -17,7 +17,10 @@ from roletrust_env.world.base_model import FrozenModel
 Rung = Literal["scripted", "random search", "CMA-ES", "PPO", "white-box planner"]
 """A way to attack. The planner sees all; what it finds is told beside the others, and is never the worst case."""
 
-OPEN: frozenset[str] = frozenset({"white-box planner"})
+PLANNER = "white-box planner"
+"""Name of the rung that follows gradients."""
+
+OPEN: frozenset[str] = frozenset({PLANNER})
 """Rungs that know more than an attacker has in life."""
 
 _Part = Annotated[float, Field(gt=0, lt=1)]

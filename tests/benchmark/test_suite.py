@@ -6,8 +6,7 @@ import pytest
 from small_suites import MARKET, small
 
 from roletrust_env import attackers
-from roletrust_env.benchmark.attackers import aim
-from roletrust_env.benchmark.cells import Cell, attacks, cells, models, place
+from roletrust_env.benchmark.cells import Cell, attacks, cells, models, objective, place
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.suite import load_suite, suites
 from roletrust_env.benchmark.suite_types import suite_type
@@ -61,7 +60,11 @@ def test_one_agent_of_a_role_stays_honest() -> None:
 
 
 def test_the_planner_aims_at_what_has_a_gradient() -> None:
-    assert [aim("PPO", ["SP"]), aim("white-box planner", ["SP"]), aim("white-box planner", ["SR", "SP"])] == [
+    assert [
+        objective("PPO", ["SP"]),
+        objective("white-box planner", ["SP"]),
+        objective("white-box planner", ["SR", "SP"]),
+    ] == [
         "mislead",
         "exploit",
         "damage",

@@ -3,28 +3,37 @@
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmark.caveats import caveats
 from roletrust_env.benchmark.cells import attacks, cells, models
 from roletrust_env.benchmark.command_line import command
 from roletrust_env.benchmark.cost_estimate import estimate_cost
-from roletrust_env.benchmark.leaderboard import HEADER, attack_scores, leaderboard_rows
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.pool import LocalPool, Pool, cores
-from roletrust_env.benchmark.store import Store, StoredCell
+from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.run import play_suite, with_names
+from roletrust_env.benchmark.schema import CellResult
+from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite, load_suite
 from roletrust_env.benchmark.suite_types import AnySuite, suite_type
 from roletrust_env.evaluation.resources import in_time
-from roletrust_env.evaluation.specs import check_installed, parse_kinds, parse_trust_model
+from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, print_next, progress_bar
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    errors,
+    number_table,
+    option,
+    print_next,
+    progress_bar,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
 from roletrust_experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
@@ -120,6 +129,8 @@ def benchmark(
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)
     if dry_run:
         _tell_cost(asked, workers)
+        names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
+        print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
     try:
         with _pool(workers, ray) as pool:
@@ -130,40 +141,33 @@ def benchmark(
     if isinstance(asked, LearnersSuite):
         tell_learners(asked, kept, out)
     else:
-        _tell(asked, kept, out)
+        _show(asked, kept, out)
     print_next("report", out / "results.sqlite", "--out", out / "report")
     if any(done.failed for _, done in kept):
         raise typer.Exit(1)
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
-    """Play what is not there yet, and give back all that is there then."""
-    prepare_folder(out)
-    every = suite_type(suite).cells(suite)
-    with Store(out / "results.sqlite", suite, anew=force) as store:
-        finished = store.finished()
-        left = [cell for cell in every if cell.key not in finished]
-        if finished:
-            console.print(f"[dim]{len(finished):,} of {len(every):,} cells are there already.[/]")
-        with progress_bar() as progress, closing(pool.play(suite, left)) as playing:
-            job = progress.add_task(f"Playing {suite.name}", total=len(every), completed=len(finished))
-            for cell, done in playing:
-                store.add(cell, done)
-                progress.advance(job)
-                if done.failed:
-                    progress.console.print(f"[red]{escape(cell.key)}: {escape(done.failed)}[/]", soft_wrap=True)
-        return store.all()
+    """Play the suite with a progress bar that begins with the cells that are stored already."""
+    total = len(suite_type(suite).cells(suite))
+    with progress_bar() as progress:
+        job = progress.add_task(f"Playing {suite.name}", total=total)
+
+        def show(cell: Any, result: CellResult) -> None:
+            progress.advance(job)
+            if result.failed:
+                progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
+
+        return play_suite(suite, pool, out=out, force=force, on_cell=show)
 
 
-def _tell(suite: Suite, kept: Sequence[StoredCell], out: Path) -> None:
+def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     """Write and print the leaderboard."""
-    names = models(suite)
-    rows = leaderboard_rows(suite, kept, names, len(cells(suite)) // len(names))
-    write_csv(out / "leaderboard.csv", HEADER, [row.line() for row in rows])
-    played = command(suite, out / "results.sqlite")
-    write_text(out / "leaderboard.md", leaderboard_markdown(suite, rows, played))
-    console.print(leaderboard_table(suite, rows))
-    for line in caveats(suite, kept, attack_scores(kept), names):
+    leaderboard = Leaderboard.of(suite, cells)
+    leaderboard.to_csv(out / "leaderboard.csv")
+    write_text(out / "leaderboard.md", leaderboard_markdown(leaderboard, command(suite, out / "results.sqlite")))
+    console.print(leaderboard_table(leaderboard))
+    for line in leaderboard.caveats:
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: results.sqlite, leaderboard.csv, leaderboard.md", soft_wrap=True)
 
@@ -194,25 +198,16 @@ def _asked(
             not installed.
     """
     wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
-    for option, names in wrong.items():
+    for flag, names in wrong.items():
         if names:
-            raise ValueError(f"{option} is not for the suite {suite.name}, which is one for {suite.kind}")
+            raise ValueError(f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}")
     if isinstance(suite, LearnersSuite):
         return asked_learners(suite, learner, allow_code)
     if not allow_code:
         check_installed(trust_models, suite.models)
         check_installed(attackers, suite.attacks)
-    named = {
-        "models": tuple(dict.fromkeys(_expanded(model, models(suite.model_copy(update={"models": "all"}))))),
-        "attacks": tuple(dict.fromkeys(_expanded(attack, attacks(suite.model_copy(update={"attacks": "all"}))))),
-    }
-    given = {"models": tuple(models(suite)), "attacks": tuple(attacks(suite))}
-    asked = suite.model_copy(update={**given, **{key: value for key, value in named.items() if value}})
-    for stage in asked.scenarios.values():
-        for name in models(asked):
-            parse_trust_model(name, stage.scenario())
-        parse_kinds(attacks(asked), stage.scenario())
-    return asked
+    everything = suite.model_copy(update={"models": "all", "attacks": "all"})
+    return with_names(suite, _expanded(model, models(everything)), _expanded(attack, attacks(everything)))
 
 
 def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:

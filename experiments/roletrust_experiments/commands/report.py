@@ -62,7 +62,7 @@ def report(
     write_text(out / "report.html", page(content, command))
     written = "report.html"
     if found := content.robustness:
-        write_text(out / "leaderboard.md", leaderboard_markdown(found.suite, found.standings, found.command))
+        write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
         written += ", leaderboard.md"
     console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
     if found:

@@ -6,7 +6,7 @@ import numpy as np
 from roletrust_baselines import BadMouthing, OnOff
 
 from roletrust_env import Policy, Scenario, make_scenario
-from roletrust_env.benchmark.measurement import Watched
+from roletrust_env.evaluation.measurement import Watched
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.findings.finding import Finding, amount, interval, listed, verdict

@@ -7,12 +7,12 @@ from rich.progress import Progress
 
 from roletrust_env import Policy, Scenario, metrics
 from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.measurement import Floats, Watched, watch
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import Floats, Watched, watch
 from roletrust_env.game.consumer import Bought
 from roletrust_env.storage.provenance import describe_policies
 from roletrust_env.world.roster import Roster

@@ -34,7 +34,7 @@ def _of_models(told: Robustness) -> dict[str, Figure]:
     styles = dict(list(looks(told.order).items())[:_LINES])
     heat = partial(_heat, lowest=_lowest(told))
     return {
-        "leaderboard": _leaderboard(told.standings),
+        "leaderboard": _leaderboard(told.leaderboard.rows),
         "heatmap": _panels(told.tables["heatmap"], heat, told.order, (10.4, 0.3 * len(told.order) + 2.2)),
         "curves": _panels(told.tables["curves"], _curves, styles, (8.4, 3.2)),
         "breakdown": _panels(told.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),

@@ -7,18 +7,14 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmark.caveats import caveats
-from roletrust_env.benchmark.cells import cells, models
 from roletrust_env.benchmark.command_line import command
 from roletrust_env.benchmark.leaderboard import (
     HEADER,
     AttackScores,
     Condition,
-    LeaderboardRow,
-    attack_scores,
-    leaderboard_rows,
     worst,
 )
+from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.metrics.confidence import over_games
@@ -38,22 +34,20 @@ class Robustness(NamedTuple):
         suite: that was played.
         software: that it was played with.
         command: that plays it.
-        standings: the leaderboard, the best first.
+        leaderboard: The leaderboard of the run.
         blind: utility of choosing blindly in the games of the first one's worst cases.
         conditions: in which there are attacks.
         tables: by the name of what shows them.
-        warnings: what a reader should know.
     """
 
     suite: Suite
     software: dict[str, Any]
     command: str
     path: Path
-    standings: list[LeaderboardRow]
+    leaderboard: Leaderboard
     blind: float
     conditions: list[str]
     tables: dict[str, Table]
-    warnings: list[str]
 
     @classmethod
     def of(cls, suite: Suite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
@@ -62,11 +56,12 @@ class Robustness(NamedTuple):
         Raises:
             ValueError: not one attack of it has been played.
         """
-        names, attacks = models(suite), attack_scores(kept)
+        leaderboard = Leaderboard.of(suite, kept)
+        attacks = list(leaderboard.attacks)
         struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
         if not struck:
             raise ValueError(f"{path} holds no attack that was played; let `roletrust benchmark` go on first")
-        rows = leaderboard_rows(suite, kept, names, len(cells(suite)) // len(names))
+        rows = leaderboard.rows
         places = _places(suite, [row.model for row in rows])
         for some in (attacks, struck):
             some.sort(key=places)
@@ -80,20 +75,18 @@ class Robustness(NamedTuple):
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
-        where = list(dict.fromkeys(called(one.condition) for one in struck))
-        warnings = caveats(suite, kept, attacks, names)
-        return cls(suite, software, command(suite, path), path, rows, blind, where, tables, warnings)
+        where = list(dict.fromkeys(one.condition.words for one in struck))
+        return cls(suite, software, command(suite, path), path, leaderboard, blind, where, tables)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Lines on what limits the numbers."""
+        return self.leaderboard.caveats
 
     @property
     def order(self) -> list[str]:
         """The models, the best first."""
-        return [row.model for row in self.standings]
-
-
-def called(condition: Condition) -> str:
-    """A condition in words."""
-    share = f" {condition.share:.0%}" if condition.share else ""
-    return f"{condition.scenario}, {condition.track}{share}"
+        return [row.model for row in self.leaderboard.rows]
 
 
 def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tuple[Any, ...]]:
@@ -128,7 +121,7 @@ def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
 
 
 def _name(one: AttackScores) -> tuple[str, str, str]:
-    return called(one.condition), one.attack, one.model
+    return one.condition.words, one.attack, one.model
 
 
 def _utility(one: AttackScores) -> tuple[float, float, float]:

@@ -58,6 +58,19 @@ class Learner(Protocol):
 registry: Registry[Learner] = Registry("learner", "roletrust_env.learners", Learner)
 
 
+def register_learner(name: str, factory: Callable[..., Learner]) -> None:
+    """Register a learner under a name.
+
+    Args:
+        name: New name.
+        factory: Callable `(**parameters) -> Learner`, usually the learner's class.
+
+    Raises:
+        ValueError: The name is taken or is not a word.
+    """
+    registry.register(name, factory)
+
+
 class SpentError(ValueError):
     """A step was asked for beyond the budget."""
 

@@ -13,12 +13,12 @@ from command_line import run
 
 from roletrust_env.benchmark import verification
 from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.measurement import MEASURED
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import Measures, fingerprint
 from roletrust_env.benchmark.suite import load_suite
 from roletrust_env.benchmark.verification import read_submission
+from roletrust_env.evaluation.measurement import MEASURED
 
 SUITE = tiny(rungs=["scripted"])
 

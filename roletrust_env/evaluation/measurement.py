@@ -39,6 +39,20 @@ class Watched(NamedTuple):
     bought: Bought
 
 
+class Scored(NamedTuple):
+    """The scores of K attacks in G games each.
+
+    Attributes:
+        scores: Scores by the names of `MEASURED`, each of shape (K, G).
+        bought: Qualities that consumers got under the attacks.
+        clean: Qualities that consumers got in the same games with everybody honest, once for all attacks.
+    """
+
+    scores: Scores
+    bought: Bought
+    clean: Bought
+
+
 class Measured(NamedTuple):
     """The scores of some attacks, in games with luck that no search has seen.
 
@@ -76,22 +90,36 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
     return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
 
 
-def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Measured:
-    """Play some attacks side by side, and the same games once with everybody honest, and measure them.
+def score(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Scored:
+    """Play attacks side by side, and the same games once with everybody honest, and return the scores.
 
     Args:
-        task: what is played, exactly.
-        attacker: K attacks side by side, or one.
-        seed: of all luck.
-        batch: (K, G), K attacks in G games each to choose the worst case, and in G others to measure it.
+        task: Task that is played, in double precision.
+        attacker: Attacker, or K attackers side by side.
+        seed: Random seed.
+        batch: Shape (K, G): K attacks in G games each.
+
     """
-    games, judged = 2 * batch[1], _judged(task)
-    seen = watch(task, attacker, seed, (batch[0], games))
-    twin = watch(task, Scripted({}), seed, (1, games))
+    judged = _judged(task)
+    seen = watch(task, attacker, seed, batch)
+    twin = watch(task, Scripted({}), seed, (1, batch[1]))
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
     damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
     auc = _told_apart(task, seen.trust, judged)
-    return Measured.halves({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought)
+    return Scored({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought, twin.bought)
+
+
+def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Measured:
+    """Score attacks in games that choose the worst case and in other games that measure it.
+
+    Args:
+        task: Task that is played, in double precision.
+        attacker: Attacker, or K attackers side by side.
+        seed: Random seed.
+        batch: Shape (K, G): K attacks, in G games each to choose the worst case, and in G others to measure it.
+    """
+    scored = score(task, attacker, seed, (batch[0], 2 * batch[1]))
+    return Measured.halves(scored.scores, scored.bought)
 
 
 def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:

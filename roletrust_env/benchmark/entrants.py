@@ -1,0 +1,94 @@
+"""Trust models as objects in a benchmark: each gets a name, in this process and in those that play the cells."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import cloudpickle
+
+from roletrust_env.trust import TrustModel
+from roletrust_env.trust.model import registry as trust_models
+
+Entrant = str | type[Any] | TrustModel[Any]
+"""A trust model: a spec such as `"role-trust:lam=0.7"`, a class, or an instance."""
+
+
+def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str, TrustModel[Any]]]:
+    """Return the names of trust models in a suite, and the instances by name.
+
+    A spec is its own name. Every other model is named by its class; a second one of the class gets a number.
+
+    Args:
+        models: Trust models.
+
+    Raises:
+        ValueError: One of them is no trust model, or its class needs parameters.
+    """
+    names: list[str] = []
+    instances: dict[str, TrustModel[Any]] = {}
+    for model in models:
+        if isinstance(model, str):
+            names.append(model)
+            continue
+        made = _instance(model)
+        taken = {*names, *trust_models.names()}
+        kind = type(made).__name__
+        name = next(one for k in range(1, len(models) + 2) if (one := kind if k == 1 else f"{kind}-{k}") not in taken)
+        names.append(name)
+        instances[name] = made
+    return tuple(dict.fromkeys(names)), instances
+
+
+@contextmanager
+def entered(instances: Mapping[str, TrustModel[Any]]) -> Iterator[None]:
+    """Let the registry know trust models by name for a while."""
+    for name, model in instances.items():
+        trust_models.register(name, _factory(model))
+    try:
+        yield
+    finally:
+        for name in instances:
+            trust_models.unregister(name)
+
+
+def pack(instances: Mapping[str, TrustModel[Any]]) -> bytes:
+    """Return trust models as bytes for another process, also those of a notebook or a script."""
+    return cloudpickle.dumps(dict(instances)) if instances else b""
+
+
+@cache
+def enter_packed(packed: bytes) -> None:
+    """Let the registry of a worker process know the trust models in `packed`, for good."""
+    if packed:
+        for name, model in cloudpickle.loads(packed).items():
+            trust_models.register(name, _factory(model))
+
+
+def _factory(model: TrustModel[Any]) -> Any:
+    """Return a factory that states the source of the model's class, see `roletrust_env.benchmark.sources`."""
+
+    class Entered:
+        """A trust model that is given as an object."""
+
+        kind = type(model)
+
+        def __call__(self) -> TrustModel[Any]:
+            return model
+
+    factory = Entered()
+    factory.__module__ = type(model).__module__
+    factory.__qualname__ = type(model).__qualname__  # type: ignore[attr-defined]
+    factory.__doc__ = type(model).__doc__
+    return factory
+
+
+def _instance(model: Any) -> TrustModel[Any]:
+    if isinstance(model, type):
+        try:
+            model = model()
+        except TypeError as error:
+            raise ValueError(f"{model.__name__} needs parameters ({error}); give an instance of it") from None
+    if not isinstance(model, TrustModel):
+        raise ValueError(f"{model!r} is no trust model: give an instance, a class, or a name such as 'role-trust'")
+    return model

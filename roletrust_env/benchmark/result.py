@@ -1,0 +1,153 @@
+"""The result of a benchmark: a leaderboard that shows itself and turns into a table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from roletrust_env.benchmark.caveats import caveats
+from roletrust_env.benchmark.cells import cells, models
+from roletrust_env.benchmark.leaderboard import HEADER, AttackScores, LeaderboardRow, attack_scores, leaderboard_rows
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.metrics.confidence import Estimate
+from roletrust_env.storage.files import write_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CAPTION = (
+    "utility of going by trust, ± half the 95% interval over the games; clean: everybody honest; worst: mean over the "
+    "conditions of the worst case, chosen on other games; worst attack: the one that leaves the least utility in any "
+    "condition; damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 where everybody is "
+    "honest; holds: probability of the same rank in new games"
+)
+"""Explanation of the columns."""
+
+COLUMNS = ("rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
+"""Columns for people."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leaderboard:
+    """The leaderboard of a run.
+
+    Attributes:
+        suite: Suite that was played, with its models and attacks by name.
+        rows: Trust models, the best first.
+        caveats: Lines on what limits the numbers.
+        cells: All cells with their results.
+        attacks: Scores of all attacks, those of several seeds together.
+    """
+
+    suite: Suite
+    rows: list[LeaderboardRow]
+    caveats: list[str]
+    cells: list[StoredCell]
+    attacks: list[AttackScores]
+
+    @classmethod
+    def of(cls, suite: Suite, stored: Sequence[StoredCell]) -> Self:
+        """Return the leaderboard of the cells of a run."""
+        names = models(suite)
+        attacks = attack_scores(stored)
+        rows = leaderboard_rows(suite, stored, names, len(cells(suite)) // len(names), attacks)
+        return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return the rows as a data frame with the columns of `to_csv`.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([row.line() for row in self.rows], columns=list(HEADER))
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the rows as a CSV file.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        write_csv(Path(path), HEADER, [row.line() for row in self.rows])
+
+    def to_markdown(self, columns: Sequence[str] = COLUMNS) -> str:
+        """Return the rows as a table in Markdown.
+
+        Args:
+            columns: Columns among `COLUMNS`.
+
+        Raises:
+            ValueError: There is no such column.
+        """
+        keep = _places(columns)
+        aligned = [":---" if COLUMNS[k] in ("model", "worst attack") else "---:" for k in keep]
+        lines = [[COLUMNS[k] for k in keep], aligned]
+        for row in self.rows:
+            shown = words_of(row, " ± ")
+            shown[1] = f"`{shown[1]}`"
+            lines.append([shown[k].replace("|", "&#124;") for k in keep])
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+    def __repr__(self) -> str:
+        """Return the rows as a table of plain text."""
+        lines = [list(COLUMNS), *(words_of(row, "±") for row in self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        left = {COLUMNS.index("model"), COLUMNS.index("worst attack")}
+        text = [
+            "  ".join(
+                cell.ljust(w) if k in left else cell.rjust(w)
+                for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+            )
+            for line in lines
+        ]
+        return "\n".join([f"Leaderboard, suite {self.suite.name}", *(line.rstrip() for line in text)])
+
+    def _repr_html_(self) -> str:
+        """Return the rows as an HTML table for a notebook."""
+        head = "".join(f"<th>{escape(name)}</th>" for name in COLUMNS)
+        body = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in words_of(row, ' ± '))}</tr>" for row in self.rows
+        )
+        notes = "".join(f"<li>{escape(line)}</li>" for line in self.caveats)
+        title = f"Leaderboard, suite {escape(self.suite.name)}"
+        return (
+            f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+            f"<p><small>{escape(CAPTION)}.</small></p>{f'<ul>{notes}</ul>' if notes else ''}"
+        )
+
+
+def words_of(row: LeaderboardRow, between: str) -> list[str]:
+    """Return a row as text, in the order of `COLUMNS`.
+
+    Args:
+        row: Row of a leaderboard.
+        between: Text between a mean and half its interval.
+    """
+    worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
+    holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
+    return [
+        str(row.rank),
+        row.model,
+        _estimate(row.clean, between),
+        _estimate(row.worst, between),
+        worst,
+        *(_estimate(one) for one in (row.damage, row.false_alarms, row.detection)),
+        f"{row.missing} failed or missing" if row.missing else holds,
+    ]
+
+
+def _places(columns: Sequence[str]) -> list[int]:
+    for name in columns:
+        if name not in COLUMNS:
+            raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")
+    return [COLUMNS.index(name) for name in columns]
+
+
+def _estimate(estimate: Estimate, between: str = "") -> str:
+    if estimate.mean != estimate.mean:
+        return "-"
+    half = f"{between}{estimate.half:.3f}" if between and estimate.half == estimate.half else ""
+    return f"{estimate.mean:.3f}{half}"

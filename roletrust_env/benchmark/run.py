@@ -1,0 +1,171 @@
+"""Running a benchmark from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+from roletrust_env.benchmark.cells import attacks as attacks_of
+from roletrust_env.benchmark.cells import models as models_of
+from roletrust_env.benchmark.entrants import Entrant, entered, name_entrants, pack
+from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
+from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.schema import CellResult
+from roletrust_env.benchmark.store import Store, StoredCell
+from roletrust_env.benchmark.suite import Suite, load_suite
+from roletrust_env.benchmark.suite_types import AnySuite, suite_type
+from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
+from roletrust_env.storage.files import prepare_folder
+
+OnCell = Callable[[Any, CellResult], None]
+"""Called with each cell that has been played, and its result."""
+
+
+def benchmark(
+    models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
+    suite: str | Path | Suite = "quick",
+    *,
+    attacks: Sequence[str] | None = None,
+    workers: int | None = None,
+    out: str | Path | None = None,
+    force: bool = False,
+    progress: bool = True,
+) -> Leaderboard:
+    """Attack trust models with everything that a suite has, and rank them by the worst case.
+
+    Args:
+        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these;
+            `"all"` are the installed ones, and None are those of the suite.
+        suite: Name of a suite, path of a TOML file, or a `Suite`.
+        attacks: Scripted attacks in place of the suite's, by spec.
+        workers: Number of processes; None is one for each core. With 0 the cells are played in this process.
+        out: Folder of the results. A run that was stopped goes on from there. None keeps no files.
+        force: Begin anew, whatever `out` holds.
+        progress: Show a progress bar.
+
+    Returns:
+        The leaderboard. It shows itself as a table, also in a notebook.
+
+    Raises:
+        ValueError: A name is unknown, a model or an attack cannot be made, the suite is one for learners, or `out`
+            holds another run.
+
+    Example:
+        >>> from roletrust_env.benchmark import Suite, benchmark
+        >>> tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
+        >>> market = {"preset": "market", "set": {"max_cycles": 10}}
+        >>> suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=4)
+        >>> board = benchmark(["mean", "constant"], suite, attacks=["bad-mouthing"], workers=0, progress=False)
+        >>> [row.model for row in board.rows]
+        ['mean', 'constant']
+    """
+    given: list[Entrant] = []
+    if isinstance(models, str) and models == "all":
+        given += models_of(_robustness(suite).model_copy(update={"models": "all"}))
+    elif models is not None:
+        given += models if isinstance(models, list | tuple) else [models]
+    names, instances = name_entrants(given)
+    with entered(instances):
+        asked = with_names(_robustness(suite), names, attacks or ())
+        pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
+        with ExitStack() as stack:
+            on_cell = _bar(stack, asked) if progress else None
+            cells = play_suite(asked, pool, out=None if out is None else Path(out), force=force, on_cell=on_cell)
+        return Leaderboard.of(asked, cells)
+
+
+def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> Suite:
+    """Return the suite with these trust models and attacks, all of which can be made.
+
+    Args:
+        suite: Suite that is asked for.
+        models: Trust models in place of the suite's, by spec; none are the suite's.
+        attacks: Scripted attacks in place of the suite's, by spec; none are the suite's.
+
+    Raises:
+        ValueError: A name is unknown, or what it names cannot be made.
+    """
+    asked = suite.model_copy(
+        update={
+            "models": tuple(dict.fromkeys(models)) or tuple(models_of(suite)),
+            "attacks": tuple(dict.fromkeys(attacks)) or tuple(attacks_of(suite)),
+        }
+    )
+    for stage in asked.scenarios.values():
+        for name in models_of(asked):
+            parse_trust_model(name, stage.scenario())
+        parse_kinds(attacks_of(asked), stage.scenario())
+    return asked
+
+
+def play_suite(
+    suite: AnySuite, pool: Pool, *, out: Path | None = None, force: bool = False, on_cell: OnCell | None = None
+) -> list[StoredCell]:
+    """Play the cells of a suite that are not stored yet, and return all of them.
+
+    Args:
+        suite: Suite to play.
+        pool: Processes that play the cells.
+        out: Folder of `results.sqlite`; None keeps no file.
+        force: Begin anew, whatever the folder holds.
+        on_cell: Called with each cell that is done, at first with those that are stored already.
+
+    Raises:
+        ValueError: The folder holds another run, or another run writes to it.
+        OSError: The folder cannot be written.
+    """
+    every = suite_type(suite).cells(suite)
+    notify = on_cell or (lambda cell, result: None)
+    if out is None:
+        done = []
+        with closing(pool.play(suite, every)) as playing:
+            for cell, result in playing:
+                done.append(StoredCell(cell, result))
+                notify(cell, result)
+        return sorted(done, key=lambda one: str(one.cell.key))
+    prepare_folder(out)
+    with Store(out / "results.sqlite", suite, anew=force) as store:
+        finished = store.finished()
+        for one in store.all():
+            if one.cell.key in finished:
+                notify(*one)
+        with closing(pool.play(suite, [cell for cell in every if cell.key not in finished])) as playing:
+            for cell, result in playing:
+                store.add(cell, result)
+                notify(cell, result)
+        return store.all()
+
+
+class InProcess:
+    """A pool that plays the cells in this process, one after the other, without a time limit."""
+
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Any:
+        """See `Pool.play`."""
+        for cell in cells:
+            yield cell, play_safely(suite, cell)
+
+
+def _robustness(suite: str | Path | Suite) -> Suite:
+    """Return a suite for trust models."""
+    found = suite if isinstance(suite, Suite) else load_suite(suite)
+    if not isinstance(found, Suite):
+        raise ValueError(
+            f"suite {found.name} is one for learners; play it with `roletrust benchmark --suite {found.name}`"
+        )
+    return found
+
+
+def _bar(stack: ExitStack, suite: Suite) -> OnCell:
+    """Return what moves a progress bar, which closes with the stack."""
+    from tqdm import tqdm
+
+    bar = stack.enter_context(
+        tqdm(total=len(suite_type(suite).cells(suite)), desc=f"Playing {suite.name}", unit="cell")
+    )
+
+    def advance(cell: Any, result: CellResult) -> None:
+        if result.failed:
+            bar.write(f"{cell.key}: {result.failed}")
+        bar.update()
+
+    return advance

@@ -1,0 +1,128 @@
+"""One trust model under one attack in one scenario, in numbers."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.specs import named_factory, parse_attacks, parse_trust_model
+from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.metrics import share_of_best
+from roletrust_env.metrics.confidence import Estimate, estimate
+from roletrust_env.trust import TrustModel
+from roletrust_env.world import Scenario, make_scenario
+from roletrust_env.world.roster import Roster
+
+_RATING: frozenset[Channel] = frozenset({"ratings", "silence"})
+_SERVING: frozenset[Channel] = frozenset({"quality", "treatment"})
+
+
+class Evaluation(NamedTuple):
+    """The scores of a trust model under an attack. Each is the mean over the games and half its 95% interval.
+
+    Attributes:
+        utility: Utility of a consumer that always goes to the most trusted provider, over the best there is, in [0, 1].
+        clean: The same in the same games with everybody honest.
+        blind: The same for a consumer that goes to any provider.
+        damage: Loss of trust of the honest agents against the games with everybody honest.
+        false_alarms: Share of honest agents with trust below 0.5.
+        auc: Probability that an honest agent has more trust than an attacker of its role.
+    """
+
+    utility: Estimate
+    clean: Estimate
+    blind: Estimate
+    damage: Estimate
+    false_alarms: Estimate
+    auc: Estimate
+
+    def __repr__(self) -> str:
+        """Return a line for each score."""
+        lines = [f"  {name}: {one.mean:.3f} ± {one.half:.3f}" for name, one in zip(self._fields, self, strict=True)]
+        return "\n".join(["Evaluation", *lines])
+
+
+def evaluate(
+    model: str | TrustModel[Any],
+    attack: str | Sequence[str] | Mapping[str, str | Policy],
+    scenario: str | Path | Scenario = "paper-3x3",
+    *,
+    games: int = 20,
+    seed: int = 0,
+    share: float = 1 / 3,
+) -> Evaluation:
+    """Measure a trust model under a scripted attack.
+
+    Args:
+        model: Trust model, or its spec such as `"role-trust:lam=0.7"`.
+        attack: Spec of an attack such as `"bad-mouthing:level=0"`, which the last agents of its role play; or one or
+            more specs with agents, such as `"sr_2=bad-mouthing"`; or policies or specs by the name of the agent.
+        scenario: Scenario, its name, or the path of its file.
+        games: Number of games.
+        seed: Random seed. All models and attacks meet the same noise with the same seed.
+        share: Share of the agents of a role that play an attack without agents, rounded, at least one.
+
+    Returns:
+        The scores, each with its 95% interval over the games.
+
+    Raises:
+        ValueError: A name is unknown, a value is not allowed, or an agent cannot play the attack.
+
+    Example:
+        >>> evaluate("mean", "sr_2=bad-mouthing:level=0", "paper-3x3", games=2).damage.mean > 0.1
+        True
+    """
+    if games < 1:
+        raise ValueError(f"games is {games}; it must be 1 or more")
+    if not 0 < share < 1:
+        raise ValueError(f"share is {share}; it must lie between 0 and 1")
+    rules = make_scenario(scenario)
+    policies = _seated(attack, rules, share)
+    task = exact_task(
+        {
+            "scenario": rules,
+            "trust_model": parse_trust_model(model, rules) if isinstance(model, str) else model,
+            "compromised": tuple(policies),
+            "objective": "mislead",
+        }
+    )
+    scored = score(task, Scripted(policies), seed, (1, games))
+    clean = share_of_best(scored.clean.got, scored.clean.best).value
+    return Evaluation(clean=estimate(clean[0]), **{name: estimate(values[0]) for name, values in scored.scores.items()})
+
+
+def _seated(
+    attack: str | Sequence[str] | Mapping[str, str | Policy], scenario: Scenario, share: float
+) -> dict[str, Policy]:
+    """Return the policies by the name of the agent."""
+    if isinstance(attack, Mapping):
+        made = {name: policy for name, policy in attack.items() if isinstance(policy, Policy)}
+        texts = [f"{name}={spec}" for name, spec in attack.items() if isinstance(spec, str)]
+        return {**parse_attacks(texts, scenario), **made}
+    texts = [attack] if isinstance(attack, str) else list(attack)
+    seated = [line for text in texts for line in _lines(text, scenario, share)]
+    return parse_attacks(list(dict.fromkeys(seated)), scenario)
+
+
+def _names_agents(text: str) -> bool:
+    """Return whether a spec begins with an agent, as in `sr_2=bad-mouthing:level=0`."""
+    name, equals, _ = text.partition("=")
+    return bool(equals) and ":" not in name
+
+
+def _lines(text: str, scenario: Scenario, share: float) -> list[str]:
+    """Return a spec without agents as specs with agents: the last ones of each role that the attack is for."""
+    if _names_agents(text):
+        return [text]
+    channels: frozenset[Channel] = getattr(named_factory(attackers, text), "attacks", frozenset())
+    roster, lines = Roster.of(scenario), []
+    for names, decided in ((roster.rater_names, _RATING), (roster.provider_names, _SERVING)):
+        first = [name for name in names if name in roster.first_names]
+        if channels & decided:
+            lines += [f"{name}={text}" for name in first[-max(1, round(share * len(first))) :]]
+    if not lines:
+        raise ValueError(f"attack {text!r} says of no role that it is for it; name its agents, such as sr_2={text}")
+    return list(dict.fromkeys(lines))
