@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Callable
 from inspect import cleandoc
 from typing import Annotated, Any
 
@@ -105,7 +106,7 @@ def roletrust(
     """
 
 
-for _name, _command in {
+_COMMANDS: dict[str, Callable[..., None]] = {
     "figures": figures,
     "play": play,
     "list": list_command,
@@ -120,7 +121,8 @@ for _name, _command in {
     "findings": findings,
     "speed": speed,
     "costs": costs,
-}.items():
+}
+for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)
 app.add_typer(live, name="live", cls=_Group)
 

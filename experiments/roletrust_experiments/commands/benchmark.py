@@ -44,7 +44,7 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="quick, standard, full, learners, learners-quick, or the path of a .toml file.",
+            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
             autocompletion=completion.suites,
         ),
     ] = "quick",

@@ -36,8 +36,10 @@ def seated_attacks(context: typer.Context, incomplete: str) -> list[tuple[str, s
     agent, equals, name = incomplete.partition("=")
     if equals:
         return [(f"{agent}={attack}", about) for attack, about in named_attacks(name)]
+    # An option without its value stops the parser before it reads the scenario, which is then among the arguments.
+    scenario = next(iter(context.args), None) or context.params.get("scenario") or "paper-3x3"
     try:
-        names = Roster.of(make_scenario(context.params.get("scenario") or "paper-3x3")).first_names
+        names = Roster.of(make_scenario(scenario)).first_names
     except ValueError:
         return []
     return [(f"{one}=", "") for one in names if one.startswith(agent)]

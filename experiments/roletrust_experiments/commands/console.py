@@ -19,7 +19,10 @@ ALLOW_CODE = "Allow the file to name classes that are not installed, as package.
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _NAME = 20
-"""Width that a column of names keeps, in letters; a longer name is wrapped."""
+"""Width that the first column, of names, keeps at least, in letters; longer names wrap."""
+
+_TEXT = 10
+"""Width that a column of texts keeps at least, in letters."""
 
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
@@ -49,20 +52,22 @@ class FittedTable(Table):
         """Leave out what does not fit, and print the rest."""
         left_out: list[str] = []
         gap = sum(self.padding[1::2]) + 1
-        while len(self.columns) > self._needed:
-            if sum(_width(column) + gap for column in self.columns) <= options.max_width + gap:
+        while not (fits := sum(map(_width, self.columns)) + gap * len(self.columns) <= options.max_width + gap):
+            if len(self.columns) <= self._needed:
                 break
             left_out.insert(0, str(self.columns.pop().header).replace("\n", " "))
+        for column in self.columns if fits else ():
+            column.min_width = _width(column)
         if left_out:
             self.caption = f"{self.caption}\n" * bool(self.caption) + f"too narrow for: {', '.join(left_out)}"
         yield from super().__rich_console__(console, options)
 
 
 def _width(column: Column) -> int:
-    """The width that a column needs: the longest line, or less for names and texts that wrap."""
+    """Return the width that a column needs: its longest line, or less for names and texts that wrap."""
     cells = (Text.from_markup(str(cell)).plain for cell in (column.header, *column.cells))
     longest = max(cell_len(line) for text in cells for line in text.splitlines() or [""])
-    return longest if column.justify == "right" else min(longest, _NAME)
+    return longest if column.justify == "right" else min(longest, _TEXT if column._index else _NAME)
 
 
 def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = ()) -> Progress:

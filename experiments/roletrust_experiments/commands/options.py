@@ -1,7 +1,7 @@
 """Options that several commands share, each with one spelling and one help text."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -117,7 +117,7 @@ def find_task(text: str) -> str:
     raise ValueError(f"unknown task {text!r}{suggest(text, short)}")
 
 
-def check_choice(option: str, value: str, known: tuple[str, ...]) -> str:
+def check_choice(option: str, value: str, known: tuple[str, ...]) -> Any:
     """Return a value that must be one of several names.
 
     Raises:

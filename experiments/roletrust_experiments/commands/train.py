@@ -154,8 +154,6 @@ def train(
         name, changes = parse_parameters(learner)
         algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower())
         algo = algo or check_choice("learner", name, tuple(_ALGORITHMS))
-        if objective is not None:
-            check_choice("objective", objective, get_args(Objective))
         tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
         rules = make_scenario(scenario or defaults["scenario"])
@@ -169,7 +167,7 @@ def train(
             task=TaskCard(
                 id=task_id,
                 compromised=tuple(compromised or defaults["compromised"]),
-                objective=objective or defaults["objective"],
+                objective=check_choice("objective", objective or defaults["objective"], get_args(Objective)),
                 stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
                 knowledge=check_choice("knowledge", knowledge, get_args(Knowledge)),
                 accomplices=tuple(accomplice or ()),

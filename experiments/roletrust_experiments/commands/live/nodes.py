@@ -22,7 +22,7 @@ _NOWHERE = {"treatment", "presence"}  # channels that no node has: a topic is th
 Attack = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME:key=value,...",
+        metavar="NAME[:key=value,...]",
         help="Play an attack in place of honest play; see `roletrust list`.",
         show_default=False,
     ),
