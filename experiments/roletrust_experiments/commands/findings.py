@@ -66,7 +66,7 @@ def findings(
     [cyan]roletrust findings --question dilution --games 200[/]
     """
     require("the findings", "train", "scipy", "cma", "torch", "stable_baselines3")
-    from roletrust_experiments.findings.games import Asked
+    from roletrust_experiments.findings.games import Effort
     from roletrust_experiments.findings.page import page
     from roletrust_experiments.findings.questions import QUESTIONS
 
@@ -81,7 +81,7 @@ def findings(
         for name in names:
             if not force and answers.get(name, {}).get("made_with") == made_with and _written(out / "findings", name):
                 continue
-            finding = QUESTIONS[name](Asked(games, seed, quick, progress))
+            finding = QUESTIONS[name](Effort(games, seed, quick, progress))
             _write(out / "findings", name, finding)
             command = f"roletrust findings --question {name} --games {games} --seed {seed}{' --quick' * quick}"
             answers[name] = _record(finding, command, made_with)

@@ -10,7 +10,7 @@ from roletrust_agents.learned.methods import Learned, learned_rungs
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_baselines.search import PaperAttacks
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands.task_options import find_task
+from roletrust_experiments.commands.options import find_task
 from roletrust_experiments.plots.trajectory import watch
 from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
