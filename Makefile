@@ -1,11 +1,11 @@
-# `make run` sets up a fresh machine and runs the main job; `make test` sets up and runs all checks.
+# `make run` sets up a fresh machine and runs the main job; `make test` and `make test-all` set up and run all checks.
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
 	benchmark findings ladder zoo clean
 
 run: setup
@@ -16,29 +16,38 @@ run: setup
 docs: setup
 	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
 
+# Minutes on two cores: lint, types and all tests that are not marked.
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n 2
+
+# All that `make test` leaves out, about half an hour; every marker has a target of its own.
+test-all: setup
+	$(MAKE) test-slow
 	$(MAKE) test-site
 	$(MAKE) test-extras
 	$(MAKE) test-live
 	$(MAKE) test-ros2
 
-# The whole site, in a browser; `make test` has it, too.
+# Compilation, kill and resume, long trainings, and the site built quickly.
+test-slow: setup
+	$(BIN)/pytest -n 2 -m slow tests
+
+# The whole site, in a browser.
 test-site: docs
 	$(BIN)/pytest -m site tests/experiments/site
 
-# The wheel with each extra alone, in fresh environments; `make test` has it, too.
+# The wheel with each extra alone, in fresh environments.
 test-extras: setup
-	$(BIN)/pytest -n 2 -m extras tests/test_extras.py tests/benchmark
+	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
 
-# Teams of processes on DDS, one after the other; `make test` has it, too.
+# Teams of processes on DDS, one after the other.
 test-live: setup
 	$(BIN)/pytest -m live tests/live
 
-# A peer of ROS 2 in an environment of its own, which is made first; `make test` has it, too.
+# A peer of ROS 2 in an environment of its own, which is made first.
 test-ros2: setup
 	$(BIN)/pytest -m ros2 tests/live
 
@@ -60,6 +69,7 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
+	$(BIN)/python -m roletrust_experiments.site.moving_picture docs/game.gif
 	$(BIN)/roletrust models --out $(OUT)/models
 	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder

@@ -1,5 +1,11 @@
 """What every test leaves as it found it, the settings of Hypothesis, and a browser for those that want one."""
 
+import os
+
+# Before NumPy and torch are loaded: threads of one process that wait for a busy core cost many times their work.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import re
 import shutil
 
 import hypothesis
@@ -21,6 +27,15 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("roletrust")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """No test has two of the markers by which tests are left out: it would run twice."""
+    left_out = set(re.findall(r"not (\w+)", config.getini("addopts")[-1]))
+    for item in items:
+        if len(found := left_out & {mark.name for mark in item.iter_markers()}) > 1:
+            raise pytest.UsageError(f"{item.nodeid} is marked with {', '.join(sorted(found))}; one of them is enough")
+
+
 @pytest.fixture(autouse=True)
 def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
@@ -30,15 +45,14 @@ def _registries(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def browser(request):
-    """A real Chromium; a module says by `PATIENCE_MS` how long it may take to start, if not as long as usual."""
+def browser():
+    """A real Chromium; it may take long to start where the machine is busy."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
     chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if chromium is None:
         pytest.skip("there is no Chromium here (Debian: apt-get install chromium)")
     flags = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
     with playwright.sync_playwright() as driver:
-        patience = getattr(request.module, "PATIENCE_MS", None)
-        found = driver.chromium.launch(executable_path=chromium, args=flags, timeout=patience)
+        found = driver.chromium.launch(executable_path=chromium, args=flags, timeout=240_000)
         yield found
         found.close()

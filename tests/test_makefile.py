@@ -1,4 +1,4 @@
-"""`make test` runs every test: also those that are marked, which it looks for in some folders only."""
+"""`make test` and `make test-all` run every test once: the marked ones are looked for in some folders only."""
 
 import re
 import tomllib
@@ -9,9 +9,26 @@ import pytest
 HOUSE = Path(__file__).parent.parent
 MAKEFILE = (HOUSE / "Makefile").read_text(encoding="utf-8")
 OPTIONS = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+MARKERS = [line.partition(":")[0] for line in OPTIONS["markers"]]
 
 
-@pytest.mark.parametrize("marker", [line.partition(":")[0] for line in OPTIONS["markers"]])
+def recipe(target):
+    """The lines by which a target is made."""
+    (lines,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", MAKEFILE, flags=re.MULTILINE)
+    return [line.strip() for line in lines.splitlines()]
+
+
+def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
+    (left_out,) = re.findall(r"-m '(.*)'", OPTIONS["addopts"])
+    assert sorted(left_out.split(" and ")) == sorted(f"not {marker}" for marker in MARKERS)
+    assert "$(BIN)/pytest -n 2" in recipe("test")
+    assert not [line for line in recipe("test") if "-m " in line or "$(MAKE)" in line]
+    assert sorted(recipe("test-all")) == sorted(f"$(MAKE) test-{marker}" for marker in MARKERS)
+    for marker in MARKERS:
+        assert [line for line in recipe(f"test-{marker}") if f" -m {marker} " in line]
+
+
+@pytest.mark.parametrize("marker", MARKERS)
 def test_marked_tests_lie_where_they_are_looked_for(marker):
     (folders,) = set(re.findall(rf"pytest .*-m {marker} (.+)", MAKEFILE))
     places = [HOUSE / folder for folder in folders.split()]

@@ -41,18 +41,23 @@ def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[s
         if is_random(Game(scenario, model)):
             yield f"{name}: it plays at random, so that other runs find other numbers"
         calm = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
-        if calm and all(ignores_ratings(one) for one in calm):
+        telling = [one for one in calm if has_a_choice(one)]
+        if telling and all(ignores_ratings(one) for one in telling):
             yield f"{name}: whoever goes by it does no better than by going blindly; it ignores ratings, or all but"
     if jump:
         them = "them" if jump[1:] else "it"
         yield f"{', '.join(jump)}: trust jumps, so the white-box planner could not attack {them}"
 
 
+def has_a_choice(calm: AttackScores) -> bool:
+    """Return whether the best choice of a provider brings more than a blind one; else all are equally good."""
+    return bool(np.nanmin(calm.measured["blind"]) < 1 - _SAME)
+
+
 def ignores_ratings(calm: AttackScores) -> bool:
-    """Return whether trust brings no more than a blind choice does, where the best choice would."""
-    utility, blind = calm.measured["utility"], calm.measured["blind"]
-    best_is_better = np.nanmin(blind) < 1 - _SAME  # else all providers are equally good, and nothing can be told
-    return bool(best_is_better and np.nanmax(abs(utility - blind)) < _SAME)
+    """Return whether a choice by trust brings the same as a blind one."""
+    difference = calm.measured["utility"] - calm.measured["blind"]
+    return bool(np.nanmax(abs(difference)) < _SAME)
 
 
 def is_random(game: Game) -> bool:

@@ -17,6 +17,9 @@ from roletrust_env.benchmark.suite_types import AnySuite, suite_type
 from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
 
+OnStart = Callable[[int, int], None]
+"""Called at the start with the number of cells that are stored already, and of all cells."""
+
 OnCell = Callable[[Any, CellResult], None]
 """Called with each cell that has been played, and its result."""
 
@@ -69,8 +72,8 @@ def benchmark(
         asked = with_names(_robustness(suite), names, attacks or ())
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
-            on_cell = _bar(stack, asked) if progress else None
-            cells = play_suite(asked, pool, out=None if out is None else Path(out), force=force, on_cell=on_cell)
+            listeners = _bar(stack, asked.name) if progress else {}
+            cells = play_suite(asked, pool, out=None if out is None else Path(out), force=force, **listeners)
         return Leaderboard.of(asked, cells)
 
 
@@ -99,7 +102,13 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
 
 
 def play_suite(
-    suite: AnySuite, pool: Pool, *, out: Path | None = None, force: bool = False, on_cell: OnCell | None = None
+    suite: AnySuite,
+    pool: Pool,
+    *,
+    out: Path | None = None,
+    force: bool = False,
+    on_start: OnStart = lambda stored, total: None,
+    on_cell: OnCell = lambda cell, result: None,
 ) -> list[StoredCell]:
     """Play the cells of a suite that are not stored yet, and return all of them.
 
@@ -108,31 +117,30 @@ def play_suite(
         pool: Processes that play the cells.
         out: Folder of `results.sqlite`; None keeps no file.
         force: Begin anew, whatever the folder holds.
-        on_cell: Called with each cell that is done, at first with those that are stored already.
+        on_start: See `OnStart`.
+        on_cell: See `OnCell`.
 
     Raises:
         ValueError: The folder holds another run, or another run writes to it.
         OSError: The folder cannot be written.
     """
     every = suite_type(suite).cells(suite)
-    notify = on_cell or (lambda cell, result: None)
     if out is None:
+        on_start(0, len(every))
         done = []
         with closing(pool.play(suite, every)) as playing:
             for cell, result in playing:
                 done.append(StoredCell(cell, result))
-                notify(cell, result)
+                on_cell(cell, result)
         return sorted(done, key=lambda one: str(one.cell.key))
     prepare_folder(out)
     with Store(out / "results.sqlite", suite, anew=force) as store:
         finished = store.finished()
-        for one in store.all():
-            if one.cell.key in finished:
-                notify(*one)
+        on_start(len(finished), len(every))
         with closing(pool.play(suite, [cell for cell in every if cell.key not in finished])) as playing:
             for cell, result in playing:
                 store.add(cell, result)
-                notify(cell, result)
+                on_cell(cell, result)
         return store.all()
 
 
@@ -155,17 +163,19 @@ def _robustness(suite: str | Path | Suite) -> Suite:
     return found
 
 
-def _bar(stack: ExitStack, suite: Suite) -> OnCell:
-    """Return what moves a progress bar, which closes with the stack."""
+def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
+    """Return the listeners of `play_suite` that move a progress bar, which closes with the stack."""
     from tqdm import tqdm
 
-    bar = stack.enter_context(
-        tqdm(total=len(suite_type(suite).cells(suite)), desc=f"Playing {suite.name}", unit="cell")
-    )
+    bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))
+
+    def begin(stored: int, total: int) -> None:
+        bar.total = total
+        bar.update(stored)
 
     def advance(cell: Any, result: CellResult) -> None:
         if result.failed:
             bar.write(f"{cell.key}: {result.failed}")
         bar.update()
 
-    return advance
+    return {"on_start": begin, "on_cell": advance}

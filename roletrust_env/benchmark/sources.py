@@ -19,6 +19,10 @@ Word = Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
 """One line of text, which a terminal shows as it is."""
 
 
+_OWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments")
+"""Packages of this project, which the metadata of an editable installation does not list."""
+
+
 class Source(UntrustedModel):
     """Of a class."""
 
@@ -72,5 +76,5 @@ def _top(module: str) -> str:
 @cache
 def _package(top: str) -> tuple[str, str]:
     """The name and the version of the installed package that brings a top-level module."""
-    found = packages_distributions().get(top)
+    found = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
     return (found[0], version(found[0])) if found else ("", "")

@@ -18,6 +18,9 @@ from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.store import Store
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+OFTEN = pytest.mark.parametrize(
+    "times", [pytest.param(2, marks=pytest.mark.slow), pytest.param(10, marks=pytest.mark.extras)]
+)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +69,7 @@ def kill_runs(path, times, seconds, luck):
         theirs = workers(process)
         process.kill()
         process.wait()
-        until = time.monotonic() + 30
+        until = time.monotonic() + 300
         while any(map(goes, theirs)):  # they end by themselves
             assert time.monotonic() < until
             time.sleep(0.05)
@@ -95,7 +98,7 @@ def kill_workers(process, path, times, pause, luck):
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 class TestKilled:
-    @pytest.mark.parametrize("times", [2, pytest.param(10, marks=pytest.mark.extras)])
+    @OFTEN
     def test_whole_runs(self, tmp_path, uninterrupted, times):
         expected, seconds = uninterrupted
         path = tmp_path / "results.sqlite"
@@ -103,7 +106,7 @@ class TestKilled:
         assert left == sorted(left)  # nothing that was kept is lost
         assert results(run(path)) == expected
 
-    @pytest.mark.parametrize("times", [2, pytest.param(10, marks=pytest.mark.extras)])
+    @OFTEN
     def test_workers(self, tmp_path, uninterrupted, times):
         expected, seconds = uninterrupted
         path, killed, luck = tmp_path / "results.sqlite", 0, random.Random(times)

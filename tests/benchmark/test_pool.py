@@ -8,11 +8,11 @@ from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.run_cell import play_cell
 
 
-@pytest.mark.parametrize(("model", "words"), [("Hanging", "given up after 2 seconds"), ("Dying", "died 3 times")])
+@pytest.mark.parametrize(("model", "words"), [("Hanging", "given up after 10 seconds"), ("Dying", "died 3 times")])
 def test_a_cell_that_hangs_or_kills_its_process_is_one_line(model, words):
     suite = tiny(
         models=[f"benchmark_cases:{model}", "mean"],
-        limit_s=2.0,
+        limit_s=10.0,  # far more than the mean takes on a busy machine
         tracks={"honest": {}},
     )
     found = dict(LocalPool(2).play(suite, cells(suite)))

@@ -15,8 +15,12 @@ PLAIN = Scenario(agents=[{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
 @pytest.mark.parametrize(
     ("backend", "scenario"),
     [
-        pytest.param("inductor", PLAIN, id="inductor"),
-        *(pytest.param("aot_eager", busy(access=access, max_cycles=3), id=name) for name, access in ACCESS.items()),
+        pytest.param("inductor", PLAIN, id="inductor", marks=pytest.mark.slow),
+        *(
+            pytest.param(backend, busy(access=access, max_cycles=3), id=f"{backend}-{name}", marks=marks)
+            for backend, marks in (("eager", ()), ("aot_eager", pytest.mark.slow))
+            for name, access in ACCESS.items()
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore")

@@ -18,7 +18,7 @@ from roletrust_env.benchmark.run import play_suite, with_names
 from roletrust_env.benchmark.schema import CellResult
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite, load_suite
-from roletrust_env.benchmark.suite_types import AnySuite, suite_type
+from roletrust_env.benchmark.suite_types import AnySuite
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
@@ -149,16 +149,20 @@ def benchmark(
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
     """Play the suite with a progress bar that begins with the cells that are stored already."""
-    total = len(suite_type(suite).cells(suite))
     with progress_bar() as progress:
-        job = progress.add_task(f"Playing {suite.name}", total=total)
+        job = progress.add_task(f"Playing {suite.name}")
+
+        def begin(stored: int, total: int) -> None:
+            progress.update(job, total=total, completed=stored)
+            if stored:
+                progress.console.print(f"[dim]{stored:,} of {total:,} cells are there already.[/]")
 
         def show(cell: Any, result: CellResult) -> None:
             progress.advance(job)
             if result.failed:
                 progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
 
-        return play_suite(suite, pool, out=out, force=force, on_cell=show)
+        return play_suite(suite, pool, out=out, force=force, on_start=begin, on_cell=show)
 
 
 def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:

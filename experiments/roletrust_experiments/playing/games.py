@@ -8,7 +8,7 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Policy
 from roletrust_env.evaluation.attacked_games import HELD_OUT, AttackedRound, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.curves import Curves, kept_bytes
+from roletrust_env.evaluation.curves import Curves, curve_bytes
 from roletrust_env.evaluation.resources import Cost, some, try_out
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.rollout import rollout
@@ -44,9 +44,9 @@ def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
     return bool(attackers) and not isinstance(game.scenario.frames, int)
 
 
-def all_kept_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
+def all_curve_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
     """Return the peak memory of the curves of each game in bytes, see `foresee`."""
-    return kept_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
+    return curve_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
 
 
 def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> Cost:
@@ -57,7 +57,7 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
     trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
-    memory = all_kept_bytes(joint_policies, attackers) + trial.memory
+    memory = all_curve_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 
 

@@ -38,7 +38,7 @@ OPTIONS = [(name, one) for name, command in commands() for one in command.params
 
 def test_one_spelling_for_each_concept():
     spelled = {flag for _, one in OPTIONS for flag in one.opts}
-    assert not spelled & {"--trust-model", "--trust-models", "--models", "--algo", "--algorithm", "--folder-out"}
+    assert not spelled & {"--model", "--models", "--algo", "--algorithm", "--folder-out"}
     assert {"--model", "--attack", "--learner", "--out", "--json", "--force", "--seed", "--games", "--set"} <= spelled
 
 
@@ -182,7 +182,17 @@ def test_the_claims_of_the_paper_are_never_cut(width):
     [
         ["list"],
         ["costs", "--model", "regression-aligned", "--model", "iterative-filtering", "--side", "3", "--side", "4"],
-        ["play", "--model", "regression-aligned", "--set", "max_cycles=12", "--games", "2", "--attack", "sr_2=bad-mouthing"],
+        [
+            "play",
+            "--model",
+            "regression-aligned",
+            "--set",
+            "max_cycles=12",
+            "--games",
+            "2",
+            "--attack",
+            "sr_2=bad-mouthing",
+        ],
     ],
     ids=lambda arguments: arguments[0],
 )

@@ -13,7 +13,7 @@ from roletrust_env.trust import trust_models
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, ["costs", "--side", "2", "--side", "3", *arguments], env={"COLUMNS": "160"})
+    return CliRunner().invoke(app, ["costs", "--side", "2", "--side", "3", *arguments], env={"COLUMNS": "400"})
 
 
 @pytest.fixture(autouse=True)

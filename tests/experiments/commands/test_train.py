@@ -193,15 +193,17 @@ def test_a_damaged_checkpoint_is_passed_over(tmp_path):
     assert folder.last() is None
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on(tmp_path):
     command = [sys.executable, "-c", "from roletrust_experiments.cli import main; main()", "train"]
     arguments = ["ProviderAttack", *PPO, "--steps", "16000", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [*command, *arguments], stdout=subprocess.DEVNULL, env={**os.environ, "OMP_NUM_THREADS": "1"}
     )
-    for _ in range(600):
-        if list(tmp_path.glob("checkpoints/0*")):
-            break
+    until = time.monotonic() + 600
+    while not list(tmp_path.glob("checkpoints/0*")):
+        assert time.monotonic() < until
+        assert process.poll() is None
         time.sleep(0.05)
     time.sleep(random.Random().random() * 0.3)
     process.send_signal(signal.SIGKILL)

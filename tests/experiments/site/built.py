@@ -11,6 +11,8 @@ from urllib.parse import unquote, urlsplit
 from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[3]
+ROOTS = ("", "agents", "baselines", "experiments")
+"""Folders with packages."""
 WHOLE = HOUSE / "build" / "site"
 """Where `make docs` puts it."""
 
@@ -25,7 +27,7 @@ def build_quickly(folder: Path) -> Path:
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", *quick, "-d", str(folder / "doctrees")]
     done = subprocess.run(
         [*command, str(folder / "docs"), str(folder / "site")],
-        env={**os.environ, "PYTHONPATH": str(HOUSE)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(str(HOUSE / root) for root in ROOTS)},
         cwd=HOUSE,
         capture_output=True,
         text=True,

@@ -12,6 +12,7 @@ from built import WHOLE, broken, fetched, pages, parsed
 
 pytestmark = pytest.mark.site
 
+PATIENCE_MS = 240_000  # far more than a busy machine takes
 VIEWS = {"light": (1200, "light"), "dark": (1200, "dark"), "phone": (390, "light")}
 
 _FAINT = """() => {
@@ -59,6 +60,7 @@ def opened(browser: Any, home: str, view: str, wrong: list[str]) -> Any:
     """A window; what its console complains of, and what is asked of others, is added to what is wrong."""
     width, colours = VIEWS[view]
     window = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=colours)
+    window.set_default_timeout(PATIENCE_MS)
     window.on("pageerror", lambda error: wrong.append(f"{window.url}: {error}"))
     window.on("console", lambda said: wrong.append(f"{window.url}: {said.text}") if said.type == "error" else None)
     window.on(
@@ -92,7 +94,7 @@ def test_search_finds(browser: Any, home: str, word: str, page: str) -> None:
     window.goto(home)
     window.fill("input[name=q]", word)
     window.press("input[name=q]", "Enter")
-    window.wait_for_selector(".search-summary >> text=/found|matching/", timeout=60_000)
+    window.wait_for_selector(".search-summary >> text=/found|matching/")
     found = [link.get_attribute("href") for link in window.query_selector_all("#search-results li a")]
     window.close()
     assert any(page in link for link in found), found

@@ -11,6 +11,8 @@ from sphinx.util.inventory import InventoryFile
 
 import roletrust_env
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):

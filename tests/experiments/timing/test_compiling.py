@@ -12,7 +12,10 @@ from roletrust_experiments.timing.models import Size, trust_update
 
 from roletrust_env.trust import Mean
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="the jobs are commands of a POSIX shell")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.name != "posix", reason="the jobs are commands of a POSIX shell"),
+]
 
 
 def shell(command: str) -> tuple[list[str]]:
@@ -21,7 +24,7 @@ def shell(command: str) -> tuple[list[str]]:
 
 def ends(pid: int) -> bool:
     """Whether it is gone, or will be as soon as whoever inherited it looks."""
-    for _ in range(100):
+    for _ in range(600):
         try:
             os.kill(pid, 0)
         except ProcessLookupError:
@@ -41,10 +44,10 @@ def test_what_takes_too_long_is_stopped_with_all_that_it_has_started(tmp_path: P
         "ends": shell("kill -9 $PPID"),
         "last": shell(f"touch {tmp_path}/last"),
     }
-    undone = compile_ahead(subprocess.run, jobs, limit_s=5, threads=1, advance=began.append)
+    undone = compile_ahead(subprocess.run, jobs, limit_s=20, threads=1, advance=began.append)
     assert list(undone) == ["ends", "late"]
     assert "crashed" in undone["ends"]
-    assert "more than 5 seconds" in undone["late"]
+    assert "more than 20 seconds" in undone["late"]
     assert began == ["first", "late", "raises", "ends", "last"]
     assert (tmp_path / "first").exists()
     assert (tmp_path / "last").exists()

@@ -1,15 +1,17 @@
 """Scripted cells play nearly as fast as the bare game does."""
 
+import pytest
 from roletrust_experiments.timing.throughput import throughput
 
 from roletrust_env.benchmark.suite import load_suite
 
 
+@pytest.mark.slow
 def test_scripted_cells_play_at_half_the_speed_of_the_bare_game():
-    """Both in the same run, in seconds of the processor; 0.6 to 0.78 of it was measured, and 0.5 is asked for."""
+    """Both in the same run, in seconds of the processor; the least that was measured on a busy machine is 0.57."""
     quick = load_suite("quick")
     suite = quick.model_copy(update={"tracks": {name: quick.tracks[name] for name in ("raters", "identities")}})
-    found = list(throughput(suite, turns=2))
+    found = list(throughput(suite, turns=5))
     shares = [one.cell / one.game for one in found]
     assert len(shares) == 4
     assert sum(shares) / len(shares) >= 0.5, shares

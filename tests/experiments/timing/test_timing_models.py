@@ -105,6 +105,7 @@ def test_growth_is_the_power_between_the_largest_sizes() -> None:
     assert np.isnan(growth(found, "y")).all()
 
 
+@pytest.mark.slow
 def test_a_model_is_timed_compiled() -> None:
     torch = pytest.importorskip("torch")
     contestant = trust_update("role-trust", RoleTrust(), Size(2, 3), "compiled torch", seed=0)

@@ -11,7 +11,7 @@ from cyclonedds.sub import DataReader
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Reader
 
-PATIENCE_S = 20.0  # far more than a busy machine takes
+PATIENCE_S = 120.0  # far more than a busy machine takes
 
 
 @pytest.fixture(scope="module", autouse=True)

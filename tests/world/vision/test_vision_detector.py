@@ -23,6 +23,7 @@ def calibration_set():
     return labelled_margins()
 
 
+@pytest.mark.slow
 def test_refitting_gives_the_constants(calibration_set):
     slope, offset = fit_calibration(*calibration_set)
     assert slope == pytest.approx(SLOPE, abs=0.1)
@@ -52,6 +53,7 @@ def test_the_fit_is_the_maximum_of_the_likelihood():
     assert slope == pytest.approx(2, abs=0.5)
 
 
+@pytest.mark.slow
 def test_how_many_frames_are_drawn_does_not_change_the_fit(calibration_set):
     margins, labels = calibration_set
     np.testing.assert_allclose(

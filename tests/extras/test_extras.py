@@ -1,29 +1,18 @@
 """Each extra stands alone: the built wheel, in a fresh environment for each. Minutes: `make test-extras`."""
 
 import os
-import shutil
 import signal
 import subprocess
-import sys
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
+from fresh_environments import COMMANDS, HELPS, HOUSE, PACKAGES, Environment
 
 pytestmark = pytest.mark.extras
 
-HOUSE = Path(__file__).parent.parent
-PACKAGES = (
-    *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
-    "experiments/roletrust_experiments",
-)
-COMMANDS = (
-    *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
-    *("submit", "train", "verify", "zoo"),
-)
 TINY = """
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
@@ -37,97 +26,8 @@ set = { max_cycles = 6 }
 roles = ["SR"]
 shares = [0.3]
 """
-HELPS = f"""
-from typer.testing import CliRunner
-from roletrust_experiments.cli import app
-for command in {COMMANDS}:
-    assert "Examples" in CliRunner().invoke(app, [command, "--help"]).output, command
-"""
 SHORT = ("--set", "max_cycles=8")
 ZOO = HOUSE / "agents" / "roletrust_agents" / "zoo" / "provider-3x3"
-
-
-class Run(NamedTuple):
-    """How a program ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-class Environment:
-    """A fresh virtual environment, and a folder to work in."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.folder = path, path / "work"
-        subprocess.run([sys.executable, "-m", "venv", "--without-pip", path], check=True)
-        self.folder.mkdir()
-
-    def install(self, what: str) -> None:
-        pip("install", "--no-compile", what, python=self.path / "bin" / "python")
-
-    def python(self, code: str) -> str:
-        run = self._run("python", "-c", code)
-        assert run.code == 0, run.err
-        return run.out
-
-    def roletrust(self, *arguments: object) -> str:
-        """What the command prints when all is well."""
-        run = self._run("roletrust", *arguments)
-        assert run.code == 0, run.err
-        return run.out
-
-    def refused(self, *arguments: object) -> str:
-        """The one line that it prints when something is missing; nothing is written."""
-        before = sorted(self.folder.iterdir())
-        run = self._run("roletrust", *arguments)
-        assert (run.code, run.out, len(run.err.splitlines())) == (2, "", 1), run
-        assert sorted(self.folder.iterdir()) == before
-        return run.err
-
-    def _run(self, program: str, *arguments: object) -> Run:
-        clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"COLUMNS": "120"}
-        command = [self.path / "bin" / program, *map(str, arguments)]
-        done = subprocess.run(command, cwd=self.folder, env=clean, capture_output=True, text=True)
-        return Run(done.returncode, done.stdout, done.stderr)
-
-
-def pip(command: str, *arguments: object, python: Path = Path(sys.executable)) -> None:
-    """Run pip, in the versions that are pinned."""
-    pinned = ("--constraint", HOUSE / "constraints.txt")
-    start = (sys.executable, "-m", "pip", "--python", python, "--quiet", "--disable-pip-version-check")
-    done = subprocess.run([*map(str, (*start, command, *pinned, *arguments))], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of the files that are here now, and of no older build."""
-    here = tmp_path_factory.mktemp("wheel")
-    try:
-        pip("download", "--retries=0", "--no-deps", "--dest", here, "typing-extensions")
-    except AssertionError as error:
-        pytest.skip(f"no package index can be reached to install from: {error}")
-    for name in PACKAGES:
-        shutil.copytree(HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(HOUSE / name, here / "house" / name)
-    pip("wheel", "--no-deps", "--wheel-dir", here, here / "house")
-    (built,) = here.glob("roletrust_env-*.whl")
-    return built
-
-
-@pytest.fixture
-def fresh(wheel: Path, tmp_path: Path) -> Iterator[Callable[..., Environment]]:
-    """Makes the environment of some extras; it goes after the test, for it is large."""
-
-    def make(extras: str = "") -> Environment:
-        environment = Environment(tmp_path / "environment")
-        environment.install(f"{wheel}[{extras}]" if extras else str(wheel))
-        return environment
-
-    yield make
-    shutil.rmtree(tmp_path)
 
 
 def test_the_wheel_holds_every_file(wheel: Path) -> None:
