@@ -59,8 +59,8 @@ def cast(array: Array, dtype: Any) -> Array:
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
 
 
-def mean_where(values: Array, there: Array) -> Array:
-    """The mean along the first axis of the values that are there, of the same shape; 0 where none is."""
+def mean_or_zero(values: Array, there: Array) -> Array:
+    """Return the mean along the first axis of the values that are there, of the same shape; 0 where none is."""
     return (values * there).sum(axis=0) / (there.sum(axis=0, dtype=values.dtype) + 1e-30)
 
 

@@ -40,7 +40,7 @@ class Grudge:
     initial: Share = 0.5
     rates_raters = False
     source = "Nobody (2030)"
-    smooth = False
+    differentiable = False
 
     def start(self, like):
         return GrudgeState(0 * like[0] + self.initial, 0 * like[:, 0] + 1)

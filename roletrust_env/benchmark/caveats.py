@@ -36,7 +36,7 @@ def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[s
         if name not in played:
             continue
         model = parse_trust_model(name, scenario)
-        if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
+        if "white-box planner" in suite.rungs and not Traits.of(model).differentiable:
             jump.append(name)
         if is_random(Game(scenario, model)):
             yield f"{name}: it plays at random, so that other runs find other numbers"

@@ -10,7 +10,7 @@ from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, 
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.consumer import Bought
-from roletrust_env.metrics.score import mean_where, ratio
+from roletrust_env.metrics.score import mean_or_nan, ratio
 from roletrust_env.trust import Traits
 
 Floats = npt.NDArray[np.float64]
@@ -74,7 +74,7 @@ class Measured(NamedTuple):
         first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
         got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
         chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
-        return cls(chosen, measured, mean_where(ratio(got, best), axis=-1))
+        return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1))
 
 
 def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
@@ -150,11 +150,11 @@ def _read(seen: Watched, honest: list[int]) -> Scores:
 
 def _told_apart(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:
     """Return the AUC of mean trust, averaged over the roles with attackers and trust."""
-    mean, roster = mean_where(trust, axis=0), task.game.roster
+    mean, roster = mean_or_nan(trust, axis=0), task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):
         places = [i for i, name in enumerate(roster.names) if name in names and name in judged]
         bad = [k for k, i in enumerate(places) if roster.names[i] in task.identities]
         if bad:
             found.append(metrics.auc(mean[places], bad).value)
-    return mean_where(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)
+    return mean_or_nan(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)

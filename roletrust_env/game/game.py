@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
+from roletrust_env.arrays import Array, cast, copied, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
@@ -204,7 +204,7 @@ class Game:
         served = self._served(state, population, places, top, noise)
         chosen = intended(actions, state.nature)
         if actions.treatment is not None:
-            quality = mean_where(chosen, served)
+            quality = mean_or_zero(chosen, served)
         else:
             chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
         strength, taste = self._perturbations.strength(state.round), state.nature.taste

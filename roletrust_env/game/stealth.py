@@ -1,4 +1,4 @@
-"""The price of being told apart."""
+"""The price of a trust gap that gives an attacker away."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ from roletrust_env.ranges import Share
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class Stealth:
-    """The price of being told apart by one's trust; `AttackTask` says what it is paid for.
+    """The price of a trust gap between compromised and honest agents, see `AttackTask`.
 
     Attributes:
-        weight: of the cost in the reward, 0 or more.
-        tolerance: the trust gap of an agent that costs nothing, in [0, 1].
+        weight: Weight of the cost in the reward, 0 or more.
+        tolerance: Trust gap of an agent that costs nothing, in [0, 1].
     """
 
     weight: NonNegativeFloat = 0.0
@@ -23,10 +23,13 @@ class Stealth:
 
 
 def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
-    """A price of stealth from its fields.
+    """Return the price of stealth from its fields.
+
+    Args:
+        price: Price, its fields by name, or None for no price.
 
     Raises:
-        ValueError: it is none, or a field is unknown or not allowed.
+        ValueError: `price` has another type, or a field is unknown or not allowed.
     """
     if price is None or isinstance(price, Stealth):
         return price or Stealth()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 
 Floats = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def over_games(values: Floats) -> Mean:
     """
     there = ~np.isnan(values)
     n = there.sum(axis=-1)
-    mean = mean_where(values, axis=-1)
+    mean = mean_or_nan(values, axis=-1)
     squares = np.where(there, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.sqrt(squares / (n - 1) / n)

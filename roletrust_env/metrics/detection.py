@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_where, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
 
 
 class Classified(NamedTuple):
@@ -108,7 +108,7 @@ def false_alarms(trust: Floats, honest: Sequence[int], threshold: float = 0.5) -
         threshold: of trust.
     """
     ours = trust[:, list(honest)]
-    share = mean_where(np.where(np.isnan(ours), np.nan, ours < threshold), axis=(0, 1))
+    share = mean_or_nan(np.where(np.isnan(ours), np.nan, ours < threshold), axis=(0, 1))
     return Score.where(~np.isnan(share), share, "none of the honest was ever there")
 
 

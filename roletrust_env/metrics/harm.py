@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import Floats, Score, mean_where, numbers, ratio
+from roletrust_env.metrics.score import Floats, Score, mean_or_nan, numbers, ratio
 
 
 class Worst(NamedTuple):
@@ -33,7 +33,7 @@ def damage(trust: Floats, twin: Floats, agents: Sequence[int]) -> Score:
         agents: places of those whose trust counts: the honest ones, or the attackers for what they lost themselves.
     """
     difference = np.where(np.isnan(twin) & np.isnan(trust), np.nan, _held(twin) - _held(trust))[:, list(agents)]
-    taken = mean_where(difference, axis=(0, 1))
+    taken = mean_or_nan(difference, axis=(0, 1))
     return Score.where(~np.isnan(taken), taken, "none of the agents was ever there")
 
 
@@ -54,7 +54,7 @@ def recovery(trust: Floats, twin: Floats, agents: Sequence[int], stop: int, with
     """
     if not 0 <= stop < len(trust):
         raise ValueError(f"stop is {stop}; it must be a round of the game, from 0 to {len(trust) - 1}")
-    after = mean_where(trust[stop:, list(agents)], axis=1) - mean_where(twin[stop:, list(agents)], axis=1)
+    after = mean_or_nan(trust[stop:, list(agents)], axis=1) - mean_or_nan(twin[stop:, list(agents)], axis=1)
     back = abs(after) <= within
     return Score.where(back.any(axis=0), back.argmax(axis=0), "trust was not back before the game was over")
 
@@ -86,7 +86,7 @@ def exploitability(damages: Mapping[str, Score | npt.ArrayLike]) -> Worst:
     """
     if not damages:
         raise ValueError("damages is empty; there must be one attack at least")
-    means = {attack: float(mean_where(numbers(found).reshape(-1), 0)) for attack, found in damages.items()}
+    means = {attack: float(mean_or_nan(numbers(found).reshape(-1), 0)) for attack, found in damages.items()}
     for attack, mean in means.items():
         if np.isnan(mean):
             raise ValueError(f"the damage by {attack!r} is undefined in every game")

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from roletrust_env.metrics.score import Flags, Floats, Score, mean_where, ratio
+from roletrust_env.metrics.score import Flags, Floats, Score, mean_or_nan, ratio
 
 
 def kendall_tau(trust: Floats, quality: Floats, ties: Literal["a", "b"] = "b") -> Score:
@@ -57,7 +57,7 @@ def absolute_error(trust: Floats, quality: Floats) -> Score:
         trust: of the providers, (P, ...), NaN where one has none.
         quality: their true quality, (P, ...), as for `kendall_tau`.
     """
-    error = mean_where(abs(trust - quality), axis=0)
+    error = mean_or_nan(abs(trust - quality), axis=0)
     return Score.where(~np.isnan(error), error, "no provider has a trust")
 
 
@@ -90,4 +90,4 @@ def _ranks(values: Floats) -> Floats:
 
 def _centred(values: Floats) -> Floats:
     """The values less their mean, 0 where unknown."""
-    return np.where(np.isnan(values), 0.0, values - mean_where(values, axis=0))
+    return np.where(np.isnan(values), 0.0, values - mean_or_nan(values, axis=0))

@@ -43,8 +43,8 @@ def numbers(found: Score | npt.ArrayLike) -> Floats:
     return np.asarray(found.value if isinstance(found, Score) else found, np.float64)
 
 
-def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
-    """The mean of what is not NaN along some axes; NaN where nothing is."""
+def mean_or_nan(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+    """Return the mean along some axes of the values that are not NaN, or NaN where there are none."""
     there = ~np.isnan(values)
     return ratio(np.where(there, values, 0.0).sum(axis=axis), there.sum(axis=axis))
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_env.world import Scenario
-from roletrust_env.world.roster import Roster
+from roletrust_env.world import AgentGroup, Scenario
+from roletrust_env.world.roster import Roster, role_in_name
 
 
 def roster(*roles: str, **group: object) -> Roster:
@@ -59,3 +59,18 @@ def test_turns() -> None:
     assert providing.shape == (3, 2)
     assert rating.all()
     assert providing.all()
+
+
+def test_the_role_of_an_agent_is_that_of_its_group() -> None:
+    groups = (AgentGroup(role="SR+SP", count=2), AgentGroup(role="SP", reserve=1), AgentGroup(role="SR", count=2))
+    who = Roster.of(Scenario(agents=groups))
+    assert who.roles == {
+        **dict.fromkeys(("sr_0", "sr_1"), "SR"),
+        **dict.fromkeys(("sp_0", "sp_1"), "SP"),
+        **dict.fromkeys(("srsp_0", "srsp_1"), "SR+SP"),
+    }
+    assert [who.role(name) for name in who.names] == [role_in_name(name) for name in who.names]
+    with pytest.raises(ValueError, match="there is no agent 'sp_2'; the scenario has sr_0, sr_1, sp_0"):
+        who.role("sp_2")
+    with pytest.raises(ValueError, match=r"there is no agent 'judge_0'; agents are called sr_0, sp_0, srsp_0 \.\.\."):
+        role_in_name("judge_0")

@@ -28,7 +28,7 @@ from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableErro
 from roletrust_env.game.attack_task import AttackTask, make_task
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, Traits
-from roletrust_env.trust.algorithms import Notes, rater_quality
+from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
 
 SOFT = 1e-8
 """Distance from the average note under which the planner's copy of role-trust is smooth; the bias is sqrt(SOFT)."""
@@ -42,8 +42,8 @@ class SmoothRoleTrust(RoleTrust):
     true one by at most sqrt(s), see `SOFT`; what is planned by it is scored by the true one.
     """
 
-    def _rater_quality(self, notes: Notes) -> Array:
-        return rater_quality(notes, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+    def _rater_quality(self, masked: MaskedRatings) -> Array:
+        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _smooth_task(arguments: TaskArguments) -> AttackTask:
     if game.scenario.service != "synthetic":
         raise UnsuitableError("no gradient leads through a camera")
     model = game.model
-    if not Traits.of(model).smooth:
+    if not Traits.of(model).differentiable:
         raise UnsuitableError(f"trust jumps under {type(model).__name__}, so that no gradient leads through it")
     if type(model) is RoleTrust:
         model = SmoothRoleTrust(lam=model.lam, initial=model.initial)

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.provider.cheating import Cheating
 from roletrust_env.arrays import Array
-from roletrust_env.game.schedule import woken
+from roletrust_env.game.schedule import wake
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Searched, Share, Tried
@@ -32,4 +32,4 @@ class Camouflage(Cheating):
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """From the first active round on in which its trust is high enough. See `Cheating.cheats`."""
-        return woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
+        return wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 
 from roletrust_baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.schedule import woken
+from roletrust_env.game.schedule import wake
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Searched, Share, Tried
@@ -35,5 +35,5 @@ class CamouflageRating(BadMouthing):
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """The truth while it sleeps. See `Lying.lies`."""
         lies, _ = super().lies(view, None, random)
-        awake, memory = woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
+        awake, memory = wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)
         return namespace(lies).where(awake, lies, view.service), memory

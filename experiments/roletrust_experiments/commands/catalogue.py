@@ -46,7 +46,7 @@ def all_models() -> dict[str, Entry]:
     def entry(name: str) -> Entry:
         factory = models.factory(name)
         traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
-        facts = {key: getattr(traits, key) for key in ("family", "source", "cost", "smooth", "rates_raters")}
+        facts = {key: getattr(traits, key) for key in ("family", "source", "cost", "differentiable", "rates_raters")}
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
         return {"description": summary(factory), **facts, "parameters": parameters}
 
@@ -78,7 +78,7 @@ def all_attackers() -> dict[str, Entry]:
 def unfit(entry: Entry) -> list[str]:
     """Return the limitations of a trust model, in a few words each."""
     lacks = [] if entry["rates_raters"] else ["no trust in raters"]
-    lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
+    lacks += [] if entry["differentiable"] else ["trust jumps, no gradients"]
     return lacks + ([] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"])
 
 

@@ -48,7 +48,7 @@ def list_command(
     [cyan]roletrust list attackers[/]
 
     [dim]# for scripts: the models with useful gradients[/]
-    [cyan]roletrust list models --json | jq '.models | map_values(select(.smooth)) | keys'[/]
+    [cyan]roletrust list models --json | jq '.models | map_values(select(.differentiable)) | keys'[/]
     """
     kinds = Kind if kind is None else [kind]
     if as_json:

@@ -9,7 +9,7 @@ from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.provenance import describe_policies, described, provenance
+from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_env.trust import Traits, trust_models
 from roletrust_experiments.commands.console import console, option, print_next, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
@@ -88,7 +88,7 @@ def models(
         "games": games,
         **{key: value for key, value in provenance(one, seed).items() if key != "trust_model"},
         "attackers": {attack: describe_policies(attackers) for attack, attackers in attacks.items()},
-        "trust_models": {name: described(game.model) for name, game in played.items()},
+        "trust_models": {name: describe(game.model) for name, game in played.items()},
     }
     write_json(out / "results.json", results)
     console.print(f"Written to {out}: models.png, models.csv, results.json", soft_wrap=True)

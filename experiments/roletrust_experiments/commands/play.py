@@ -13,7 +13,7 @@ from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
 from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.provenance import describe_policies, described, provenance
+from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, errors, option, print_json, print_next, progress_bar
 from roletrust_experiments.commands.options import NAMED, SeatedAttacks, Seed, SettingsOption
@@ -120,7 +120,7 @@ def play(
         "games": games,
         **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
         "attackers": describe_policies(attackers),
-        "trust_models": {text: described(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
+        "trust_models": {text: describe(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
     }
     if out is not None:
         if not force:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.live.journal import Published
+from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console
 from roletrust_experiments.commands.live.options import require_live
-from roletrust_experiments.identification.journals import curves_of
+from roletrust_experiments.identification.journal_curves import curves_from_rounds
 from roletrust_experiments.paper.figures import Attack, paper_of
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -45,13 +45,13 @@ def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
     start = rounds[0].stamp - rounds[0].round * period
     prepare_folder(out)
     if attack is None:
-        written = _any_team(recording, rounds, curves_of(rounds, start, period, period / 1e9), out)
+        written = _any_team(recording, rounds, curves_from_rounds(rounds, start, period, period / 1e9), out)
     else:
         written = _papers(recording, rounds, attack, start, period, out)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
-def _any_team(recording: Path, rounds: list[Published], curves: Curves, out: Path) -> list[str]:
+def _any_team(recording: Path, rounds: list[PublishedTrust], curves: Curves, out: Path) -> list[str]:
     """Write the trust of all agents against time."""
     from roletrust_experiments.plots.curves import Panel, trust_figure
 
@@ -68,7 +68,9 @@ def _any_team(recording: Path, rounds: list[Published], curves: Curves, out: Pat
     return ["figure.csv", "figure.png"]
 
 
-def _papers(recording: Path, rounds: list[Published], attack: Attack, start: int, period: int, out: Path) -> list[str]:
+def _papers(
+    recording: Path, rounds: list[PublishedTrust], attack: Attack, start: int, period: int, out: Path
+) -> list[str]:
     """Write the paper's figure, with the paper's clock at any speed of the team."""
     from roletrust_experiments.plots.paper import write_paper
 
@@ -79,7 +81,7 @@ def _papers(recording: Path, rounds: list[Published], attack: Attack, start: int
             f"--attack {attack} needs the paper's three raters and three providers; {recording} has {size[0]} and "
             f"{size[1]}; leave --attack out to draw its curves"
         )
-    curves = curves_of(rounds, start, period, scenario.period_s)
+    curves = curves_from_rounds(rounds, start, period, scenario.period_s)
     if curves.time_s[0] > 5 or curves.time_s[-1] <= paper.attack.start_s + 20:
         raise ValueError(
             f"{recording} is from {curves.time_s[0]:g} to {curves.time_s[-1]:g} s of the paper's clock, too short for "

@@ -9,7 +9,7 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
 from roletrust_env.evaluation.composite import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.findings.finding import Finding, in_words, interval, verdict
 from roletrust_experiments.findings.games import SETTLED, Effort, as_settings
 from roletrust_experiments.plots.findings import Panel, Series
@@ -107,7 +107,7 @@ def _play(effort: Effort, case: Case) -> Seen:
     game = Game(_peers(effort, case.turns), "role-trust")
     history = record(JointPolicy(game, _attackers(case)), game.random(effort.seed), (effort.games,))
     trusts = {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}
-    mean = {name: mean_where(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
+    mean = {name: mean_or_nan(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
     bad = slice(_PEERS - _ATTACKERS, _PEERS)
     return Seen(
         {name: np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0) for name, trust in mean.items()},

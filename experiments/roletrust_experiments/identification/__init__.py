@@ -1,1 +1,1 @@
-"""A scenario from a recording of a real team."""
+"""Identification of a scenario from the recording of a real team."""

@@ -1,4 +1,4 @@
-"""Scenarios as files."""
+"""Scenario files in TOML."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,19 +10,19 @@ from roletrust_env.storage.files import replacing
 
 
 def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) -> None:
-    """Write a scenario as TOML that `make_scenario` reads; what is as usual is left out.
+    """Write a scenario as TOML that `make_scenario` reads; default values are left out.
 
     Args:
-        path: of the file.
-        scenario: its groups of agents are of one agent each, where they have names.
-        names: what each group is called elsewhere, for people; they may be anything.
+        path: Path of the file.
+        scenario: Scenario; with `names`, each of its groups is a single agent.
+        names: Names of the groups in their source, written as comments; any text is allowed.
     """
     with replacing(path) as temporary:
         temporary.write_text(as_toml(scenario, names), encoding="utf-8")
 
 
 def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
-    """What `write_scenario` writes."""
+    """Return a scenario as TOML, see `write_scenario`."""
     data = scenario.model_dump(mode="json", exclude_defaults=True)
     if "access" in data:
         data["access"] = {"kind": scenario.access.kind, **data["access"]}
@@ -31,8 +31,8 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
         if isinstance(value, Mapping):
             tables.append((f"[{field}]", "", value))
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            called = [f"  # {readable(name)}" for name in names] if field == "agents" else []
-            tables += [(f"[[{field}]]", called[k] if called else "", item) for k, item in enumerate(value)]
+            comments = [f"  # {printable(name)}" for name in names] if field == "agents" else []
+            tables += [(f"[[{field}]]", comments[k] if comments else "", item) for k, item in enumerate(value)]
         else:
             lines.append(f"{field} = {_toml(value)}")
     for heading, comment, table in tables:
@@ -40,13 +40,13 @@ def as_toml(scenario: Scenario, names: Sequence[str] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
-def readable(name: str) -> str:
-    """A name from elsewhere, without the signs that end lines or move a terminal's cursor."""
+def printable(name: str) -> str:
+    """Return a name with control characters escaped, since it may come from the network."""
     return name if name.isprintable() else ascii(name)
 
 
 def _toml(value: Any) -> str:
-    """A plain value; strings, numbers and lists are written in TOML as they are in JSON."""
+    """Return a plain value as TOML. Strings, numbers and lists are written as in JSON."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list):

@@ -10,7 +10,7 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.game.policy import policy_name
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_env.metrics.score import Score, mean_where
+from roletrust_env.metrics.score import Score, mean_or_nan
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import PREFIXES, Roster
 
@@ -145,7 +145,7 @@ def under_attack(
         trust = curves.trust[:, places]
         if bad:
             unrated = None if places[0] in judged else _undefined(games, _UNRATED)
-            meanwhile = metrics.auc(mean_where(trust[start:stop], axis=0), bad)
+            meanwhile = metrics.auc(mean_or_nan(trust[start:stop], axis=0), bad)
             meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
             found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
             found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
@@ -165,13 +165,13 @@ def under_attack(
 
 def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
     """Return the mean over games of each measure; both arrays have the shape (T, agents, games)."""
-    each_round = mean_where(trust, axis=1)
+    each_round = mean_or_nan(trust, axis=1)
     lowest = np.where(np.isnan(each_round), np.inf, each_round)[since:].min(axis=0)
     per_game = (
-        mean_where(trust, axis=(0, 1)),
+        mean_or_nan(trust, axis=(0, 1)),
         np.where(np.isinf(lowest), np.nan, lowest),
         each_round[-1],
-        mean_where(rewards, axis=(0, 1)),
+        mean_or_nan(rewards, axis=(0, 1)),
     )
     return {name: estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
 

@@ -12,7 +12,7 @@ from roletrust_env import Game, Policy
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.metrics.confidence import Floats, over_games
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.footage import loop_note
 from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
 
@@ -140,7 +140,7 @@ def _line(axes: Axes, time_s: Floats, values: Floats, look: _Look) -> bool:
 
     Lines of attackers are broad and lie under the others.
     """
-    mean, half, games = over_games(mean_where(values, axis=1))
+    mean, half, games = over_games(mean_or_nan(values, axis=1))
     few = _few(values)
     order = 4.0 - look.width / 10
     style: Any = {"color": look.colour, "linestyle": look.dashes, "zorder": order}

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.nodes.running import SECOND, running
+from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -75,7 +75,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
         raise ValueError(f"a manager publishes {TRUST} already; stop it, or set another ROS_DOMAIN_ID")
     trust, model = node.reader(TRUST, messages.TRUST, depth=1000), make_trust_model("role-trust")
     with (
-        _process(run_manager, model=model, journal=folder / "journal", **shared) as manager,
+        _process(run_manager_node, model=model, journal=folder / "journal", **shared) as manager,
         _process(run_raters, **shared),
     ):
         _gather(trust, side)
@@ -102,11 +102,11 @@ def run_raters(team: Team, keys: Path, period: int) -> None:
     voices = {name: node.writer(f"/{name}{RATINGS}", messages.RATINGS) for name in team.raters}
     signers = {name: Signer(keys, name) for name in team.raters}
     stamp = 0
-    with running() as on:
-        while on:
+    with run_until_signal() as active:
+        while active:
             stamp = max(stamp + period, (time.time_ns() // period + 1) * period)
             signed = {name: _signed(name, stamp, team, signer, random) for name, signer in signers.items()}
-            on.sleep_until(stamp)
+            active.sleep_until(stamp)
             for name, raw in signed.items():
                 voices[name].write_raw(raw)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished, write_json
+from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished_path, write_json
 
 _KEPT = 2
 """Number of checkpoints on disk: the last one, and one to fall back on if the last is damaged."""
@@ -73,7 +73,7 @@ class RunFolder:
         """Add a checkpoint, either complete or not at all, and remove all but the last two."""
         self._checkpoints.mkdir(parents=True, exist_ok=True)
         final = self._checkpoints / f"{checkpoint.steps:012d}"
-        new = unfinished(final)
+        new = unfinished_path(final)
         shutil.rmtree(new, ignore_errors=True)  # of a failed attempt of this process
         new.mkdir()
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()}

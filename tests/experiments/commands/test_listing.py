@@ -42,7 +42,7 @@ def test_it_is_readable(width):
 def test_models_say_what_they_are_unfit_for():
     words = re.sub(r"\s+", " ", run("models", width=200).output)
     assert re.search(r" travos .* personal, Teacy et al. \(2006\) .* cost grows as S\^2 P", words)
-    assert all_models()["median"]["smooth"] is False
+    assert all_models()["median"]["differentiable"] is False
     assert words.count("unfit: no trust in raters") == sum(not model["rates_raters"] for model in all_models().values())
 
 
@@ -119,10 +119,10 @@ def test_json_holds_all_there_is():
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
     travos = found["models"]["travos"]
-    assert {key: travos[key] for key in ("family", "source", "smooth", "cost", "rates_raters")} == {
+    assert {key: travos[key] for key in ("family", "source", "differentiable", "cost", "rates_raters")} == {
         "family": "personal",
         "source": "Teacy et al. (2006)",
-        "smooth": False,
+        "differentiable": False,
         "cost": "S^2 P",
         "rates_raters": True,
     }

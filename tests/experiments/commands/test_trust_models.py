@@ -36,4 +36,4 @@ def test_a_ladder_against_it_plans_where_trust_has_no_jumps(tmp_path, name):
     results = json.loads((tmp_path / "ladder.json").read_text())
     rungs = {rung["rung"] for rung in results["rungs"]}
     assert {"honest play", "scripted, best of grid", "random search", "CMA-ES"} <= rungs
-    assert ("white-box planner" in rungs) == Traits.of(make_trust_model(name)).smooth
+    assert ("white-box planner" in rungs) == Traits.of(make_trust_model(name)).differentiable

@@ -1,18 +1,18 @@
-"""Games as a recorder would have heard them on the wire."""
+"""Recordings of simulated games."""
 
 import numpy as np
 
 from roletrust_env import Game, JointPolicy, Random
 from roletrust_env.game.rollout import rollout
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.recording import Recorded
+from roletrust_env.live.wire.recording import RecordedMessage
 
 PERIOD = 500_000_000
 START = 1_000 * PERIOD
 
 
 def spoken(scenario, seed=0, late=0.0, attackers=None):
-    """The ratings that arrive in a game, each round's a message of each rater; a share of messages is too late."""
+    """Return the ratings of a game as recorded messages, one per rater and round; a share of them is too late."""
     game, random = Game(scenario), np.random.default_rng([seed, 7])
     raters, providers = game.roster.rater_names, game.roster.provider_names
     said, noise = [], Random(np.random.default_rng(seed))
@@ -22,5 +22,7 @@ def spoken(scenario, seed=0, late=0.0, attackers=None):
             stamp, delay = START + r * PERIOD, 1.3 if random.random() < late else 0.1
             if row:
                 raw = messages.encode(messages.ratings_message(rater, stamp, row))
-                said.append(Recorded(stamp + int(delay * PERIOD) + i, f"/{rater}/ratings", messages.RATINGS, raw))
+                said.append(
+                    RecordedMessage(stamp + int(delay * PERIOD) + i, f"/{rater}/ratings", messages.RATINGS, raw)
+                )
     return sorted(said)

@@ -12,9 +12,7 @@ from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[3]
 ROOTS = ("", "agents", "baselines", "experiments")
-"""Folders with packages."""
-WHOLE = HOUSE / "build" / "site"
-"""Where `make docs` puts it."""
+"""Folders that hold packages."""
 
 
 def build_quickly(folder: Path) -> Path:

@@ -7,7 +7,7 @@ import sys
 import pytest
 from roletrust_experiments.training.runs import Checkpoint, RunFolder
 
-from roletrust_env.storage.files import unfinished
+from roletrust_env.storage.files import unfinished_path
 
 
 def test_unfinished_checkpoints_of_the_dead_go_and_those_of_the_living_stay(tmp_path):
@@ -32,6 +32,6 @@ def test_a_checkpoint_can_be_saved_where_the_last_attempt_failed(tmp_path):
     with pytest.raises(TypeError):
         run.save(Checkpoint(7, {"a": b"", "b": None}, {}))
     assert run.last() is None
-    unfinished(tmp_path / "checkpoints" / "000000000007").mkdir(exist_ok=True)
+    unfinished_path(tmp_path / "checkpoints" / "000000000007").mkdir(exist_ok=True)
     run.save(Checkpoint(7, {"a": b"whole"}, {}))
     assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["000000000007"]

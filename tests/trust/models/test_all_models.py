@@ -1,8 +1,12 @@
 """What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
 
+from collections.abc import Callable
+from typing import Any
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from model_cases import (
@@ -101,6 +105,26 @@ def test_a_batch_is_its_games_one_by_one(name: str, shape: tuple[int, ...]) -> N
 @pytest.mark.parametrize("seed", range(3))
 def test_permuting_agents_permutes_their_trust(name: str, seed: int) -> None:
     check_permutation(named(name), seed)
+
+
+@EVERY_MODEL
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 2e-5), (np.float64, 1e-12)])
+def test_the_order_of_two_halves_of_raters_does_not_matter(
+    name: str, asarray: Callable[..., Any], dtype: type, tolerance: float
+) -> None:
+    """Who rates 0 where others rate 1: rounding must not take sides, and in the end decide."""
+    model = named(name)
+    for raters in (4, 6, 8, 10, 12, 13):
+        ratings = np.zeros((raters, 3), dtype)
+        ratings[: raters // 2, :2] = ratings[raters // 2 :, 2] = 1
+        order = np.random.default_rng(raters).permutation(raters)
+        peers, like, full = np.zeros(ratings.shape, bool), asarray(np.zeros_like(ratings)), ratings >= 0
+        one, other = (
+            [np.asarray(trust) for trust in read(model, play(model, [Round(f, full)] * 30, like, peers, asarray))]
+            for f in (ratings, ratings[order])
+        )
+        assert_close(other, (one[0][order], one[1]), tolerance)
 
 
 # --- what there is to say before, without and after ratings -----------------------------------------

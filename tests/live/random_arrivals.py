@@ -1,8 +1,11 @@
-"""Random arrivals of messages, as networks deliver them."""
+"""Random arrivals of messages, as on a real network."""
 
 
 def arrivals(random, streams, rounds=12, period=500):
-    """Pairs (stream, stamp) in order of arrival: lost, late, doubled, out of order; and a stream may stop."""
+    """Return pairs (stream, stamp) in order of arrival.
+
+    Messages are lost, late, duplicated or out of order, and streams may stop.
+    """
     lost, late, doubled = random.choice([0.0, 0.1, 0.4], 3)
     jitter = float(random.choice([0, 5, 100, 400]))
     stops = random.integers(2, 4 * rounds, streams)

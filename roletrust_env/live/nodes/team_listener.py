@@ -1,4 +1,4 @@
-"""Hears what a team says, for whoever looks on: trust, who speaks, what was refused, and pictures."""
+"""The listener of the live page: trust, active agents, refusals and pictures of a team."""
 
 import threading
 import time
@@ -8,41 +8,39 @@ from contextlib import suppress
 import cv2
 import numpy as np
 
-from roletrust_env.live.journal import Published
+from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
 
 MANAGER = "manager"
-"""What the manager is called among those who speak."""
+"""Name of the manager in `TeamListener.last_heard`."""
 
 _WAIT_S = 0.1
-_WIDTH, _JPEG_QUALITY = 320, 80  # of the pictures that are kept: a page has several, and many look at it
+_WIDTH, _JPEG_QUALITY = 320, 80  # small pictures: a page shows several, to many viewers
 _KINDS = {IMAGES: messages.IMAGE, RATINGS: messages.RATINGS}
 
 
-class Watcher:
-    """Listens in a thread of its own, and keeps the newest of what it heard.
-
-    However many look on, the team notices one reader.
+class TeamListener:
+    """Listens in a thread and keeps the newest messages. The team has one more reader, however many viewers there are.
 
     Args:
-        rounds: how many are kept.
-        network: see `Node`.
+        rounds: Number of rounds to keep.
+        network: See `Node`.
 
     Attributes:
-        heard: the last rounds, the newest last.
-        pictures: the newest of each camera, small, as JPEG.
-        spoke: when each camera, rater and the manager was heard last, seconds since 1970.
-        reports: what the manager reported last, such as how often it refused what of whom.
+        rounds: Last rounds, the newest last.
+        pictures: Newest picture of each camera, scaled down, as JPEG.
+        last_heard: Time of the last message of each camera, of each rater and of the manager, seconds since 1970.
+        diagnostics: Last report of the manager, such as the number of refusals by rater and reason.
     """
 
     def __init__(self, *, rounds: int = 600, network: bool = False) -> None:
-        self.heard: deque[Published] = deque(maxlen=rounds)
+        self.rounds: deque[PublishedTrust] = deque(maxlen=rounds)
         self.pictures: dict[str, bytes] = {}
-        self.spoke: dict[str, float] = {}
-        self.reports: dict[str, str] = {}
-        self._node, self._on = Node("view", network=network), True
+        self.last_heard: dict[str, float] = {}
+        self.diagnostics: dict[str, str] = {}
+        self._node, self._active = Node("view", network=network), True
         self._trust = self._node.reader(TRUST, messages.TRUST)
         self._diagnostics = self._node.reader(DIAGNOSTICS, messages.DIAGNOSTICS)
         self._members: dict[tuple[str, str], Reader] = {}
@@ -50,39 +48,38 @@ class Watcher:
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no longer."""
-        self._on = False
+        """Stop listening."""
+        self._active = False
         self._thread.join()
 
     def _listen(self) -> None:
-        while self._on:
+        while self._active:
             self._node.wait(_WAIT_S)
-            self._meet()
+            self._subscribe_to_new_agents()
             for raw in self._trust.take():
                 with suppress(ValueError):
-                    self.heard.append(messages.read_trust(raw))
-                    self.spoke[MANAGER] = time.time()
+                    self.rounds.append(messages.read_trust(raw))
+                    self.last_heard[MANAGER] = time.time()
             for raw in self._diagnostics.take():
                 with suppress(ValueError):
-                    self._report(raw)
+                    self._read_diagnostics(raw)
             for (name, ending), reader in self._members.items():
                 for raw in reader.take()[-1:]:
-                    self.spoke[name] = time.time()
+                    self.last_heard[name] = time.time()
                     if ending == IMAGES:
                         with suppress(ValueError):
-                            self._look(name, raw)
+                            self._read_picture(name, raw)
 
-    def _report(self, raw: bytes) -> None:
+    def _read_diagnostics(self, raw: bytes) -> None:
         for status in messages.decode(raw, messages.DIAGNOSTICS).status:
             if status.name == MANAGER:
-                self.reports = {pair.key: pair.value for pair in status.values}
+                self.diagnostics = {pair.key: pair.value for pair in status.values}
 
-    def _look(self, name: str, raw: bytes) -> None:
-        if picture := _small(messages.decode(raw, messages.IMAGE).data):
+    def _read_picture(self, name: str, raw: bytes) -> None:
+        if picture := _scaled_down(messages.decode(raw, messages.IMAGE).data):
             self.pictures[name] = picture
 
-    def _meet(self) -> None:
-        """Listen to newcomers, too."""
+    def _subscribe_to_new_agents(self) -> None:
         for topic, kind in self._node.discover():
             for ending in _KINDS:
                 name = owner(topic, ending)
@@ -90,16 +87,16 @@ class Watcher:
                     self._members[name, ending] = self._node.reader(topic, kind, depth=1)
 
 
-def _small(jpeg: np.ndarray) -> bytes | None:
-    """A picture of the width that is kept, or of that height if it is higher; None of what is no picture."""
+def _scaled_down(jpeg: np.ndarray) -> bytes | None:
+    """Return a picture scaled so that its longer side has the width of the page's pictures; None if it is invalid."""
     try:
         picture = cv2.imdecode(np.asarray(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:  # it is empty, or far too large
+    except cv2.error:  # empty, or far too large
         return None
     if picture is None:
         return None
     height, width = picture.shape[:2]
-    part = _WIDTH / max(height, width)
-    size = max(1, round(width * part)), max(1, round(height * part))
+    scale = _WIDTH / max(height, width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1])

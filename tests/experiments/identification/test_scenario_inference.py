@@ -1,12 +1,12 @@
-"""From a game to a recording, and from that back to the game's scenario."""
+"""The scenario of a game is inferred from its recording."""
 
 import numpy as np
 import pytest
 from recorded_games import PERIOD, spoken
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_experiments.identification.inferred import infer
-from roletrust_experiments.identification.observed import observe
-from roletrust_experiments.identification.perception import perceive
+from roletrust_experiments.identification.perception_estimates import estimate_perception
+from roletrust_experiments.identification.scenario_inference import infer_scenario
+from roletrust_experiments.identification.team_observation import observe_team
 
 from roletrust_env import Scenario, make_scenario
 
@@ -28,14 +28,14 @@ TEAM = Scenario(
 
 @pytest.fixture(scope="module")
 def found():
-    return [infer(observe(spoken(TEAM, seed)), "again") for seed in range(4)]
+    return [infer_scenario(observe_team(spoken(TEAM, seed)), "again") for seed in range(4)]
 
 
 def within(interval, true):
     return interval.low <= true <= interval.high
 
 
-def test_what_is_counted_comes_back_in_its_interval(found):
+def test_true_values_are_in_their_intervals(found):
     lost = [one.lost for one in found]
     assert sum(within(one, 0.15) for one in lost) >= 3
     assert max(one.high - one.low for one in lost) < 0.04
@@ -44,55 +44,55 @@ def test_what_is_counted_comes_back_in_its_interval(found):
         ("bias", [0, 0, -0.1, 0, 0]),
         ("ability", [1, 1, 0.8, 1]),
     ):
-        pairs = [pair for one in found for pair in zip(getattr(one.seen, name), true, strict=True)]
+        pairs = [pair for one in found for pair in zip(getattr(one.perception, name), true, strict=True)]
         assert np.mean([within(*pair) for pair in pairs]) >= 0.8
         assert [value.value for value, _ in pairs] == pytest.approx([value for _, value in pairs], abs=0.01)
 
 
-def test_the_scenario_says_who_was_there_when_and_what_struck_all(found):
+def test_the_scenario_has_presence_and_disturbances(found):
     for scenario in (one.scenario for one in found):
         joins = [(group.role, group.joins, group.leaves) for group in scenario.agents]
         assert [role for role, _, _ in joins] == ["SR"] * 5 + ["SP"] * 4
         np.testing.assert_allclose([start for _, start, _ in joins], [0, 0, 0, 60, 0, 0, 0, 0, 80], atol=2)
         assert [stop for _, _, stop in joins[:4] + joins[5:]] == [None] * 8
         assert joins[4][2] == pytest.approx(130, abs=2)
-        (blow,) = scenario.perturbations
-        assert (blow.start, blow.stop) == (36, 40)
-        assert blow.strength == pytest.approx(0.5, abs=0.03)
-        assert (scenario.period_s, scenario.max_cycles) == (0.5, 199)  # the last services were rated by nobody
+        (disturbance,) = scenario.perturbations
+        assert (disturbance.start, disturbance.stop) == (36, 40)
+        assert disturbance.strength == pytest.approx(0.5, abs=0.03)
+        assert (scenario.period_s, scenario.max_cycles) == (0.5, 199)  # nobody rated the last services
 
 
-def test_ratings_that_come_too_late_are_lost():
+def test_late_ratings_count_as_lost():
     scenario = make_scenario("paper-3x3").change(ratings={"lost": 0.1})
-    found = infer(observe(spoken(scenario, late=0.2)), "late")
+    found = infer_scenario(observe_team(spoken(scenario, late=0.2)), "late")
     assert within(found.lost, 0.1 + 0.9 * 0.2)
     assert found.late == pytest.approx(0.2, abs=0.05)
 
 
-def test_attackers_for_a_while_are_no_noise():
+def test_short_attacks_do_not_change_the_estimates():
     attackers = {"sr_2": BadMouthing(start=40, stop=90), "sp_1": OnOff(start=100, stop=180)}
-    found = infer(observe(spoken(make_scenario("paper-3x3"), attackers=attackers)), "attacked")
-    assert [value.value for value in found.seen.noise] == pytest.approx([0.005] * 3, rel=0.2)
+    found = infer_scenario(observe_team(spoken(make_scenario("paper-3x3"), attackers=attackers)), "attacked")
+    assert [value.value for value in found.perception.noise] == pytest.approx([0.005] * 3, rel=0.2)
     assert all(group.ability == 1 and group.bias == 0 for group in found.scenario.agents)
     assert len(found.scenario.perturbations) == 2
 
 
-def test_who_was_away_is_told_and_costs_no_losses():
+def test_absence_is_reported_and_is_no_loss():
     def there(one):
         round = one.time // PERIOD - 1000
         return not (one.topic == "/sr_1/ratings" and 50 <= round < 100)
 
-    found = infer(observe(filter(there, spoken(make_scenario("paper-3x3")))), "away")
+    found = infer_scenario(observe_team(filter(there, spoken(make_scenario("paper-3x3")))), "away")
     assert found.away == ("sr_1",)
     assert found.lost.value < 0.01
     assert found.scenario.agents[1].leaves is None
 
 
-def test_clipped_ratings_of_a_rater_that_sees_too_well():
+def test_clipped_ratings_of_a_rater_with_positive_bias():
     random = np.random.default_rng(0)
     bias, noise = np.array([0.0, 0.0, 0.05]), np.array([0.05, 0.1, 0.03])
     ratings = np.array([1.0, 0.7]) + bias[:, None] + noise[:, None] * random.standard_normal((400, 3, 2))
-    seen = perceive(np.clip(ratings, 0, 1), np.ones((400, 2), bool))
+    seen = estimate_perception(np.clip(ratings, 0, 1), np.ones((400, 2), bool))
     assert [one.value for one in seen.noise] == pytest.approx(noise, rel=0.12)
     assert [one.value for one in seen.bias] == pytest.approx(bias, abs=0.015)
     assert [one.value for one in seen.ability] == pytest.approx([1, 0.7], abs=0.015)
@@ -100,4 +100,4 @@ def test_clipped_ratings_of_a_rater_that_sees_too_well():
 
 def test_a_recording_without_two_rounds_is_refused():
     with pytest.raises(ValueError, match="less than two rounds of ratings"):
-        observe([])
+        observe_team([])

@@ -1,11 +1,11 @@
-"""Approximate time synchronisation, rule by rule, on lists that are never changed, only written anew."""
+"""A slow reference of approximate time synchronisation: the rules one by one, on immutable lists."""
 
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 
 class Slow(NamedTuple):
-    """Each stream's stamps in order of arrival, and how many at its front have been set aside."""
+    """State: the stamps of each stream in order of arrival, and the number that is set aside at the front of each."""
 
     streams: tuple[tuple[int, ...], ...]
     aside: tuple[int, ...]
@@ -21,7 +21,7 @@ def slow_start(streams: int) -> Slow:
 def slow_add(
     state: Slow, stream: int, stamp: int, *, interval: int, bound: int, penalty: Any, size: int
 ) -> tuple[Slow, list]:
-    """The state after a message, and the matches that it makes known."""
+    """Return the state after a message, and the matches that it completes."""
     found: list[tuple[int, ...]] = []
     was_empty = state.aside[stream] == len(state.streams[stream])
     state = state._replace(streams=put(state.streams, stream, (*state.streams[stream], stamp)))
@@ -73,7 +73,7 @@ def slow_end(state: Slow, end: int, factor: Fraction) -> bool:
 
 
 def slow_proof(state: Slow, bound: int, factor: Fraction) -> bool:
-    """Whether a queue ran empty, and no continuation within the bounds is better."""
+    """Return whether a queue is empty and no continuation within the bounds is better."""
     n = range(len(state.streams))
     if all(state.aside[i] < len(state.streams[i]) for i in n):
         return False

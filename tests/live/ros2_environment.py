@@ -1,4 +1,4 @@
-"""A ROS 2 to test against, in an environment of its own: wheels, and the project's messages as colcon builds them."""
+"""An environment with ROS 2 for tests: its wheels, and the project's messages built with colcon."""
 
 import hashlib
 import os
@@ -28,7 +28,7 @@ ROS = {
     "ament-cmake-ros": "0.14.5",
     "ament-cmake-ros-core": "0.14.5",
 }
-"""Of ROS 2 Kilted, what the client and the messages need; some that CMake looks for are named by no other."""
+"""Packages of ROS 2 Kilted for the client and the messages, including some that CMake needs but no package requires."""
 
 AMENT = ("export-include-directories", "export-interfaces", "export-targets", "gen-version-h", "gmock", "gtest")
 AMENT = (*AMENT, "include-directories", "pytest")
@@ -43,13 +43,13 @@ PINS = (
 
 
 class Home(NamedTuple):
-    """Where ROS 2 and the messages are."""
+    """Paths of ROS 2 and of the messages."""
 
     python: Path
     messages: Path
 
     def environment(self, domain: int) -> dict[str, str]:
-        """The variables of a process there, on this machine only."""
+        """Return the environment variables of a process, restricted to this machine."""
         package = self.messages / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
         prefix = self.python.parents[1]
         return _clean() | {
@@ -61,12 +61,12 @@ class Home(NamedTuple):
         }
 
 
-def ros2_home() -> Home:
-    """The environment, as far as need be made anew; a test is skipped where it cannot be had."""
+def ros2_environment() -> Home:
+    """Return the environment, built if necessary; the test is skipped if it cannot be built."""
     root = HOUSE / "build" / "ros2"
     home = Home(root / "bin" / "python", root / "messages" / "roletrust_msgs")
     if not shutil.which("c++"):
-        pytest.skip("there is no C++ compiler, which ROS 2 needs to build messages")
+        pytest.skip("ROS 2 needs a C++ compiler to build messages, and there is none")
     with _made_of(root / ".wheels", repr(PINS).encode()) as old:
         if old:
             shutil.rmtree(root, ignore_errors=True)
@@ -82,7 +82,7 @@ def ros2_home() -> Home:
 
 @contextmanager
 def _made_of(mark: Path, what: bytes) -> Iterator[bool]:
-    """Whether something is to be made anew, as a file says that is written once it is made."""
+    """Yield whether something must be rebuilt, according to a file that is written after each build."""
     digest = hashlib.sha256(what).hexdigest()
     old = not mark.exists() or mark.read_text() != digest
     yield old
@@ -97,19 +97,17 @@ def _install(python: Path) -> None:
     command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PINS]
     done = subprocess.run(command, capture_output=True, text=True, env=_clean())
     if "No matching distribution" in done.stderr or "onnection" in done.stderr:
-        pytest.skip(
-            f"the wheels of ROS 2 cannot be had for this platform, or from here: {done.stderr.splitlines()[-1]}"
-        )
+        pytest.skip(f"the wheels of ROS 2 cannot be downloaded for this platform: {done.stderr.splitlines()[-1]}")
     assert done.returncode == 0, done.stderr
 
 
 def _mend(root: Path) -> None:
-    """Let CMake find Python's headers: the wheels name the folders of the machine that built them."""
-    asked = "import sysconfig as s; print(s.get_path('include'), s.get_path('purelib'))"
-    told = subprocess.run(
-        [root / "bin" / "python", "-c", asked], capture_output=True, text=True, check=True, env=_clean()
+    """Let CMake find the headers of Python; the wheels name the folders of the machine that built them."""
+    script = "import sysconfig as s; print(s.get_path('include'), s.get_path('purelib'))"
+    printed = subprocess.run(
+        [root / "bin" / "python", "-c", script], capture_output=True, text=True, check=True, env=_clean()
     )
-    include, library = told.stdout.split()
+    include, library = printed.stdout.split()
     for path in root.glob("share/*/cmake/*Export.cmake"):
         text = path.read_text()
         parts = text.split('"')
