@@ -1,10 +1,30 @@
-"""One-line messages for the validation errors of pydantic."""
+"""Error messages in one line: what pydantic refuses, and which names are known."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
 
 _MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
+
+
+def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
+    """Return the end of a message about an unknown name: the nearest known name, and all of them.
+
+    Args:
+        name: Unknown name.
+        known: Names that exist.
+        label: Words in front of the known names.
+
+    Example:
+        >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
+        "unknown suite 'quik'; did you mean 'quick'? Known: quick, full"
+    """
+    names = {one.casefold(): one for one in known}
+    near = get_close_matches(str(name).casefold(), names, 1)
+    hint = f"; did you mean {names[near[0]]!r}?" if near else "."
+    return f"{hint} {label} {', '.join(names.values()) or 'none'}"
 
 
 def explain(error: ValidationError) -> str:

@@ -15,8 +15,9 @@ def summary_size(game: Game) -> int:
 def summarise(game: Game, state: State) -> Array:
     """Return the whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
 
-    In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); presence (N). Then, row by row, S x P each: perceived quality of the services without a rating yet, whether there is one,
-    ratings that arrived, and whether one did. Where robots move, their positions relative to the arena (N x 2).
+    In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); presence (N). Then,
+    row by row, S x P each: perceived quality of the services without a rating yet, whether there is one, ratings that
+    arrived, and whether one did. Where robots move, their positions relative to the arena (N x 2).
 
     Args:
         game: Game that is played.

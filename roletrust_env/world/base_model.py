@@ -1,10 +1,11 @@
 """Base class of all parts of a scenario."""
 
-from difflib import get_close_matches
 from inspect import cleandoc
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
+
+from roletrust_env.errors import suggest
 
 
 class FrozenModel(BaseModel):
@@ -23,9 +24,7 @@ class FrozenModel(BaseModel):
     def _check_fields(cls, data: Any) -> Any:
         for name, value in data.items() if isinstance(data, dict) else ():
             if name not in cls.model_fields:
-                near = get_close_matches(str(name), cls.model_fields, 1)
-                hint = f"did you mean {near[0]!r}? The fields are" if near else "the fields are"
-                raise ValueError(f"there is no field {name!r}; {hint} {', '.join(cls.model_fields)}")
-            if isinstance(value, bool):  # pydantic would take it as 0 or 1
+                raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields)}")
+            if isinstance(value, bool):  # would pass for 0 or 1
                 raise ValueError(f"{name} is {value}; no field is true or false")
         return data

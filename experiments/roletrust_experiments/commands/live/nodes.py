@@ -22,7 +22,7 @@ _UNSUPPORTED = {"treatment", "presence"}  # all readers of a topic get the same 
 Attack = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME:key=value,...",
+        metavar="NAME[:key=value,...]",
         help="Attack to play instead of honest play; see `roletrust list`.",
         show_default=False,
     ),
@@ -104,7 +104,7 @@ def manager(
     journal: Annotated[Path, typer.Argument(help="Journal file for the rounds; an existing journal is continued.")],
     scenario: Scenario = _PAPER,
     trust_model: Annotated[
-        str, typer.Option(metavar="NAME:key=value,...", help="Trust model; see `roletrust list`.")
+        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Trust model; see `roletrust list`.")
     ] = "role-trust",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -121,7 +121,7 @@ def manager(
     [cyan]roletrust live manager results/live.journal --keys keys[/]
 
     [dim]# another trust model[/]
-    [cyan]roletrust live manager results/travos.journal --trust-model travos[/]
+    [cyan]roletrust live manager results/travos.journal --model travos[/]
     """
     require_live()
     from roletrust_env.live.nodes.manager_node import run_manager_node
