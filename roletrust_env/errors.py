@@ -1,10 +1,30 @@
-"""Validation errors of pydantic, told in one line."""
+"""Error messages in one line: what pydantic refuses, and which names are known."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
 
 _MOST, _LONGEST = 10, 300  # wrong fields that are named, letters of a value that are shown: a file may have millions
+
+
+def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
+    """Return the end of a message about an unknown name: the nearest known name, and all of them.
+
+    Args:
+        name: Unknown name.
+        known: Names that exist.
+        label: Words in front of the known names.
+
+    Example:
+        >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
+        "unknown suite 'quik'; did you mean 'quick'? Known: quick, full"
+    """
+    names = {one.casefold(): one for one in known}
+    near = get_close_matches(str(name).casefold(), names, 1)
+    hint = f"; did you mean {names[near[0]]!r}?" if near else "."
+    return f"{hint} {label} {', '.join(names.values()) or 'none'}"
 
 
 def explain(error: ValidationError) -> str:

@@ -3,14 +3,13 @@
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
 Thing = TypeVar("Thing")
@@ -74,9 +73,7 @@ class Registry(Generic[Thing]):
             return self._factories[name]
         plugins = self._plugins()
         if name not in plugins:
-            near = get_close_matches(str(name), self.names(), 1)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise ValueError(f"unknown {self.kind} {name!r}{hint} Known: {', '.join(self.names())}")
+            raise ValueError(f"unknown {self.kind} {name!r}{suggest(name, self.names())}")
         try:
             factory = plugins[name].load()
         except (Exception, SystemExit) as error:  # whatever a foreign package raises on import

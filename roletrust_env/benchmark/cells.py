@@ -20,7 +20,7 @@ class Cell(NamedTuple):
     """One way to attack one trust model in one place.
 
     Attributes:
-        model: as `--trust-model` takes it.
+        model: as `--model` takes it.
         scenario: its name in the suite.
         track: its name in the suite.
         share: of the agents of the track's roles that are compromised; 0 where everybody is honest.

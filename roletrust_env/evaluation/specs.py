@@ -1,4 +1,4 @@
-"""What is written behind `--attack`, `--trust-model` and `--set`, as policies, models and values."""
+"""What is written behind `--attack`, `--model` and `--set`, as policies, models and values."""
 
 import inspect
 import os
@@ -6,14 +6,15 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
 from roletrust_env import Policy, Scenario
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import Kind, told
 from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, Thing
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
@@ -74,9 +75,7 @@ def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
     fields = [*Scenario.model_fields, "noise"]
     for field in settings:
         if field not in fields:
-            near = get_close_matches(field, fields, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise ValueError(f"--set: there is no field {field!r}{hint} There are {', '.join(fields)}")
+            raise ValueError(f"--set: there is no field {field!r}{suggest(field, fields)}")
     return scenario.change(**settings) if settings else scenario
 
 
@@ -130,7 +129,7 @@ def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[Kind, ...]:
         known = inspect.signature(kind).parameters
         for key in parameters:
             if key not in known:
-                raise ValueError(f"attacker {text!r} has no parameter {key!r}; it takes {', '.join(known)}")
+                raise ValueError(unknown_parameter(f"attacker {text!r}", key, known))
         kinds.append(partial(kind, **parameters) if parameters else kind)
     return tuple(kinds)
 
@@ -158,9 +157,7 @@ def read_trust_model(
     registry, name, parameters = _parsed(trust_models, text)
     for key, field in _SHARED.items():
         if key in parameters and field in (settings or {}) and parameters[key] != getattr(scenario, field):
-            raise ValueError(
-                f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
-            )
+            raise ValueError(f"--model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once")
     given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
     return registry, name, {**given, **parameters}
 
@@ -204,6 +201,24 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
             )
 
 
+def parse_parameters(text: str) -> tuple[str, dict[str, Any]]:
+    """Return the name and the parameters of `NAME[:key=value,...]`.
+
+    Raises:
+        ValueError: A parameter is not of the form key=value, or is given twice.
+
+    Example:
+        >>> parse_parameters("on-off:start=10,targets=[0, 1]")
+        ('on-off', {'start': 10, 'targets': (0, 1)})
+    """
+    name, _, rest = text.strip().partition(":")
+    return name, _parameters(rest, text)
+
+
+def _parameters(rest: str, text: str) -> dict[str, Any]:
+    return parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+
+
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
@@ -213,7 +228,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
             registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
         else:
             _explain_unknown(registry, name)
-    return registry, name, parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+    return registry, name, _parameters(rest, text)
 
 
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:

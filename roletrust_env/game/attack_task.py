@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.errors import suggest
 from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
@@ -319,7 +320,7 @@ def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array
 
 def _check_choice(what: str, value: object, known: Sequence[str]) -> None:
     if value not in known:
-        raise ValueError(f"unknown {what} {value!r}; known: {', '.join(known)}")
+        raise ValueError(f"unknown {what} {value!r}{suggest(value, known)}")
 
 
 def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
@@ -327,6 +328,6 @@ def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
         raise ValueError(f"{what} is {names!r}; it must be a sequence of agents' names")
     for name in names:
         if name not in known:
-            raise ValueError(f"{what}: there is no {name!r}; there are {', '.join(known)}")
+            raise ValueError(f"{what}: there is no {name!r}{suggest(name, known)}")
         if list(names).count(name) > 1:
             raise ValueError(f"{what}: {name!r} stands there twice")

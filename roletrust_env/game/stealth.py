@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pydantic import ConfigDict, NonNegativeFloat, ValidationError
 from pydantic.dataclasses import dataclass
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 from roletrust_env.ranges import Share
 
 
@@ -34,7 +34,7 @@ def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
         raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
     for name in price:
         if name not in ("weight", "tolerance"):
-            raise ValueError(f"stealth: there is no field {name!r}; there are weight, tolerance")
+            raise ValueError(f"stealth: there is no field {name!r}{suggest(name, ('weight', 'tolerance'))}")
     try:
         return Stealth(**price)
     except ValidationError as error:

@@ -5,6 +5,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from roletrust_env.errors import suggest
+
 
 class FrozenModel(BaseModel):
     """FrozenModel, validated data; the documentation of its fields becomes a part of its class's."""
@@ -22,7 +24,7 @@ class FrozenModel(BaseModel):
     def _check_fields(cls, data: Any) -> Any:
         for name, value in data.items() if isinstance(data, dict) else ():
             if name not in cls.model_fields:
-                raise ValueError(f"there is no field {name!r}; there are {', '.join(cls.model_fields)}")
+                raise ValueError(f"there is no field {name!r}{suggest(name, cls.model_fields)}")
             if isinstance(value, bool):  # would pass for 0 or 1
                 raise ValueError(f"{name} is {value}; no field is true or false")
         return data

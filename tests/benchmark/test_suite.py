@@ -100,7 +100,7 @@ def test_a_file_that_is_no_suite_is_refused(tmp_path: Path) -> None:
             load_suite(path)
     with pytest.raises(ValueError, match="cannot be read"):
         load_suite(tmp_path / "none.toml")
-    with pytest.raises(ValueError, match=r"unknown suite 'brief'; known: .*quick"):
+    with pytest.raises(ValueError, match=r"unknown suite 'brief'. Known: .*quick"):
         load_suite("brief")
 
 

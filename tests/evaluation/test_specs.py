@@ -1,4 +1,4 @@
-"""What is written behind `--attack`, `--trust-model` and `--set`."""
+"""What is written behind `--attack`, `--model` and `--set`."""
 
 import sys
 
@@ -98,8 +98,8 @@ def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
     "arguments",
     [
         ["play", "--attack", "sr_1=os:system:command=touch called"],
-        ["play", "--trust-model", "mine_for_attacks:touch"],
-        ["ladder", "RaterAttack", "--trust-model", "mine_for_attacks:touch"],
+        ["play", "--model", "mine_for_attacks:touch"],
+        ["ladder", "RaterAttack", "--model", "mine_for_attacks:touch"],
     ],
 )
 def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):

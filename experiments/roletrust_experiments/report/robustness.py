@@ -43,6 +43,7 @@ class Robustness(NamedTuple):
     suite: Suite
     software: dict[str, Any]
     command: str
+    path: Path
     leaderboard: Leaderboard
     blind: float
     conditions: list[str]
@@ -75,7 +76,7 @@ class Robustness(NamedTuple):
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
         where = list(dict.fromkeys(one.condition.words for one in struck))
-        return cls(suite, software, command(suite, path), leaderboard, blind, where, tables)
+        return cls(suite, software, command(suite, path), path, leaderboard, blind, where, tables)
 
     @property
     def warnings(self) -> list[str]:

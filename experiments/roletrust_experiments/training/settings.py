@@ -1,11 +1,11 @@
-"""The settings of the learners, tuned per task."""
+"""Settings of the learners, tuned per task."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 
 Algo = Literal["ppo", "sac", "recurrent-ppo"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
@@ -18,60 +18,60 @@ class _Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     steps: Natural
-    """Rounds to train for, of all games together, unless `--steps` says otherwise."""
+    """Number of rounds to train for, over all games, unless `--steps` is given."""
     games: Natural
-    """Games that are played as one batch."""
+    """Number of games in a batch."""
     gamma: Discount = 0.95
     learning_rate: Rate = 1e-3
-    """At first; it falls to 0 in a straight line."""
+    """Initial learning rate; it falls linearly to 0."""
     batch_size: Natural
     hidden: Annotated[tuple[Natural, ...], Field(min_length=1, max_length=8)] = (64, 64)
-    """Units of each hidden layer."""
+    """Number of units in each hidden layer."""
 
 
 class OnPolicySettings(_Settings):
-    """Of PPO of either kind: many games, short rollouts, and a spread of the actions that starts narrow."""
+    """Settings that PPO with and without an LSTM share: many games, short rollouts, and a narrow spread of actions."""
 
     n_steps: Natural = 25
-    """Rounds of each game between two updates."""
+    """Number of rounds of each game between two updates."""
     n_epochs: Natural = 10
     gae_lambda: Discount = 0.95
     clip_range: Rate = 0.2
     ent_coef: Annotated[float, Field(ge=0, le=1)] = 0.0
     log_std_init: LogStd = -0.5
     log_std_last: LogStd | None = None
-    """Below which the spread has to be at last: its logarithm's limit falls in a straight line. None is no limit."""
+    """Upper limit of the logarithm of the spread at the end, reached linearly; None is no limit."""
 
 
 class PPOSettings(OnPolicySettings):
-    """Of PPO."""
+    """Settings of PPO."""
 
     steps: Natural = 800_000
     games: Natural = 256
     batch_size: Natural = 1600
     heads: Annotated[tuple[Natural, ...], Field(max_length=8)] = ()
-    """Units of each hidden layer of small networks in the actor's place, see `roletrust_experiments.training.heads`."""
+    """Number of units in each hidden layer of the actor's heads, see `roletrust_experiments.training.heads`."""
 
 
 class RecurrentPPOSettings(OnPolicySettings):
-    """Of PPO with an LSTM, which also minds what it no longer sees."""
+    """Settings of PPO with an LSTM, which remembers earlier observations."""
 
     steps: Natural = 400_000
     games: Natural = 128
     batch_size: Natural = 800
     n_epochs: Natural = 5
     lstm: Natural = 32
-    """Units of the LSTM."""
+    """Number of units of the LSTM."""
 
 
 class SACSettings(_Settings):
-    """Of soft actor-critic, which learns from fewer rounds, each at a higher price."""
+    """Settings of soft actor-critic, which learns from fewer rounds and spends more time on each."""
 
     steps: Natural = 100_000
     games: Natural = 16
     batch_size: Natural = 256
     gradient_steps: Natural = 4
-    """Updates for each round of all games."""
+    """Number of updates for each round of all games."""
     buffer_size: Natural = 100_000
     learning_starts: Natural = 5_000
 
@@ -80,9 +80,9 @@ Settings = PPOSettings | RecurrentPPOSettings | SACSettings
 _KINDS: dict[str, type[Settings]] = {"ppo": PPOSettings, "sac": SACSettings, "recurrent-ppo": RecurrentPPOSettings}
 
 TUNED: dict[tuple[str, str], dict[str, Any]] = {
-    # Many actions at once: shared heads, longer, in fewer passes over each rollout, each of which may change more, and
-    # with an eye on the next ten rounds only. A lie is worth most where it is exact, so the spread must go. With the
-    # games that choose the best on the way it plays just under two million rounds, the budget of a ladder.
+    # Many actions at once need shared heads and longer training, with fewer and larger passes over each rollout and a
+    # horizon of about ten rounds. An exact lie is worth most, so the spread must fall. Together with the games that
+    # choose the best network, training plays just under two million rounds, the budget of a ladder.
     ("RoleTrust/CollusionAttack-v0", "ppo"): {
         "steps": 1_900_000,
         "gamma": 0.9,
@@ -93,17 +93,20 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
         "heads": (32, 32),
     },
 }
-"""Settings other than the algorithm's own, by task and algorithm."""
+"""Settings that differ from the algorithm's defaults, by task and algorithm."""
 
 
 def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Settings:
-    """The settings for a task, with some changed.
+    """Return the settings for a task, with some of them changed.
 
     Raises:
-        ValueError: a setting does not exist or its value is not allowed.
+        ValueError: A setting does not exist, or its value is not allowed.
     """
+    known = _KINDS[algo].model_fields
+    for name in changes:
+        if name not in known:
+            raise ValueError(f"--learner: {algo} has no setting {name!r}{suggest(name, known)}")
     try:
         return _KINDS[algo].model_validate({**TUNED.get((task_id, algo), {}), **changes})
     except ValidationError as error:
-        known = ", ".join(_KINDS[algo].model_fields)
-        raise ValueError(f"--learner of {algo}: {explain(error)}; there are {known}") from None
+        raise ValueError(f"--learner of {algo}: {explain(error)}") from None

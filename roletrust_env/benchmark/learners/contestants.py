@@ -6,6 +6,7 @@ from typing import Any
 from roletrust_env.benchmark.attackers import SEARCHING, searching
 from roletrust_env.benchmark.learners.learner import Entered, registry
 from roletrust_env.benchmark.learners.suite import FOOT, TOPS, LearnersSuite
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.search import HonestPlay, SearchMethod, search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_named
 
@@ -34,6 +35,6 @@ def contestant(name: str, task_id: str) -> SearchMethod:
     if name in SEARCHING:
         return searching(name)
     if ":" not in name and name not in registry.names():
-        known = ", ".join([*SEARCHING, *registry.names()])
-        raise ValueError(f"unknown learner {name!r}; known: {known}, or your own package.module:Class")
+        known = suggest(name, [*SEARCHING, *registry.names()])
+        raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
     return Entered(parse_named(registry, name), name, task_id)

@@ -141,9 +141,9 @@ def test_nothing_but_a_class_of_learners_is_called(tmp_path, monkeypatch):
     assert (found.learner.rate, found.name) == (3, "somebodys:Fine:rate=3")
     for name, message in (
         ("os:system:command=true", "must make a Learner"),
-        ("somebodys:Fine:speed=3", "it takes rate"),
+        ("somebodys:Fine:speed=3", "It takes rate"),
         ("nowhere:Fine", "cannot be loaded"),
-        ("PPOO", "unknown learner 'PPOO'; known: PPO, recurrent PPO, SAC"),
+        ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: PPO, recurrent PPO, SAC"),
     ):
         with pytest.raises(ValueError, match=message):
             contestant(name, PROVIDER.id)

@@ -10,7 +10,7 @@ from roletrust_agents.learned.methods import Learned, learned_rungs
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_baselines.search import PaperAttacks
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands.task_options import find_task
+from roletrust_experiments.commands.options import find_task
 from roletrust_experiments.plots.trajectory import watch
 from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
@@ -95,7 +95,7 @@ def test_runs_are_the_ladders_of_their_seeds_side_by_side(tmp_path):
 
 
 def test_an_agent_with_both_roles(tmp_path):
-    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--trust-model", "mean")
+    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--model", "mean")
     assert results["trust_model"]["class"].endswith("Mean")
 
 
@@ -182,7 +182,7 @@ def test_names_of_tasks(text):
         ),
         (
             ["RaterAttack", "--attack", "bad-mouthing:depth=3"],
-            "has no parameter 'depth'; it takes start, stop, lie",
+            "has no parameter 'depth'; did you mean",
         ),
         (["RaterAttack", "--attack", "bad-mouthing:level=3"], "level is 3: it must lie in [0, 1]"),
     ],

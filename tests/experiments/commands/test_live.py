@@ -37,7 +37,7 @@ def test_keys_are_made_once(tmp_path):
         (["assess", "sr_0", "--keys", "nowhere"], "there is no private key nowhere/sr_0.key"),
         (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
         (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
-        (["manager", "j", "--trust-model", "nonsense"], "unknown trust model 'nonsense'"),
+        (["manager", "j", "--model", "nonsense"], "unknown trust model 'nonsense'"),
         (["recover", "nowhere", "saved"], "nowhere is no recording"),
         (["keys", "keys", "../sr_0"], "is no name of an agent"),
     ],
@@ -70,7 +70,7 @@ def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
                 row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
                 recorder.write(Recorded(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
-    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--trust-model", "mean")
+    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--model", "mean")
     assert done.exit_code == 0, done.output
     direct = feed(manager(tmp_path / "direct", model="mean"), notes, mask)
     assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [entry.trust for entry in direct]

@@ -68,8 +68,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
     attacked = ["--attack", "sr_0=bad-mouthing", "--out", str(tmp_path / "play")]
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
-    small = ["max_cycles=10", "games=8", "hidden=[8]", "batch_size=40", "n_steps=10", "n_epochs=1"]
-    settings = [text for k, setting in enumerate(small) for text in ("--learner" if k else "--set", setting)]
+    settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
     trained = run("train", "RaterAttack", *settings)
     assert trained.exit_code == 0, trained.output
@@ -80,7 +79,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     [
         (["figures", "--recording", "nowhere"], "nowhere cannot be read"),
         (["figures", "--recording", "nowhere", "--frames", "walk.mp4"], "--recording plays nothing"),
-        (["figures", "--attack", "on-off"], "--attack is what was played in a --recording"),
+        (["figures", "--attack", "on-off"], "--attack says what a --recording shows"),
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
         (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml is there already"),
@@ -162,9 +161,9 @@ A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
     ("arguments", "messages", "reason"),
     [
         (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating that came about when its service"),
-        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; there must be two, one after"),
-        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; there"),
-        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; there must be two"),
+        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; it must hold two consecutive"),
+        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; it"),
+        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
     ],
 )
 def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, reason, tmp_path, monkeypatch):

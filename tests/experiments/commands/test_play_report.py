@@ -81,7 +81,7 @@ def test_undefined_in_some_games_only():
 
 def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     """Its trust in them reads 1 whatever they do: in a mean over all it would hide harm."""
-    results, printed = play(tmp_path, "--trust-model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
+    results, printed = play(tmp_path, "--model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
     found = results["measured"]["mean"]
     why = "the model has no trust in raters"
     unjudged = [found["damage"]["2 sr"], found["damage"]["all 5 honest"], found["groups"]["2 sr, honest"]["mean trust"]]

@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 
 TASK = ["RaterAttack", "--set", "max_cycles=4"]
-LEARNER = [part for each in ("games=2", "hidden=[4]", "n_steps=4", "n_epochs=1") for part in ("--learner", each)]
+LEARNER = ["--learner", "PPO:games=2,hidden=[4],n_steps=4,n_epochs=1"]
 
 
 def run(command, name, *arguments):
-    result = CliRunner().invoke(app, [command, *TASK, "--trust-model", name, *map(str, arguments)])
+    result = CliRunner().invoke(app, [command, *TASK, "--model", name, *map(str, arguments)])
     assert result.exit_code == 0, result.output
 
 

@@ -5,7 +5,7 @@ import pytest
 from rich.progress import Progress
 from roletrust_baselines import BadMouthing
 from roletrust_experiments.findings import dilution, noise
-from roletrust_experiments.findings.games import Asked, honest, last, lost, play
+from roletrust_experiments.findings.games import Effort, honest, last, lost, play
 
 from roletrust_env import make_scenario
 
@@ -13,7 +13,7 @@ from roletrust_env import make_scenario
 @pytest.fixture
 def asked():
     with Progress(disable=True) as progress:
-        yield Asked(games=3, seed=0, quick=False, progress=progress)
+        yield Effort(games=3, seed=0, quick=False, progress=progress)
 
 
 @pytest.mark.parametrize(("size", "liars", "level"), [(3, 1, 0.5), (9, 3, 0.5), (9, 1, 0.0), (30, 10, 0.5)])

@@ -22,7 +22,7 @@ _NOWHERE = {"treatment", "presence"}  # channels that no node has: a topic is th
 Attack = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME:key=value,...",
+        metavar="NAME[:key=value,...]",
         help="Play an attack in place of honest play; see `roletrust list`.",
         show_default=False,
     ),
@@ -104,7 +104,7 @@ def manager(
     ],
     scenario: Scenario = _PAPER,
     trust_model: Annotated[
-        str, typer.Option(metavar="NAME:key=value,...", help="Any trust model; see `roletrust list`.")
+        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Any trust model; see `roletrust list`.")
     ] = "role-trust",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -121,7 +121,7 @@ def manager(
     [cyan]roletrust live manager results/live.journal --keys keys[/]
 
     [dim]# another trust model[/]
-    [cyan]roletrust live manager results/travos.journal --trust-model travos[/]
+    [cyan]roletrust live manager results/travos.journal --model travos[/]
     """
     require_live()
     from roletrust_env.live.nodes.manage import run_manager

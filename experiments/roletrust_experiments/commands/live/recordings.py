@@ -41,7 +41,7 @@ def replay(
     journal: Annotated[Path, typer.Argument(help="A new file for the rounds.")],
     scenario: Scenario = "paper-3x3",
     trust_model: Annotated[
-        str, typer.Option(metavar="NAME:key=value,...", help="Any trust model; see `roletrust list`.")
+        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Any trust model; see `roletrust list`.")
     ] = "role-trust",
     keys: Keys = None,
     speed: Speed = 1.0,
@@ -53,7 +53,7 @@ def replay(
     [bold]Examples[/]
 
     [dim]# what TRAVOS would have made of it[/]
-    [cyan]roletrust live replay results/bag results/travos.jsonl --trust-model travos[/]
+    [cyan]roletrust live replay results/bag results/travos.jsonl --model travos[/]
     """
     require_live()
     from roletrust_env.live.manager import Manager
