@@ -110,7 +110,7 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         ("commands.speed", "_race"),
         ("training.loop", "train"),
         ("commands.play", "play_games"),
-        ("commands.figures", "record"),
+        ("commands.figures", "track_curves"),
     ):
         monkeypatch.setattr(f"roletrust_experiments.{module}.{name}", work)
     (tmp_path / "file").write_text("in the way")
