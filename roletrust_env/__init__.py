@@ -1,23 +1,29 @@
-"""RoleTrust: an environment in which role-based trust models are attacked and measured."""
+"""RoleTrust: an environment in which role-based trust models are attacked and measured.
+
+Plug-in authors find checks of their trust models and attacks in `roletrust_env.testing`.
+"""
 
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import pettingzoo
+from gymnasium.error import DependencyNotInstalled
 
+from roletrust_env import metrics
 from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
 from roletrust_env.envs.wrappers import EachAgent, Everybody, Levels, Scaled
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.attack_task import AttackTask, make_task
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy, Player
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import attackers, make_attacker, register_attacker
-from roletrust_env.game.rollout import record
+from roletrust_env.game.rollout import History, record
+from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
-from roletrust_env.trust import make_trust_model, register_trust_model, trust_models
+from roletrust_env.trust import TrustModel, make_trust_model, register_trust_model, trust_models
 from roletrust_env.world import Scenario, load_scenario, make_scenario, register_scenario, scenarios
 
 if TYPE_CHECKING:
@@ -31,10 +37,12 @@ register_tasks()
 
 __all__ = [
     "Actions",
+    "AttackTask",
     "AttackVecEnv",
     "EachAgent",
     "Everybody",
     "Game",
+    "History",
     "JointPolicy",
     "Levels",
     "Noise",
@@ -46,6 +54,8 @@ __all__ = [
     "Scaled",
     "Scenario",
     "State",
+    "TrustModel",
+    "WindowedAttack",
     "attackers",
     "env",
     "load_scenario",
@@ -53,6 +63,7 @@ __all__ = [
     "make_scenario",
     "make_task",
     "make_trust_model",
+    "metrics",
     "parallel_env",
     "record",
     "register_attacker",
@@ -64,9 +75,24 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """The faces for Stable-Baselines3, which is imported only when they are asked for."""
-    if name in ("AttackVecEnv", "RoleVecEnv"):
-        from roletrust_env.envs import sb3
+    """Return an environment for Stable-Baselines3, which is imported only when it is needed.
 
-        return getattr(sb3, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    Raises:
+        DependencyNotInstalled: Stable-Baselines3 is missing. The class is that of Gymnasium.
+    """
+    if name not in ("AttackVecEnv", "RoleVecEnv"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        from roletrust_env.envs import sb3
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("stable_baselines3", "torch"):
+            raise
+        raise DependencyNotInstalled(
+            f"{name} needs Stable-Baselines3, and {error.name} is not installed: pip install 'roletrust-env[train]'"
+        ) from None
+    return getattr(sb3, name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted([*__all__, "__version__"])

@@ -34,6 +34,11 @@ def namespace(array: Array) -> ModuleType:
     return _NAMESPACES[kind]
 
 
+def library_of(like: Array) -> str:
+    """Return the array library and the dtype of an array, such as `torch float32`."""
+    return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"
+
+
 def largest(array: Array) -> Array:
     """The largest along the first axis, see `total`."""
     return np.maximum.reduce(array) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)

@@ -100,7 +100,7 @@ def place(suite: Suite, cell: Cell) -> Place:
         scenario = _with_reserve(scenario, track, cell.share)
     roster, names = Roster.of(scenario), []
     for role in track.roles:
-        known = [name for name in roster.first_names if name.startswith(f"{role.lower()}_")]
+        known = [name for name in roster.first_names if roster.role(name) == role]
         names += known[len(known) - _number(cell, role, len(known)) :]
     return Place(scenario, tuple(names))
 

@@ -1,1 +1,1 @@
-"""The faces of the game: PettingZoo, Gymnasium and Stable-Baselines3. They own no rule."""
+"""The environments: the game for PettingZoo, Gymnasium and Stable-Baselines3. They contain no rule of the game."""

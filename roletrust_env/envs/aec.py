@@ -1,4 +1,4 @@
-"""The PettingZoo face in which agents act in turn (AEC)."""
+"""The PettingZoo environment in which agents act in turn (AEC)."""
 
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from roletrust_env.envs.parallel import parallel_env
 from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario
+from roletrust_env.world.roster import shown
 
 
 def env(
@@ -20,12 +21,28 @@ def env(
     render_mode: RenderMode | None = None,
     **changes: Any,
 ) -> AECEnv[str, Vector, Vector | None]:
-    """The game as a PettingZoo AEC environment, agents in turn. Arguments as for `parallel_env`."""
-    return OrderEnforcingWrapper(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
+    """Return the game as a PettingZoo AEC environment, in which agents act in turn. Arguments as for `parallel_env`."""
+    return RoleTrustAECEnv(_AgentsInTurn(parallel_env(scenario, trust_model, render_mode, **changes)))
+
+
+class RoleTrustAECEnv(OrderEnforcingWrapper[str, Vector, Vector]):
+    """The game with agents in turn. It refuses `step` before `reset`."""
+
+    def __repr__(self) -> str:
+        return repr(self.env.env).replace("Parallel", "AEC", 1)
+
+    def _repr_html_(self) -> str:
+        return str(self.env.env._spectator.html(repr(self)))
 
 
 class _AgentsInTurn(parallel_to_aec_wrapper[str, Vector, Vector]):
-    """Refuses a bad action at once, not when the last agent has acted."""
+    """Refuses a wrong action at once, and not only after the last agent has acted."""
+
+    def observe(self, agent: str) -> Vector | None:
+        if agent not in self.possible_agents:
+            raise ValueError(f"there is no agent {agent!r}; there are {shown(self.possible_agents)}")
+        observation: Vector | None = super().observe(agent)
+        return observation
 
     def step(self, action: Vector | None) -> None:
         agent = self.agent_selection

@@ -1,29 +1,57 @@
-"""Arguments that no face takes."""
+"""Checks of the arguments of environments."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from inspect import Parameter, signature
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
 
 from roletrust_env.world import Scenario
+from roletrust_env.world.roster import shown
+
+Space = TypeVar("Space")
 
 
-def refuse_unknown(face: type[Any], arguments: Iterable[str], *takers: Callable[..., Any]) -> None:
-    """Refuse an argument that nobody takes, in Python's own words: some libraries wait for them and do without it.
+def refuse_unknown(environment: type[Any], arguments: Iterable[str], *takers: Callable[..., Any]) -> None:
+    """Refuse an unknown keyword argument, with the message of Python itself, which some libraries look for.
 
     Args:
-        face: the class that was called.
-        arguments: names of keyword arguments.
-        takers: what the arguments are handed on to, beside the scenario's `change`.
+        environment: Class that was called.
+        arguments: Names of keyword arguments.
+        takers: Functions that take the arguments, beside `Scenario.change`.
 
     Raises:
-        TypeError: an argument is none of the takers', no field of a scenario and not `noise`.
+        TypeError: An argument is no parameter of the takers, no field of a scenario and not `noise`.
     """
-    callables: tuple[Callable[..., Any], ...] = (face, *takers)
+    callables: tuple[Callable[..., Any], ...] = (environment, *takers)
     parameters = [p for taker in callables for p in signature(taker).parameters.values()]
     named = [p.name for p in parameters if p.kind is not Parameter.VAR_KEYWORD]
     known = list(dict.fromkeys([*named, *Scenario.model_fields, "noise"]))
     for name in arguments:
         if name not in known:
             raise TypeError(
-                f"{face.__name__}.__init__() got an unexpected keyword argument {name!r}; known are {', '.join(known)}"
+                f"{environment.__name__}.__init__() got an unexpected keyword argument {name!r}; "
+                f"known are {', '.join(known)}"
             )
+
+
+def check_number(name: str, value: object) -> None:
+    """Check that a number of games or steps is whole and 1 or more.
+
+    Raises:
+        ValueError: It is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number, 1 or more")
+
+
+def space_of(agent: str, spaces: Mapping[str, Space]) -> Space:
+    """Return the space of an agent.
+
+    Raises:
+        ValueError: There is no such agent.
+    """
+    try:
+        return spaces[agent]
+    except (KeyError, TypeError):
+        raise ValueError(f"there is no agent {agent!r}; there are {shown(list(spaces))}") from None

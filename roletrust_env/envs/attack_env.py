@@ -1,4 +1,4 @@
-"""The Gymnasium face of an attack: one learner controls some agents, everybody else is scripted."""
+"""The Gymnasium environment of an attack: one learner controls some agents, and all others are scripted."""
 
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -21,7 +21,7 @@ Vector = npt.NDArray[np.float32]
 def task_spaces(task: AttackTask) -> tuple[Box, Box]:
     """The observation space and the action space of one game of a task."""
     trial = TaskBatch(task)
-    trial.restart(task.game.random(0))  # luck has no part in the shape
+    trial.restart(task.game.random(0))  # the shape does not depend on the seed
     bound = np.inf if task.knowledge == "white_box" else 1.0
     low = -np.inf if task.knowledge == "white_box" else 0.0
     seen = trial.observe().shape[0]
@@ -29,19 +29,19 @@ def task_spaces(task: AttackTask) -> tuple[Box, Box]:
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
-    """One learner attacks: it controls the compromised agents of a game, everybody else is scripted.
+    """An attack by one learner, which controls the compromised agents of a game; all other agents are scripted.
 
     ## Description
 
     The base of the tasks `RoleTrust/ProviderAttack-v0`, `RoleTrust/RaterAttack-v0`, `RoleTrust/DualAttack-v0` and
-    `RoleTrust/CollusionAttack-v0`, which differ in whom the learner controls and what it is after. The game is that of
+    `RoleTrust/CollusionAttack-v0`, which differ in the compromised agents and in the objective. The game is that of
     `RoleTrustParallelEnv`: qualities and ratings are chosen at once, and ratings are for the services of the step
     before.
 
     ## Action Space
 
     `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
-    P providers, if it rates. `Scaled` and `Levels` of `roletrust_env` make other actions of it.
+    P providers, if it rates. The wrappers `Scaled` and `Levels` of `roletrust_env` change the action space.
 
     ## Observation Space
 
@@ -49,34 +49,40 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
     | knowledge | observation |
     |---|---|
-    | `black_box` | the observation of each compromised agent in turn, what they would see in life |
+    | `black_box` | the observation of each compromised agent in turn, as in `RoleTrustParallelEnv` |
     | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
     | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
 
     ## Rewards
 
-    The objective less the stealth weight times the cost. `damage`: mean over honest providers of 1 - ToP. `exploit`:
-    mean over own providers of the published ToP at which the service was sold times 1 - quality delivered. `promote`:
-    the same for the accomplices. `mislead`: the best quality that there was, less that of the provider with the highest
-    ToP published before. The cost is the mean over the compromised agents of max(0, gap - tolerance), the gap
-    being the mean trust of the honest agents of its role less its own, the larger one if it has both roles.
+    The reward is the objective minus the stealth weight times the cost.
+
+    | objective | value |
+    |---|---|
+    | `damage` | mean over the honest providers of 1 - ToP |
+    | `exploit` | mean over the own providers of the published ToP at which a service was sold times 1 - its quality |
+    | `promote` | the same for the accomplices |
+    | `mislead` | best quality on offer, minus that of the provider with the highest ToP published before |
+
+    The cost is the mean over the compromised agents of max(0, gap - tolerance). The gap of an agent is the mean trust
+    of the honest agents of its role minus its own trust; the larger gap counts if it has both roles.
 
     ## Starting State
 
-    That of the game: everybody has the initial trust, nothing has been served.
+    Every agent has the initial trust, and there are no services and no ratings yet.
 
     ## Episode End
 
-    Truncation after the scenario's `max_cycles` steps, which `spec.max_episode_steps` tells. Termination when all
-    compromised agents are gone for good, cut off by admission control or left.
+    Truncation after the scenario's `max_cycles` steps, the value of `spec.max_episode_steps`. Termination when all
+    compromised agents are gone for good: they left, or admission control cut them off.
 
     ## Information
 
-    `objective`, and `cost`, unweighted, as libraries for safe learning expect it.
+    `objective`, and `cost`, the unweighted cost, which libraries for safe learning expect.
 
     ## Arguments
 
-    See `make_task`; and `render_mode`, `"human"`, `"rgb_array"` or `"ansi"`, of the game with the learner marked.
+    See `make_task`. In addition `render_mode`: `"human"`, `"rgb_array"` or `"ansi"`; the learner's agents are marked.
 
     ## Version History
 
@@ -86,12 +92,12 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     metadata = {**RENDERING}  # noqa: RUF012 - as Gymnasium has it
 
     defaults: ClassVar[dict[str, Any]] = {}
-    """Arguments of `make_task` where none are given."""
+    """Default arguments of `make_task`."""
 
     def __init__(self, *, render_mode: RenderMode | None = None, **arguments: Any) -> None:
         refuse_unknown(type(self), arguments, make_task)
         if not isinstance(arguments.get("like"), np.ndarray | None):
-            raise ValueError("like is of another library; this face is NumPy's, see make_vec for batches of tensors")
+            raise ValueError("like is no array of NumPy, which this environment needs; make_vec plays tensors")
         self.task = make_task(**{**self.defaults, **arguments})
         self.observation_space, self.action_space = task_spaces(self.task)  # type: ignore[assignment]
         self.render_mode = render_mode
@@ -102,9 +108,15 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         self._spectator.attackers = self.task.compromised
         self._spec: EnvSpec | None = None
 
+    def __repr__(self) -> str:
+        return repr(self.task).replace(type(self.task).__name__, type(self).__name__, 1)
+
+    def _repr_html_(self) -> str:
+        return self._spectator.html(repr(self))
+
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium made it from, with the length of an episode."""
+        """The specification of Gymnasium, with the length of an episode."""
         return self._spec
 
     @spec.setter
@@ -126,8 +138,9 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         """Play one round; see `gymnasium.Env.step`.
 
         Raises:
-            ValueError: the action is of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
-            RuntimeError: `reset` was not called.
+            ValueError: The action has the wrong shape, or holds NaN or a value outside [0, 1]. Nothing has changed
+                then.
+            RuntimeError: `reset` was not called, or the episode is over.
         """
         action = check_action(action, self.action_space.shape or ())
         if not self._playing or self._random is None:
@@ -140,7 +153,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
         return self._observe(), float(outcome.reward), caught, bool(outcome.over) and not caught, info
 
     def render(self) -> Any:
-        """Show the game as it stands, as `render_mode` says."""
+        """Show the state of the game by `render_mode`."""
         return self._spectator.render()
 
     def close(self) -> None:
@@ -153,10 +166,15 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
 
 
 def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vector:
-    """An action as it is, if it is one.
+    """Return the action as an array of float32.
+
+    Args:
+        action: Action of one game, or of a batch.
+        shape: Shape that it must have.
+        low: Lower bound of its entries; the upper bound is 1.
 
     Raises:
-        ValueError: it is of the wrong shape, NaN or outside [low, 1].
+        ValueError: The action has the wrong shape, or holds NaN or a value outside [low, 1].
     """
     try:
         action = np.asarray(action)

@@ -1,4 +1,4 @@
-"""The joint action of a PettingZoo game: what each agent does, checked, as what providers and raters do."""
+"""The joint action of a PettingZoo game: the actions of all agents, checked, as qualities and ratings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.game.state import Actions
-from roletrust_env.world.roster import Roster
+from roletrust_env.world.roster import Roster, shown
 
 _NUMBERS = "fiub"
 """Kinds of dtype that an action may have: floats, integers and booleans."""
@@ -16,10 +16,10 @@ _least, _greatest = np.minimum.reduce, np.maximum.reduce  # the methods take lon
 
 
 class JointAction:
-    """Reads the actions of a game's agents, or says what is wrong with them.
+    """Reads the actions of the agents of a game, and reports the errors in them.
 
     Args:
-        roster: whose agents act.
+        roster: Agents of the game.
     """
 
     def __init__(self, roster: Roster) -> None:
@@ -34,14 +34,15 @@ class JointAction:
         self._sizes = [shape[0] for shape, _ in self._slots.values()]
 
     def read(self, actions: Mapping[str, Any], agents: Sequence[str]) -> Actions:
-        """The joint action; that of absent agents is 0.
+        """Return the joint action, in which the actions of absent agents are 0.
 
         Args:
-            actions: an action for each of the agents, and for nobody else.
-            agents: who acts.
+            actions: An action for each of the agents, and for no other agent.
+            agents: Agents that act.
 
         Raises:
-            ValueError: an action is missing, of an absent agent, of the wrong size, NaN or outside [0, 1].
+            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or holds NaN or a value
+                outside [0, 1].
         """
         try:
             joint = self._joined(actions, agents)
@@ -54,19 +55,19 @@ class JointAction:
         return self._split(joint)
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
-        """The actions in one vector, without a look at each as long as all is well."""
+        """The actions in one vector; a quick path, which does not check the single actions."""
         if len(agents) < len(self._sizes):
             return self._placed({agent: actions[agent] for agent in agents})
         parts = [actions[agent] for agent in agents]
         if [len(part) for part in parts] != self._sizes:
             raise ValueError
-        joint = np.concatenate(parts, dtype=np.float64)  # refuses what is no number
+        joint = np.concatenate(parts, dtype=np.float64)  # raises where an entry is no number
         if joint.ndim > 1:
             raise ValueError
         return joint
 
     def _placed(self, actions: Mapping[str, Any]) -> npt.NDArray[np.float64]:
-        """The actions of some agents, and 0 for the others."""
+        """The actions of some agents in one vector, with 0 for the others."""
         joint = np.zeros(self._size)
         for agent, action in actions.items():
             shape, place = self._slots[agent]
@@ -76,7 +77,7 @@ class JointAction:
         return joint
 
     def _complaint(self, actions: Any, agents: Sequence[str]) -> str | None:
-        """What is wrong with the actions, and what is allowed; None if nothing is."""
+        """Return the error in the actions, with what is allowed; None for valid actions."""
         if not isinstance(actions, Mapping):
             return f"actions are {type(actions).__name__}; they must be a dict from agent to action"
         for agent in agents:
@@ -87,18 +88,16 @@ class JointAction:
         strangers = ", ".join(repr(agent) for agent in actions if agent not in agents)
         if not strangers:
             return None
-        return f"there are actions of {strangers}, who take no part now; those who do: {', '.join(agents)}"
+        return f"there are actions of {strangers}, which take no part now; the agents that act: {', '.join(agents)}"
 
     def complaint(self, agent: str, action: Any) -> str | None:
-        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        """Return the error in an agent's action, with what is allowed; None for a valid action."""
+        if agent not in self._slots:
+            return f"there is no agent {agent!r}; there are {shown(list(self._slots))}"
         shape = self._slots[agent][0]
         try:
             action = np.asarray(action)
-        except (
-            ValueError,
-            TypeError,
-            RuntimeError,
-        ) as error:  # ragged, or a tensor of no use to NumPy
+        except (ValueError, TypeError, RuntimeError) as error:  # rows of unequal lengths, or a tensor on a device
             return f"the action of {agent!r} is no array: {error}; it must be numbers, of shape {shape}"
         if action.dtype.kind not in _NUMBERS:
             return f"the action of {agent!r} is no array of numbers but {action!r}; it must be one, of shape {shape}"
@@ -108,7 +107,7 @@ class JointAction:
         return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
     def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
-        """The vector of all actions as what providers and what raters do."""
+        """The qualities and the ratings in the vector of all actions."""
         roster, p = self._roster, self._roster.n_providers
         n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
         ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]

@@ -1,4 +1,4 @@
-"""What the agents of a PettingZoo game observe, read off its state in one go."""
+"""The observations of the agents of a PettingZoo game."""
 
 from collections.abc import Sequence
 
@@ -12,10 +12,12 @@ Vector = npt.NDArray[np.float32]
 
 
 class Observer:
-    """Makes the observations of single agents: all that anybody sees is written down once, and looked up for each.
+    """Makes the observations of single agents.
+
+    Everything that any agent observes is written into one vector, from which each agent's entries are picked.
 
     Args:
-        game: whose states are observed.
+        game: Game that is observed.
     """
 
     def __init__(self, game: Game) -> None:
@@ -39,7 +41,7 @@ class Observer:
         self._slices = {agent: slice(a, b) for agent, a, b in zip(seen, starts, ends, strict=True)}
 
     def observe(self, state: State, agents: Sequence[str]) -> dict[str, Vector]:
-        """The observation of each of some agents in a state of one game, new arrays."""
+        """Return the observations of some agents in a state of one game, as new arrays."""
         game, slices = self._game, self._slices
         self._clock[0] = state.round / game.scenario.max_cycles
         grids = (state.service.ravel(), state.awaiting.ravel(), state.ratings.ravel(), state.rated.ravel())

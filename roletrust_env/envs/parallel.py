@@ -1,4 +1,4 @@
-"""The PettingZoo face in which all agents act at once (parallel)."""
+"""The PettingZoo environment in which all agents act at once (parallel)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,10 +10,11 @@ from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
-from roletrust_env.envs.arguments import refuse_unknown
+from roletrust_env.envs.arguments import refuse_unknown, space_of
 from roletrust_env.envs.joint_action import JointAction
 from roletrust_env.envs.observer import Observer, Vector
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
+from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
@@ -36,13 +37,13 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Action Space
 
-    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario; lists, CPU tensors and other shapes
-    of the same size will do:
+    A `Box(0, 1, ...)` of float32 for each agent, with P providers in the scenario. Lists, CPU tensors and other shapes
+    of the same size are accepted:
 
     | agent | shape | action |
     |---|---|---|
     | `sp_0 ...` | (1,) | quality of its service; it delivers its ability times that |
-    | `sr_0 ...` | (P,) | its rating of each provider; those of providers that served it not are ignored |
+    | `sr_0 ...` | (P,) | its rating of each provider; ratings of providers that did not serve it are ignored |
     | `srsp_0 ...` | (1 + P,) | quality first, then ratings; its rating of itself is ignored |
 
     ## Observation Space
@@ -51,7 +52,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     | num | observation | min | max |
     |---|---|---|---|
-    | 0 | clock: share of the game that is over | 0 | 1 |
+    | 0 | clock: share of the rounds that have been played | 0 | 1 |
     | 1 | own ToP | 0 | 1 |
     | 2 | value of the next service, as a share of the dearest | 0 | 1 |
     | 3 | quality of its last service, not rated yet | 0 | 1 |
@@ -70,7 +71,8 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
     | 2+3P ... 1+4P | its ratings that arrived in the last step, 0 where none did | 0 | 1 |
     | 2+4P ... 1+5P | 1 where one arrived | 0 | 1 |
 
-    An SR+SP agent: its ToA, then the provider's entries, then the rater's. `layout` takes an observation apart by name.
+    An SR+SP agent: its ToA, then the provider's entries, then the rater's. `layout` splits an observation into named
+    fields.
 
     ## Rewards
 
@@ -79,21 +81,21 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
 
     ## Starting State
 
-    Everyone has the scenario's `initial_trust`; nothing has been served or rated. Positions, values and presence are
-    drawn where the scenario has them, and so are abilities, biases and scales.
+    Every agent has the scenario's `initial_trust`, and there are no services and no ratings yet. Positions, values,
+    presence, abilities, biases and scales are drawn where the scenario has them.
 
     ## Episode End
 
-    Truncation for all after the scenario's `max_cycles` steps. Termination of an agent when it leaves or when admission
-    control cuts it off, both for good. Agents that join later appear in `agents` when they do. If nobody is present
-    any more the episode is over, also when others would have joined later: PettingZoo has no step without agents.
-    Identities in reserve stay away: no action of PettingZoo's calls them.
+    All agents are truncated after the scenario's `max_cycles` steps. An agent is terminated when it leaves or when
+    admission control cuts it off, both for good. Agents that join later are then added to `agents`. The episode is also
+    over when no agent is present any more, even if others would have joined later: PettingZoo has no step without
+    agents. Identities in reserve stay absent, since no action of PettingZoo brings them in.
 
     ## Information
 
-    For analysis, never in observations: `trust`; a provider's delivered `quality`; a rater's `received`, the true
-    quality of each provider's last service, shape (P,); an SR+SP agent's `rater_trust` and `provider_trust`; and the
-    `fate`, `"left"` or `"cut off"`, of an agent whose part ends.
+    The infos are for analysis and are never in observations: `trust`; a provider's delivered `quality`; a rater's
+    `received`, the true quality of each provider's last service, shape (P,); an SR+SP agent's `rater_trust` and
+    `provider_trust`; and the `fate`, `"left"` or `"cut off"`, of an agent that is terminated.
 
     ## Arguments
 
@@ -129,14 +131,14 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self.agents: list[str] = []
         self.attackers: tuple[str, ...] = ()
         sizes = {
-            "sr": (layout.rater_size, layout.n_providers),
-            "sp": (layout.provider_size, 1),
-            "srsp": (1 + layout.provider_size + layout.rater_size, 1 + layout.n_providers),
+            "SR": (layout.rater_size, layout.n_providers),
+            "SP": (layout.provider_size, 1),
+            "SR+SP": (1 + layout.provider_size + layout.rater_size, 1 + layout.n_providers),
         }
         self.observation_spaces: dict[str, Box] = {}
         self.action_spaces: dict[str, Box] = {}
         for agent in self.possible_agents:
-            seen, done = sizes[agent.partition("_")[0]]
+            seen, done = sizes[self.game.roster.role(agent)]
             self.observation_spaces[agent] = Box(0.0, 1.0, (seen,), np.float32)
             self.action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
         self._joint = JointAction(self.game.roster)
@@ -146,13 +148,27 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         self._random: Random | None = None
         self._state: State | None = None
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({game_facts(self.game)})"
+
+    def _repr_html_(self) -> str:
+        return self._spectator.html(repr(self))
+
     def observation_space(self, agent: str) -> Box:
-        """The observation space of an agent, the same object at each call."""
-        return self.observation_spaces[agent]
+        """Return the observation space of an agent, the same object at each call.
+
+        Raises:
+            ValueError: There is no such agent.
+        """
+        return space_of(agent, self.observation_spaces)
 
     def action_space(self, agent: str) -> Box:
-        """The action space of an agent, the same object at each call."""
-        return self.action_spaces[agent]
+        """Return the action space of an agent, the same object at each call.
+
+        Raises:
+            ValueError: There is no such agent.
+        """
+        return space_of(agent, self.action_spaces)
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -160,14 +176,14 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Begin a new episode.
 
         Args:
-            seed: makes the whole episode reproducible; None goes on with the generator of the last episode.
+            seed: Random seed of the episode; None continues the random numbers of the last episode.
             options: `{"attackers": names}` marks those agents in renderings. Other keys are ignored.
 
         Returns:
             The observations and infos of the agents that are present.
 
         Raises:
-            ValueError: an attacker to be marked is no agent of the scenario.
+            ValueError: A name in `attackers` is no agent of the scenario.
         """
         attackers = (options or {}).get("attackers", ())
         if isinstance(attackers, str):
@@ -194,15 +210,15 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Play one round.
 
         Args:
-            actions: an action for each agent in `agents`, and for nobody else.
+            actions: An action for each agent in `agents`, and for no other agent.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers; of
-            nobody, if the episode is over and nobody acts.
+            Observations, rewards, terminations, truncations and infos of the agents that acted and of newcomers. They
+            are empty if the episode is over and there are no actions.
 
         Raises:
-            ValueError: an action is missing, of an absent agent, of the wrong size, NaN or outside [0, 1]. Nothing has
-                changed then.
+            ValueError: An action is missing, belongs to an absent agent, has the wrong size, or holds NaN or a value
+                outside [0, 1]. Nothing has changed then.
             RuntimeError: `reset` was not called, or the episode is over.
         """
         if self._state is None or self._random is None or not self.agents:
@@ -234,18 +250,18 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         return observations, reward, terminations, truncations, infos
 
     def state(self) -> Vector:
-        """Everything at once, for centralised critics, in `state_space`; see `Game.summary` for the order."""
+        """Return the whole state as a vector in `state_space`, for centralised critics; see `Game.summary`."""
         if self._state is None:
             raise RuntimeError("call reset() before state(): there is no episode")
         summary: Vector = self.game.summary(self._state).astype(np.float32)
         return summary
 
     def render(self) -> npt.NDArray[np.uint8] | str | None:
-        """Show the game as it stands, as `render_mode` says: a picture, text, or a window (None)."""
+        """Show the state of the game by `render_mode`: a picture, text, or a window (None)."""
         return self._spectator.render()
 
     def complaint(self, agent: str, action: Any) -> str | None:
-        """What is wrong with an agent's action, and what is allowed; None if nothing is."""
+        """Return the error in an agent's action, with what is allowed; None for a valid action."""
         return self._joint.complaint(agent, action)
 
     def close(self) -> None:
@@ -286,17 +302,17 @@ def parallel_env(
     render_mode: RenderMode | None = None,
     **changes: Any,
 ) -> RoleTrustParallelEnv:
-    """The game as a PettingZoo parallel environment, all agents at once.
+    """Return the game as a PettingZoo parallel environment, in which all agents act at once.
 
     Args:
-        scenario: the name of a preset (`roletrust list`), the path of a TOML or YAML file, or a `Scenario`.
-        trust_model: the name of a trust model, or a model.
+        scenario: Name of a preset (`roletrust list`), path of a TOML or YAML file, or a `Scenario`.
+        trust_model: Name of a trust model, or a trust model.
         render_mode: `"human"`, `"rgb_array"`, `"ansi"` or None.
-        **changes: other values of the scenario's fields, such as `max_cycles=50`, `lam=0.7` or `noise=0.0`.
+        **changes: Other values of fields of the scenario, such as `max_cycles=50`, `lam=0.7` or `noise=0.0`.
 
     Raises:
-        TypeError: there is no such argument and no such field.
-        ValueError: a name is unknown, a file is broken, or a value is not allowed.
+        TypeError: An argument is unknown, and no field of a scenario.
+        ValueError: A name is unknown, a file cannot be read, or a value is not allowed.
 
     Example:
         >>> env = parallel_env("paper-3x3", max_cycles=50)

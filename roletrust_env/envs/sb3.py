@@ -1,4 +1,4 @@
-"""Stable-Baselines3 faces: an attack task, or all agents of one role, as one `VecEnv` over a batch of games."""
+"""Environments for Stable-Baselines3: an attack task, or all agents of one role, as a `VecEnv` over many games."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium.spaces import Box
 
+from roletrust_env.envs.arguments import check_number
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.envs.task_batch import TaskBatch
@@ -15,26 +16,33 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import State
+from roletrust_env.world.roster import PREFIXES, shown
 
 Role = Literal["sr", "sp", "srsp"]
 
+_ROLES = {prefix: role for role, prefix in PREFIXES.items()}
+
 
 class AttackVecEnv(Slots):
-    """An attack task for Stable-Baselines3: E games of it, played as one batch.
+    """An attack task for Stable-Baselines3: E games of the task, played as one batch.
 
-    A game that ends begins anew in the same step, as SB3 has it; `TimeLimit.truncated` is true where it ended by its
-    length, so that learners bootstrap. Infos also hold `objective` and `cost` of every round. Spaces and rewards are
-    those of the task's `AttackEnv`, but for the range of the actions.
+    Spaces and rewards are those of the task's `AttackEnv`, except for the range of the actions. A game that ends is
+    restarted in the same step, as SB3 expects it. `TimeLimit.truncated` is true where the game ended by its length, so
+    that learners bootstrap.
+
+    The infos of a game hold, in every step: `objective`, the objective of the round; `cost`, its unweighted cost;
+    `trust`, the trust of each compromised agent by name (ToR, ToP or ToA by its role); and `honest_trust`, the mean
+    trust of the honest agents that are present, NaN without any.
 
     Args:
-        task: the task, on NumPy; see `roletrust_env.make_task`.
-        num_envs: number of games, E.
-        scaled: whether actions are in [-1, 1], which learners like; else they are in [0, 1], as in `AttackEnv`.
-        seed: of all luck; `seed(...)` before `reset()` sets another.
-        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown.
+        task: Attack task on NumPy; see `roletrust_env.make_task`.
+        num_envs: Number of games, E.
+        scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1], as in `AttackEnv`.
+        seed: Random seed; `seed(...)` before `reset()` sets another.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
 
     Raises:
-        ValueError: the task does not play on NumPy, or there is no game.
+        ValueError: The task does not play on NumPy, or the number of games is no whole number of 1 or more.
 
     Example:
         >>> from roletrust_env import make_task
@@ -54,8 +62,13 @@ class AttackVecEnv(Slots):
     ) -> None:
         if not isinstance(task, AttackTask):
             raise ValueError(f"task is {task!r}; it must be an attack task, such as make_task() makes")
+        check_number("num_envs", num_envs)
         self.task = task
         self._batch = TaskBatch(task, (num_envs,))
+        roster = task.game.roster
+        self._compromised = [(name, roster.names.index(name)) for name in task.compromised]
+        attackers = {*task.identities, *task.joint_policy.attackers}
+        self._honest = [place for place, name in enumerate(roster.names) if name not in attackers]
         super().__init__(num_envs, task.game, *task_spaces(task), scaled=scaled, seed=seed, render_mode=render_mode)
         self._spectator.attackers = task.compromised
 
@@ -64,9 +77,24 @@ class AttackVecEnv(Slots):
 
     def _play(self, actions: Floats) -> Step:
         outcome = self._batch.step(actions.T, self._random)
-        each = zip(outcome.objective.tolist(), outcome.cost.tolist(), strict=True)
-        infos = [{"objective": objective, "cost": cost} for objective, cost in each]
+        trust = self.task.game.agent_trust(self._batch.games)
+        names = [name for name, _ in self._compromised]
+        own = trust[[place for _, place in self._compromised]].T.tolist()
+        rows = (outcome.objective.tolist(), outcome.cost.tolist(), own, self._honest_trust(trust).tolist())
+        infos = [
+            {"objective": objective, "cost": cost, "trust": dict(zip(names, row, strict=True)), "honest_trust": honest}
+            for objective, cost, row, honest in zip(*rows, strict=True)
+        ]
         return Step(outcome.reward, outcome.caught, outcome.over & ~outcome.caught, infos)
+
+    def _honest_trust(self, trust: Floats) -> Floats:
+        """The mean trust of the honest agents that are present, (E,); NaN without any."""
+        present = self.task.game.present(self._batch.games)
+        there = np.ones_like(trust) if present is None else present.astype(trust.dtype)
+        number = there[self._honest].sum(axis=0)
+        total = (trust[self._honest] * there[self._honest]).sum(axis=0)
+        mean: Floats = np.where(number > 0, total / np.maximum(number, 1), np.nan)
+        return mean
 
     def _observe(self) -> Floats:
         return np.array(self._batch.observe().T, np.float32, order="C")
@@ -78,22 +106,22 @@ class AttackVecEnv(Slots):
 class RoleVecEnv(Slots):
     """All agents of one role, each a slot: one policy with shared parameters learns to play the role.
 
-    It is the game of `RoleTrustParallelEnv`, E times: each agent has its own observation, action and reward, those of
-    the PettingZoo environment. Slot `i * E + e` is the i-th agent of the role in game e. The agents of the other roles
-    play honestly or by given policies. All slots of a game end together, by its length.
+    The game is that of `RoleTrustParallelEnv`, E times. Each agent has its own observation, action and reward, those
+    of the PettingZoo environment. Slot `i * E + e` is the i-th agent of the role in game e. The agents of the other
+    roles play honestly or by given policies. All slots of a game end together, by its length.
 
     Args:
-        game: on NumPy, for example `Game(make_scenario("crowd-10x10"), like=np.zeros((), np.float32))`.
-        role: `"sr"`, `"sp"` or `"srsp"`: who learns.
-        games: number of games, E.
-        others: agent's name -> policy of agents of the other roles; those not named play honestly.
-        scaled: whether actions are in [-1, 1], which learners like; else they are in [0, 1].
-        seed: of all luck; `seed(...)` before `reset()` sets another.
-        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown.
+        game: Game on NumPy, for example `Game(make_scenario("crowd-10x10"), like=np.zeros((), np.float32))`.
+        role: Role of the learning agents: `"sr"`, `"sp"` or `"srsp"`.
+        games: Number of games, E.
+        others: Policies of agents of the other roles, by name; an agent without a policy plays honestly.
+        scaled: Whether actions are in [-1, 1], which suits most learners; else they are in [0, 1].
+        seed: Random seed; `seed(...)` before `reset()` sets another.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
 
     Raises:
-        ValueError: agents come and go in the scenario, nobody has the role, somebody of the role is given a policy, or
-            the game does not play on NumPy.
+        ValueError: Agents come and go in the scenario, no agent has the role, `others` names an agent of the role, the
+            game does not play on NumPy, or the number of games is no whole number of 1 or more.
 
     Example:
         >>> from roletrust_env import Game, make_scenario
@@ -114,21 +142,24 @@ class RoleVecEnv(Slots):
         render_mode: RenderMode | None = None,
     ) -> None:
         roster, scenario = game.roster, game.scenario
-        if role not in ("sr", "sp", "srsp"):
+        check_number("games", games)
+        if role not in _ROLES:
             raise ValueError(f"role is {role!r}; it must be 'sr', 'sp' or 'srsp'")
         if game.presence.changes:
             raise ValueError(
                 f"agents come and go or can be cut off in scenario {scenario.name!r}; a slot of a VecEnv is there "
                 "in every step, so groups must not be open and there must be no admission control"
             )
-        self.agents = tuple(name for name in roster.names if name.partition("_")[0] == role)
+        self.agents = tuple(name for name in roster.names if roster.role(name) == _ROLES[role])
         if not self.agents:
-            raise ValueError(f"nobody in scenario {scenario.name!r} has the role {role!r}; there are {roster.names}")
+            raise ValueError(
+                f"no agent in scenario {scenario.name!r} has the role {role!r}; there are {shown(roster.names)}"
+            )
         for name in others or {}:
             if name in self.agents:
-                raise ValueError(f"agent {name!r} learns; others cannot say how it plays")
+                raise ValueError(f"agent {name!r} learns; remove it from others")
         self.game, self._role, self._games = game, role, games
-        self._cast = JointPolicy(game, others or {})
+        self._joint_policy = JointPolicy(game, others or {})
         self._rows = _slice(self.agents, roster.names)
         self._raters, self._providers = (
             _slice(self.agents, roster.rater_names),
@@ -146,13 +177,13 @@ class RoleVecEnv(Slots):
     def _restart(self, ended: Flags | None) -> None:
         # All games have the same length, so that they all end at once.
         self._state = self.game.start(self.game.draw(self._random, (self._games,), start=True))
-        self._memories = self._cast.begin(self._random, (self._games,))
+        self._memories = self._joint_policy.begin(self._random, (self._games,))
 
     def _play(self, actions: Floats) -> Step:
         if self._state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
         game, n, size = self.game, len(self.agents), actions.shape[1]
-        scripted, self._memories = self._cast.act(self._state, self._memories, self._random)
+        scripted, self._memories = self._joint_policy.act(self._state, self._memories, self._random)
         own = actions.T.reshape(size, n, self._games)
         quality, ratings = np.array(scripted.quality), np.array(scripted.ratings)
         if self._providers is not None:
@@ -177,5 +208,5 @@ class RoleVecEnv(Slots):
 
 
 def _slice(names: Sequence[str], axis: Sequence[str]) -> slice | None:
-    """Where neighbours stand on an axis; None if they do not."""
+    """Return the slice of an axis that neighbouring agents take; None if they are not on it."""
     return slice(axis.index(names[0]), axis.index(names[-1]) + 1) if names[0] in axis else None

@@ -1,9 +1,13 @@
-"""What a person sees of games in progress, the same through every face."""
+"""Pictures of games in progress, the same in every environment."""
 
+from base64 import b64encode
+from html import escape
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium.error import DependencyNotInstalled
 
 from roletrust_env.envs.task_batch import first_game
 from roletrust_env.game.game import Game
@@ -14,22 +18,22 @@ if TYPE_CHECKING:
 
 RenderMode = Literal["human", "rgb_array", "ansi"]
 RENDERING: dict[str, Any] = {"render_modes": list(get_args(RenderMode)), "render_fps": 4}
-"""What the metadata of every face say of it."""
+"""The part about rendering of the metadata of every environment."""
 
 
 class Spectator:
-    """Follows a game, of a batch the first: keeps the trust curves, which no state holds, and shows what is new.
+    """Follows a game, or the first game of a batch: records the trust curves and shows the state.
 
     Args:
-        game: what is played.
+        game: Game that is played.
         render_mode: `"human"`, `"rgb_array"` or `"ansi"`; None shows nothing.
 
     Attributes:
-        attackers: names of the agents to mark.
-        curves: the published trust so far, ToR (S,) and ToP (P,), oldest first.
+        attackers: Names of the agents to mark.
+        curves: Published trust so far, ToR (S,) and ToP (P,), oldest first; empty without a render mode.
 
     Raises:
-        ValueError: the render mode is unknown.
+        ValueError: The render mode is unknown.
     """
 
     def __init__(self, game: Game, render_mode: RenderMode | None) -> None:
@@ -43,8 +47,9 @@ class Spectator:
         self._renderer: Renderer | None = None  # made when first needed
 
     def follow(self, state: State) -> None:
-        """Take note of how it stands, at the start and after each round."""
+        """Take the state of the games, at the start and after each round."""
         if self._mode is None:
+            self._state = state
             return
         state = first_game(state)
         # A masked reset shows the first game anew, or once more as it stood.
@@ -54,11 +59,11 @@ class Spectator:
             self.render()
 
     def render(self) -> npt.NDArray[np.uint8] | str | None:
-        """Show the game as it stands: a picture, text, or a window (None).
+        """Show the state of the game: a picture, text, or a window (None).
 
         Raises:
-            RuntimeError: there is no render mode, or no game yet.
-            DependencyNotInstalled: of Gymnasium: matplotlib is missing.
+            RuntimeError: There is no render mode, or no game yet.
+            DependencyNotInstalled: Matplotlib is missing. The class is that of Gymnasium.
         """
         if self._mode is None or self._state is None:
             raise RuntimeError("make the environment with a render_mode, and call reset() before render()")
@@ -68,8 +73,44 @@ class Spectator:
             self._renderer = Renderer(self._game, self._mode)
         return self._renderer.render(self._state, self.curves, self.attackers)
 
+    def html(self, title: str) -> str:
+        """Return the state of the game for a notebook: a picture, or text where matplotlib is missing.
+
+        Args:
+            title: Line above the picture.
+        """
+        heading = f"<code>{escape(title)}</code>"
+        if self._state is None:
+            return heading
+        state = first_game(self._state)
+        tor, top = (np.asarray(trust) for trust in self._game.published(state))
+        before = np.full_like(tor, np.nan), np.full_like(top, np.nan)
+        # Without a render mode there is no record of the rounds before.
+        curves = self.curves or [*[before] * int(state.round), (tor, top)]
+        try:
+            return f"{heading}<br>{_image(self._game, state, curves, self.attackers)}"
+        except DependencyNotInstalled:
+            from roletrust_env.rendering.renderer import Renderer
+
+            text = Renderer(self._game, "ansi").render(state, curves, self.attackers)
+            return f"{heading}<pre>{escape(str(text))}</pre>"
+
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _image(game: Game, state: State, curves: Any, attackers: tuple[str, ...]) -> str:
+    """A picture of a state as an HTML element."""
+    from roletrust_env.rendering.renderer import Renderer
+
+    renderer = Renderer(game, "rgb_array")
+    picture = np.asarray(renderer.render(state, curves, attackers))
+    from matplotlib.image import imsave
+
+    file = BytesIO()
+    imsave(file, picture, format="png")
+    renderer.close()
+    return f'<img alt="state of the game" src="data:image/png;base64,{b64encode(file.getvalue()).decode()}">'

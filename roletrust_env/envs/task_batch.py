@@ -1,4 +1,4 @@
-"""A batch of attack tasks that is played, observed and restarted: the state behind every face of a task."""
+"""A batch of games of an attack task: the state behind every environment of a task."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,12 +15,12 @@ class TaskBatch:
     """Games of one task in progress.
 
     Args:
-        task: what is played.
-        shape: of the batch: `()` for one game, `(E,)` for E.
-        rounds: length of an episode, if less than that of a game; None is a whole game.
+        task: Attack task.
+        shape: Shape of the batch: `()` for one game, `(E,)` for E games.
+        rounds: Length of an episode, if less than that of a game; None is a whole game.
 
     Attributes:
-        rounds: length of an episode.
+        rounds: Length of an episode.
     """
 
     def __init__(self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None) -> None:
@@ -30,14 +30,14 @@ class TaskBatch:
         self.state: TaskState | None = None
 
     def restart(self, random: Random, ended: Array | None = None) -> None:
-        """Begin all games anew, or those that have ended, (E,); the others go on."""
+        """Restart all games, or only those that have ended, boolean, (E,)."""
         fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
         self.state = fresh if ended is None else _choose(ended, fresh, self.state)
 
     def step(self, action: Array, random: Random, waiting: Array | None = None) -> Outcome:
-        """Play one round of all games but those that wait, (E,); `action` has shape (A, ...).
+        """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A, ...).
 
-        What the outcome says of a game that waits means nothing.
+        The outcome has no meaning for a game that waits.
         """
         if self.state is None:
             raise RuntimeError("call reset() before step(): there is no episode")
@@ -49,7 +49,7 @@ class TaskBatch:
         return outcome
 
     def observe(self) -> Array:
-        """What the attacker sees, shape (K, ...)."""
+        """Return the observation of the attacker, shape (K, ...)."""
         if self.state is None:
             raise RuntimeError("call reset() before observe(): there is no episode")
         return self.task.observe(self.state)
@@ -63,19 +63,19 @@ class TaskBatch:
 
 
 def first_game(state: State) -> State:
-    """The state of the first game of a batch, (E,), for a person to see: on the CPU; that of a single game as it is."""
+    """Return the state of the first game of a batch, (E,), on the CPU; a single game's state is returned as it is."""
     first: State = _each(lambda leaf: to_device(leaf[..., 0], "cpu"), state) if state.round.ndim else state
     return first
 
 
 def _choose(condition: Array, yes: Any, no: Any) -> Any:
-    """Leaf by leaf of two alike trees, by game."""
+    """Choose between two trees of the same structure, by game."""
     xp = namespace(condition)
     return _each(lambda a, b: xp.where(condition, a, b), yes, no)
 
 
 def _each(change: Callable[..., Array], *trees: Any) -> Any:
-    """The tree of what is made of each leaf of alike trees; what is a fact of all games holds if it holds of each."""
+    """Apply a function to the leaves of trees of the same structure; a flag must hold in both to hold in the result."""
     tree = trees[0]
     if tree is None or isinstance(tree, bool):
         return tree and trees[-1]

@@ -1,4 +1,4 @@
-"""The four attack tasks that Gymnasium knows by their ids."""
+"""The four attack tasks that are registered with Gymnasium."""
 
 from typing import Any, ClassVar
 
@@ -6,12 +6,12 @@ from roletrust_env.envs.attack_env import AttackEnv
 
 
 class ProviderAttackEnv(AttackEnv):
-    """One compromised provider sells bad service on good trust.
+    """An attack by one compromised provider, which sells bad services while it is trusted.
 
     ## Description
 
     `RoleTrust/ProviderAttack-v0`. By default the learner is `sp_2` in `paper-3x3`, and its objective is `exploit`: to
-    be trusted while it serves badly. The on-off attack is one answer.
+    be trusted while it serves badly. The on-off attack is one solution.
 
     ## Action Space
 
@@ -24,7 +24,8 @@ class ProviderAttackEnv(AttackEnv):
 
     ## Rewards
 
-    Published ToP at which the service was sold, times 1 - its quality, less the price of stealth; in [0, 1] without.
+    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost. Without that cost it is
+    in [0, 1].
 
     ## Starting State, Episode End, Information, Arguments
 
@@ -43,12 +44,13 @@ class ProviderAttackEnv(AttackEnv):
 
 
 class RaterAttackEnv(AttackEnv):
-    """One compromised rater talks the trust of honest providers down.
+    """An attack by one compromised rater on the trust of the honest providers.
 
     ## Description
 
     `RoleTrust/RaterAttack-v0`. By default the learner is `sr_2` in `paper-3x3`, and its objective is `damage`. Without
-    a price of stealth the best it can do there is to rate everybody 0; with one, it has to stay near the others.
+    a stealth cost the best attack there is to rate every provider 0; with one, the rater's trust has to stay near that
+    of the others.
 
     ## Action Space
 
@@ -61,7 +63,7 @@ class RaterAttackEnv(AttackEnv):
 
     ## Rewards
 
-    Mean over the honest providers of 1 - ToP, less the price of stealth.
+    Mean over the honest providers of 1 - ToP, minus the stealth cost.
 
     ## Starting State, Episode End, Information, Arguments
 
@@ -76,7 +78,7 @@ class RaterAttackEnv(AttackEnv):
 
 
 class DualAttackEnv(AttackEnv):
-    """One compromised agent with both roles attacks on both channels.
+    """An attack by one compromised agent with both roles, by its services and its ratings.
 
     ## Description
 
@@ -85,16 +87,16 @@ class DualAttackEnv(AttackEnv):
 
     ## Action Space
 
-    `Box(0, 1, (1 + P,), float32)`: the quality of its next service, then its ratings; that of itself is ignored.
+    `Box(0, 1, (1 + P,), float32)`: the quality of its next service, then its ratings; its rating of itself is ignored.
 
     ## Observation Space
 
-    `Box(0, 1, (1 + 4 + 2 S + 2 + 5 P,), float32)` at `knowledge="black_box"`: that of an SR+SP agent, see
+    `Box(0, 1, (1 + 4 + 2 S + 2 + 5 P,), float32)` at `knowledge="black_box"`: the SR+SP agent's, see
     `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
 
     ## Rewards
 
-    Published ToP at which the service was sold, times 1 - its quality, less the price of stealth.
+    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost.
 
     ## Starting State, Episode End, Information, Arguments
 
@@ -109,12 +111,12 @@ class DualAttackEnv(AttackEnv):
 
 
 class CollusionAttackEnv(AttackEnv):
-    """Compromised raters and providers act as one mind.
+    """An attack by compromised raters and providers, which one learner controls together.
 
     ## Description
 
-    `RoleTrust/CollusionAttack-v0`. By default the learner has two raters and a provider, `sr_8`, `sr_9` and `sp_9`, in
-    `crowd-10x10`, and its objective is `damage`.
+    `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider, `sr_8`, `sr_9` and
+    `sp_9`, in `crowd-10x10`, and its objective is `damage`.
 
     ## Action Space
 
@@ -128,7 +130,7 @@ class CollusionAttackEnv(AttackEnv):
 
     ## Rewards
 
-    Mean over the honest providers of 1 - ToP, less the price of stealth.
+    Mean over the honest providers of 1 - ToP, minus the stealth cost.
 
     ## Starting State, Episode End, Information, Arguments
 
@@ -152,4 +154,4 @@ TASKS: dict[str, type[AttackEnv]] = {
     "RoleTrust/DualAttack-v0": DualAttackEnv,
     "RoleTrust/CollusionAttack-v0": CollusionAttackEnv,
 }
-"""The tasks that Gymnasium knows, by their ids."""
+"""The environments of the attack tasks, by the id in Gymnasium."""

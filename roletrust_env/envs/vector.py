@@ -1,4 +1,4 @@
-"""The batched faces of an attack: Gymnasium's VectorEnv over one batched game, not a loop over games."""
+"""The attack tasks as vector environments of Gymnasium: one batch of games, and no loop over games."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.envs.arguments import refuse_unknown
+from roletrust_env.envs.arguments import check_number, refuse_unknown
 from roletrust_env.envs.attack_env import check_action, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.envs.task_batch import TaskBatch
@@ -23,28 +23,29 @@ from roletrust_env.game.attack_task import make_task
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):
     """Many games of one attack task at once.
 
-    Spaces, rewards and arguments are those of the task's `AttackEnv`; everything has one more axis in front, the game.
-    Made by `gymnasium.make_vec(id, num_envs=1024)`.
+    Spaces, rewards and arguments are those of the task's `AttackEnv`; every array has one more axis in front, the game.
+    `gymnasium.make_vec(id, num_envs=1024)` makes one.
 
-    A game that ends is restarted as `autoreset_mode` says: by itself in the step after (`"NextStep"`, Gymnasium's
-    default; that step ignores the action and rewards with 0) or in the same one (`"SameStep"`; the last observation is
-    then in `infos["final_obs"]`, the last infos are in `infos["final_info"]`), or by nobody but you (`"Disabled"`; see
-    `reset_mask` in `reset`). As Gymnasium has it, each name in the infos has a mask beside it, such as
-    `infos["_final_obs"]`, that says for which games.
+    `autoreset_mode` determines when a game that has ended is restarted. With `"NextStep"`, Gymnasium's default, it is
+    restarted in the next step, which ignores the action and has the reward 0. With `"SameStep"` it is restarted in the
+    same step; the last observation is then in `infos["final_obs"]`, and the last infos are in `infos["final_info"]`.
+    With `"Disabled"` it waits for `reset` with a `reset_mask`. Each key of the infos has a mask beside it, such as
+    `infos["_final_obs"]`, which is true for the games that the key is valid for.
 
     Args:
-        task_id: one of `TASKS`.
-        num_envs: number of games, E.
-        autoreset_mode: when a game that has ended is restarted, one of Gymnasium's `AutoresetMode` or its value.
-        render_mode: `"human"`, `"rgb_array"` or `"ansi"`: how the first game is shown, the others are not.
-        max_episode_steps: length of an episode, if less than that of the game.
-        like: an array of the library, dtype and device to play with; by default NumPy's float32. With a torch tensor,
+        task_id: One of `TASKS`.
+        num_envs: Number of games, E.
+        autoreset_mode: Time at which a game that has ended is restarted: one of Gymnasium's `AutoresetMode`, or its
+            value.
+        render_mode: `"human"`, `"rgb_array"` or `"ansi"`; only the first game is shown.
+        max_episode_steps: Length of an episode, if less than that of the game.
+        like: Array of the library, dtype and device to play with; by default NumPy's float32. With a torch tensor,
             observations, rewards, flags and masks are tensors, too.
-        **arguments: of `make_task`, over the task's defaults.
+        **arguments: Arguments of `make_task`, which replace the defaults of the task.
 
     Raises:
-        TypeError: there is no such argument.
-        ValueError: a name is unknown or a value is not allowed.
+        TypeError: An argument is unknown.
+        ValueError: A name is unknown or a value is not allowed.
     """
 
     def __init__(
@@ -62,9 +63,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if mode is None:
             known = ", ".join(f"{mode} or {mode.value!r}" for mode in AutoresetMode)
             raise ValueError(f"autoreset_mode is {autoreset_mode!r}; it must be {known}")
-        _check_number("num_envs", num_envs)
+        check_number("num_envs", num_envs)
         if max_episode_steps is not None:
-            _check_number("max_episode_steps", max_episode_steps)
+            check_number("max_episode_steps", max_episode_steps)
         if task_id not in TASKS:
             raise ValueError(f"unknown task {task_id!r}{suggest(task_id, TASKS)}")
         self.task = make_task(**{**TASKS[task_id].defaults, **arguments})
@@ -82,9 +83,15 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         self._spectator.attackers = self.task.compromised
         self._spec: EnvSpec | None = None
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.task!r}, num_envs: {self.num_envs})"
+
+    def _repr_html_(self) -> str:
+        return self._spectator.html(repr(self))
+
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium made it from, ready to be written as JSON, with the length of an episode."""
+        """The specification of Gymnasium, which can be written as JSON, with the length of an episode."""
         return self._spec
 
     @spec.setter
@@ -102,13 +109,13 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """Restart all games, or some.
 
         Args:
-            seed: one number for the whole batch; None goes on with the generator.
-            options: `{"reset_mask": mask}` restarts the games of the mask only, a boolean array (E,); the others go on,
-                with the luck of the seed if there is one. Other keys are ignored.
+            seed: Random seed, one number for the whole batch; None continues with the same generator.
+            options: `{"reset_mask": mask}` restarts only the games of the mask, a boolean array (E,). The other games
+                continue, with the random numbers of the seed if there is one. Other keys are ignored.
 
         Raises:
-            ValueError: a list of seeds is given: the games share one generator; or the mask is no mask of the games.
-            RuntimeError: there is a mask, but nothing has begun yet.
+            ValueError: The seed is a list, although the games share one generator; or the mask is no mask of the games.
+            RuntimeError: There is a mask, but no game has begun yet.
         """
         if not isinstance(seed, int | np.integer | None):
             raise ValueError(f"seed is {seed!r}; the games share one generator, so give one number")
@@ -128,8 +135,9 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         """Play one round of all games; see `gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            ValueError: the actions are of the wrong shape, NaN or outside [0, 1]. Nothing has changed then.
-            RuntimeError: `reset` was not called; or nothing restarts games by itself, and some are over.
+            ValueError: The actions have the wrong shape, or hold NaN or a value outside [0, 1]. Nothing has changed
+                then.
+            RuntimeError: `reset` was not called; or some games are over, and `autoreset_mode` is `"Disabled"`.
         """
         actions = self._checked(actions)
         xp = namespace(actions)
@@ -138,7 +146,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             if self._mode is AutoresetMode.DISABLED:
                 raise RuntimeError('games are over; call reset(options={"reset_mask": mask}) for them before step()')
             self._batch.restart(self._random, begins)
-            if bool(begins.all()):  # nobody plays; no luck is drawn, as in the reset of a single environment
+            if bool(begins.all()):  # no game plays: no random number is drawn, as in the reset of a single environment
                 self._ended, never, nothing = None, begins & ~begins, self._zeros()
                 self._spectator.follow(self._batch.games)
                 return self._observe(), nothing, never, xp.asarray(never, copy=True), self._infos(nothing, nothing)
@@ -163,10 +171,10 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         return self._observe(), rewards, terminations, truncations, infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """The first game, as `render_mode` says.
+        """Show the first game by `render_mode`.
 
         Returns:
-            A frame for each game, as Gymnasium has it: a picture or a text of the first one, and blanks; None with a
+            A frame for each game, as in Gymnasium: a picture or a text of the first game, and blanks; None with a
             window.
         """
         first = self._spectator.render()
@@ -187,11 +195,11 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
             else observation.contiguous()
         )
 
-    def _infos(self, objective: Array, cost: Array, whose: Array | None = None) -> dict[str, Array]:
-        """What is told of each game, or of some, and for which ones it is."""
+    def _infos(self, objective: Array, cost: Array, games: Array | None = None) -> dict[str, Array]:
+        """The infos of all games, or of some games, (E,), with the masks of Gymnasium."""
         xp = namespace(objective)
-        told = xp.ones_like(objective, dtype=xp.bool) if whose is None else whose
-        return {"objective": objective, "_objective": told, "cost": cost, "_cost": told}
+        mask = xp.ones_like(objective, dtype=xp.bool) if games is None else games
+        return {"objective": objective, "_objective": mask, "cost": cost, "_cost": mask}
 
     def _zeros(self) -> Array:
         like = self.task.game.like
@@ -227,13 +235,8 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         return namespace(like).asarray(mask, device=like.device, copy=True)
 
 
-def _check_number(name: str, value: object) -> None:
-    if not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number, 1 or more")
-
-
 def register_tasks() -> None:
-    """Make the tasks known to Gymnasium, by names that a spec in JSON can hold; importing `roletrust_env` does."""
+    """Register the tasks with Gymnasium, by names that a specification in JSON can hold."""
     for task_id, environment in TASKS.items():
         gymnasium.register(
             task_id,

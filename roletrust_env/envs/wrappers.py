@@ -1,4 +1,4 @@
-"""Wrappers for learners and libraries that need other actions than numbers in [0, 1], or agents that never change."""
+"""Wrappers for learners and libraries that need other actions than numbers in [0, 1], or a fixed set of agents."""
 
 from collections.abc import Callable, Container, Mapping
 from typing import Any
@@ -12,15 +12,17 @@ from gymnasium.wrappers import TransformAction
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
+from roletrust_env.envs.arguments import space_of
+
 ByName = dict[str, Any]
 Answers = tuple[ByName, ByName, ByName, ByName, ByName]
 
 
 class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
-    """Actions in [-1, 1], clipped: for learners whose Gaussian is centred on 0 and leaves the space.
+    """Actions in [-1, 1], clipped, for learners with a Gaussian that is centred on 0 and leaves the space.
 
-    For a task of Gymnasium, or for `EachAgent`. Unlike behind Gymnasium's `ClipAction`, the space stays bounded, as
-    many libraries need it. NaN stays NaN, and is refused.
+    It wraps a task of Gymnasium, or the agents in `EachAgent`. The space stays bounded, which many libraries need;
+    Gymnasium's `ClipAction` makes it unbounded. NaN stays NaN, and the environment refuses it.
 
     Example:
         >>> env = Scaled(gymnasium.make("RoleTrust/RaterAttack-v0"))
@@ -35,25 +37,25 @@ class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
     def _unscale(self, action: Any) -> Any:
         try:
             numbers = np.asarray(action)
-        except (ValueError, TypeError, RuntimeError):  # rows of many lengths, or a tensor that NumPy cannot have
-            return action  # as what is no number: the environment refuses it, by name
+        except (ValueError, TypeError, RuntimeError):  # rows of unequal lengths, or a tensor on a device
+            return action  # the environment refuses it, with the name of the agent
         return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiub" else action
 
 
 class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
-    """Actions by number: each entry is one of some levels from 0 to 1, both ends included.
+    """Discrete actions: each entry has one of several levels from 0 to 1, both ends included.
 
-    For a task of Gymnasium, or for `EachAgent`. Gymnasium's `DiscretizeAction` takes the middles of its bins, so that
-    with it nobody could serve or rate as well, or as badly, as can be.
+    It wraps a task of Gymnasium, or the agents in `EachAgent`. Gymnasium's `DiscretizeAction` takes the middles of its
+    bins, so that no agent could choose exactly 0 or 1 with it.
 
     Args:
-        env: with actions in [0, 1].
-        levels: how many, 2 or more.
-        multidiscrete: whether an action is a number for each entry, and not one for all entries together, which has
-            levels ** entries values.
+        env: Environment with actions in [0, 1].
+        levels: Number of levels, 2 or more.
+        multidiscrete: Whether an action has a number for each entry. Else it is one number for all entries together,
+            with levels ** entries values.
 
     Raises:
-        ValueError: there are too few levels, or too many actions to be counted.
+        ValueError: There are fewer than 2 levels, or more than 2 ** 31 actions.
 
     Example:
         >>> Levels(gymnasium.make("RoleTrust/ProviderAttack-v0"), 5).action_space
@@ -84,12 +86,12 @@ class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
 
 
 class EachAgent(BaseParallelWrapper[str, Any, Any]):
-    """A PettingZoo environment in which the action of each agent goes through an action wrapper of Gymnasium's.
+    """A PettingZoo environment with an action wrapper of Gymnasium for each agent.
 
     Args:
-        env: the environment.
-        wrapper: one that remembers nothing, such as `Scaled`, `Levels` or `gymnasium.wrappers.ClipAction`.
-        **arguments: of the wrapper.
+        env: Parallel environment.
+        wrapper: Action wrapper without memory, such as `Scaled`, `Levels` or `gymnasium.wrappers.ClipAction`.
+        **arguments: Arguments of the wrapper.
 
     Example:
         >>> import roletrust_env
@@ -106,17 +108,23 @@ class EachAgent(BaseParallelWrapper[str, Any, Any]):
         self.action_spaces = {name: one.action_space for name, one in self._each.items()}
 
     def action_space(self, agent: str) -> gymnasium.Space[Any]:
-        """The action space of an agent, the same object at each call."""
-        return self.action_spaces[agent]
+        """Return the action space of an agent, the same object at each call.
+
+        Raises:
+            ValueError: There is no such agent.
+        """
+        return space_of(agent, self.action_spaces)
 
     def step(self, actions: Mapping[str, Any]) -> Answers:
-        """Play one round; see the environment's."""
+        """Play one round; see `RoleTrustParallelEnv.step`."""
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions are {type(actions).__name__}; they must be a dict from agent to action")
         answers: Answers = self.env.step({name: self._translated(name, action) for name, action in actions.items()})
         return answers
 
     def _translated(self, agent: str, action: Any) -> Any:
         if agent not in self._each:
-            return action  # the environment knows what to say
+            return action  # the environment refuses it
         try:
             return self._each[agent].step(action)[0]
         except ValueError as error:
@@ -124,7 +132,7 @@ class EachAgent(BaseParallelWrapper[str, Any, Any]):
 
 
 class _OneAgent(gymnasium.Env[Any, Any]):
-    """An agent as its action wrapper sees it: what reaches it comes back as the observation."""
+    """An environment of one agent for its action wrapper: the observation is the action that reached it."""
 
     def __init__(self, space: gymnasium.Space[Any]) -> None:
         self.action_space = space
@@ -134,11 +142,11 @@ class _OneAgent(gymnasium.Env[Any, Any]):
 
 
 class Everybody(BaseParallelWrapper[str, Any, Any]):
-    """Everybody is in every dictionary from the first step to the last, for libraries without comers and goers.
+    """All agents are in every dictionary from the first step to the last, for libraries with a fixed set of agents.
 
-    All `possible_agents` act and are answered in every step. Who is not there observes zeros, is rewarded with 0, and
-    what it does is ignored. The episode ends for all together, as a truncation if it has reached its length, as a
-    termination if nobody is left. The infos hold one entry, the same for all, `present`: whether the agent is there.
+    All `possible_agents` act in every step. An absent agent observes zeros and has the reward 0, and its action is
+    ignored. The episode ends for all agents together: as a truncation if it has reached its length, and as a
+    termination if no agent is left. The infos of each agent hold `present`: whether the agent is there.
 
     Example:
         >>> import roletrust_env
@@ -153,17 +161,19 @@ class Everybody(BaseParallelWrapper[str, Any, Any]):
         self.agents: list[str] = []
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[ByName, ByName]:
-        """Begin a new episode; see the environment's."""
+        """Begin a new episode; see `RoleTrustParallelEnv.reset`."""
         observations, _ = self.env.reset(seed=seed, options=options)
         self.agents = list(self.possible_agents)
-        return self._observed(observations), self._told(observations)
+        return self._observed(observations), self._presence(observations)
 
     def step(self, actions: Mapping[str, Any]) -> Answers:
-        """Play one round; see the environment's.
+        """Play one round; see `RoleTrustParallelEnv.step`.
 
         Raises:
-            ValueError: a present agent's action is missing or wrong, or it is nobody's.
+            ValueError: The action of a present agent is missing or not allowed, or there is no such agent.
         """
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions are {type(actions).__name__}; they must be a dict from agent to action")
         absent = set(self.agents).difference(self.env.agents)
         acted = {agent: action for agent, action in actions.items() if agent not in absent}
         observations, rewards, terminations, truncations, _ = self.env.step(acted)
@@ -174,7 +184,7 @@ class Everybody(BaseParallelWrapper[str, Any, Any]):
             {agent: rewards.get(agent, 0.0) for agent in self.agents},
             dict.fromkeys(self.agents, all_gone and not over),
             dict.fromkeys(self.agents, over),
-            self._told(present),
+            self._presence(present),
         )
         if all_gone:
             self.agents = []
@@ -186,12 +196,12 @@ class Everybody(BaseParallelWrapper[str, Any, Any]):
             for agent in self.agents
         }
 
-    def _told(self, present: Container[str]) -> ByName:
+    def _presence(self, present: Container[str]) -> ByName:
         return {agent: {"present": agent in present} for agent in self.agents}
 
 
 def _shape(env: gymnasium.Env[Any, Any]) -> tuple[int, ...]:
-    """The shape of the actions, which must be numbers in [0, 1]."""
+    """Return the shape of the actions, which must be numbers in [0, 1]."""
     space = env.action_space
     if not isinstance(space, Box) or np.any(space.low != 0) or np.any(space.high != 1):
         raise ValueError(f"the action space is {space}; it must be a Box of [0, 1]")

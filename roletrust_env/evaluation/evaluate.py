@@ -41,7 +41,8 @@ class Evaluation(NamedTuple):
 
     def __repr__(self) -> str:
         """Return a line for each score."""
-        lines = [f"  {name}: {one.mean:.3f} ± {one.half:.3f}" for name, one in zip(self._fields, self, strict=True)]
+        numbers = {name: f"{one.mean:.3f} ± {one.half:.3f}" for name, one in zip(self._fields, self, strict=True)}
+        lines = [f"  {name}: {text.replace('nan ± nan', 'undefined')}" for name, text in numbers.items()]
         return "\n".join(["Evaluation", *lines])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.errors import suggest
 from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
+from roletrust_env.game.brief import game_facts
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
@@ -125,6 +126,10 @@ class AttackTask:
         whom, there = needed.get(objective, ("nobody", [0]))
         if not there:
             raise ValueError(f"the objective {objective!r} needs {whom}, and there is none")
+
+    def __repr__(self) -> str:
+        aim = f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: {self.knowledge}"
+        return f"{type(self).__name__}({game_facts(self.game)}; {aim})"
 
     @property
     def action_size(self) -> int:

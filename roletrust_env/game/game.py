@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
+from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
@@ -88,6 +89,9 @@ class Game:
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is read out once.
         self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({game_facts(self)})"
 
     def random(self, seed: int | None = None) -> Random:
         """A source of luck for this game: of its array library, dtype and device.

@@ -6,19 +6,22 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.brief import game_facts, players
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import AgentView, IdentityView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
+from roletrust_env.world.group import Role
 from roletrust_env.world.presence import PRESENT
+from roletrust_env.world.roster import role_in_name, shown
 
 Memory = TypeVar("Memory")
 
-_CHANNELS: dict[str, frozenset[Channel]] = {
-    "sr": frozenset({"ratings"}),
-    "sp": frozenset({"quality"}),
-    "srsp": frozenset({"quality", "ratings"}),
+_CHANNELS: dict[Role, frozenset[Channel]] = {
+    "SR": frozenset({"ratings"}),
+    "SP": frozenset({"quality"}),
+    "SR+SP": frozenset({"quality", "ratings"}),
 }
 """What an action in PettingZoo holds, by role."""
 
@@ -45,20 +48,23 @@ class Player:
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
-        _check_channels(agent, policy)
-        self.policy = policy
-        self._role = _role(agent)
+        self._role = role_in_name(agent)
+        _check_channels(agent, self._role, policy)
+        self.policy, self.agent = policy, agent
         self._layout = layout
         self._random = Random(np.random.default_rng(seed))
         self._memory = policy.begin(self._random, ())
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.agent!r}, {self.policy!r})"
+
     def __call__(self, observation: Array) -> Array:
         """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
         policy, memory, random = self.policy, self._memory, self._random
-        if self._role == "srsp":
+        if self._role == "SR+SP":
             quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
             action = [np.reshape(quality, 1), ratings]
-        elif self._role == "sp":
+        elif self._role == "SP":
             quality, self._memory = policy.quality(self._layout.provider(observation), memory, random)
             action = [np.reshape(quality, 1)]
         else:
@@ -106,10 +112,10 @@ class JointPolicy:
             _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
         seated = roster.with_reserves(policies)
-        groups: dict[tuple[str, Policy], _Seats] = {}
+        groups: dict[tuple[Role, Policy], _Seats] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
-            seats = groups.setdefault((_role(name), policy), _Seats(policy, [], [], []))
+            seats = groups.setdefault((game.roster.role(name), policy), _Seats(policy, [], [], []))
             seats.agent.append(place)
             if name in roster.provider_names:
                 seats.provider.append(roster.provider_names.index(name))
@@ -119,6 +125,10 @@ class JointPolicy:
         self._has_reserve = any(roster.turn)
         self._before = list(roster.before)
         self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+
+    def __repr__(self) -> str:
+        seated = players(self.policies) or "all play honestly"
+        return f"{type(self).__name__}({game_facts(self.game)}; {seated})"
 
     @property
     def attackers(self) -> tuple[str, ...]:
@@ -248,25 +258,21 @@ def _check_actions(actions: Actions, game: Game, where: str) -> None:
             raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
 
 
-def _role(agent: str) -> str:
-    """The role in an agent's name: `sr`, `sp` or `srsp`."""
-    return agent.partition("_")[0]
-
-
 def _check_seat(game: Game, name: str, policy: Policy) -> None:
     names, owners = game.roster.names, game.roster.owners
     if name in names and owners[name] != name:
         raise ValueError(f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that")
     if name not in names:
-        shown = ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
-        raise ValueError(f"there is no agent {name!r}; the scenario has {shown}")
+        raise ValueError(f"there is no agent {name!r}; the scenario has {shown(names)}")
     reserve = list(owners.values()).count(name) - 1
     further = _TREATMENT if name in game.roster.provider_names else _NONE
     further |= (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
-    _check_channels(name, policy, further, reserve)
+    _check_channels(name, game.roster.role(name), policy, further, reserve)
 
 
-def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NONE, reserve: int = 0) -> None:
+def _check_channels(
+    name: str, role: Role, policy: Policy, further: frozenset[Channel] = _NONE, reserve: int = 0
+) -> None:
     """Refuse a policy that an agent with further channels and so many identities in reserve cannot play."""
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
@@ -276,9 +282,7 @@ def _check_channels(name: str, policy: Policy, further: frozenset[Channel] = _NO
         )
     if type(policy).__hash__ is None:
         raise ValueError(f"{policy_name(policy)} cannot be hashed; a policy is immutable, such as a frozen dataclass")
-    if _role(name) not in _CHANNELS:
-        raise ValueError(f"there is no agent {name!r}; agents are called {', '.join(f'{r}_0' for r in _CHANNELS)} ...")
-    channels = _CHANNELS[_role(name)] | further
+    channels = _CHANNELS[role] | further
     if policy.attacks and not policy.attacks & channels:
         raise ValueError(
             f"agent {name!r} cannot play {policy_name(policy)}: that attacks by {_words(policy.attacks)}, "

@@ -26,6 +26,9 @@ class Policy:
     attacks: ClassVar[frozenset[Channel]] = frozenset()
     reserve: int = 0
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Its memory before the first round, for agents and batch of this shape; None if it remembers nothing."""
         return None

@@ -81,6 +81,11 @@ class History(NamedTuple):
     present: Array
     offered: Array
 
+    def __repr__(self) -> str:
+        rounds, raters, providers, *batch = self.ratings.shape
+        agents = f"raters: {raters}, providers: {providers}, agents: {self.trust.shape[1]}"
+        return f"History(rounds: {rounds}, {agents}, batch: {tuple(batch)})"
+
 
 def rollout(
     players: Players, noise: Random, chance: Random, batch: tuple[int, ...] = (), *, rows: int | None = None

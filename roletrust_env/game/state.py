@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from roletrust_env.arrays import Array, cast
+from roletrust_env.game.brief import shapes
 from roletrust_env.world.heterogeneity import Nature
 from roletrust_env.world.mobility import Places
 from roletrust_env.world.presence import Population
@@ -27,6 +28,9 @@ class Actions(NamedTuple):
     presence: Array | None = None
     withheld: Array | None = None
     treatment: Array | None = None
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class Counts(NamedTuple):
@@ -72,6 +76,11 @@ class State(NamedTuple):
     nature: Nature
     full: bool
 
+    def __repr__(self) -> str:
+        s, p, *batch = self.ratings.shape
+        at = f"round: {int(self.round)}" if not batch else f"batch: {tuple(batch)}"
+        return f"State({at}, raters: {s}, providers: {p}, trust: {type(self.trust).__name__})"
+
 
 class Noise(NamedTuple):
     """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
@@ -91,6 +100,9 @@ class Noise(NamedTuple):
     ability: Array | None = None
     bias: Array | None = None
     scale: Array | None = None
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 def intended(actions: Actions, nature: Nature) -> Array:

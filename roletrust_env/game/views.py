@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.brief import shapes
 
 
 class ProviderView(NamedTuple):
@@ -31,6 +32,9 @@ class ProviderView(NamedTuple):
     quality: Array
     ratings: Array
     rated: Array
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class RaterView(NamedTuple):
@@ -54,6 +58,9 @@ class RaterView(NamedTuple):
     ratings: Array
     rated: Array
 
+    def __repr__(self) -> str:
+        return shapes(self)
+
 
 class AgentView(NamedTuple):
     """What an agent with both roles sees: its own ToA, (...), and what each of its roles sees."""
@@ -61,6 +68,9 @@ class AgentView(NamedTuple):
     trust: Array
     provider: ProviderView
     rater: RaterView
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class IdentityView(NamedTuple):
@@ -79,6 +89,9 @@ class IdentityView(NamedTuple):
     turn: Array
     present: Array
     succeeds: Array
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 View = TypeVar("View", ProviderView, RaterView)

@@ -1,6 +1,6 @@
-"""Who is who: the agents of a scenario, and their places on the rater, provider and agent axes."""
+"""The agents of a scenario: their names, their roles, and their places on the rater, provider and agent axes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -13,6 +13,30 @@ from roletrust_env.world.group import AgentGroup, Role
 from roletrust_env.world.scenario import Scenario
 
 T = TypeVar("T")
+
+PREFIXES: dict[Role, str] = {"SR": "sr", "SP": "sp", "SR+SP": "srsp"}
+"""The first part of an agent's name, by role; the second part is a number."""
+
+
+def role_in_name(agent: str) -> Role:
+    """Return the role that an agent's name shows, for callers that have no roster.
+
+    Args:
+        agent: Name of an agent, such as `sr_0`.
+
+    Raises:
+        ValueError: The name does not begin like that of an agent.
+
+    Example:
+        >>> role_in_name("srsp_3")
+        'SR+SP'
+    """
+    prefix = agent.partition("_")[0]
+    for role, known in PREFIXES.items():
+        if prefix == known:
+            return role
+    names = ", ".join(f"{known}_0" for known in PREFIXES.values())
+    raise ValueError(f"there is no agent {agent!r}; agents are called {names} ...")
 
 
 @dataclass(frozen=True)
@@ -74,7 +98,22 @@ class Roster:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The agents' names: `sr_0 ...`, `sp_0 ...`, `srsp_0 ...`."""
-        return tuple(f"{role.lower().replace('+', '')}_{i}" for role, n in self._count.items() for i in range(n))
+        return tuple(f"{PREFIXES[role]}_{i}" for role, n in self._count.items() for i in range(n))
+
+    @cached_property
+    def roles(self) -> dict[str, Role]:
+        """The role of each agent, by name."""
+        return dict(zip(self.names, (group.role for group in self.groups), strict=True))
+
+    def role(self, name: str) -> Role:
+        """Return the role of an agent.
+
+        Raises:
+            ValueError: The scenario has no agent of that name.
+        """
+        if name not in self.roles:
+            raise ValueError(f"there is no agent {name!r}; the scenario has {shown(self.names)}")
+        return self.roles[name]
 
     @cached_property
     def rater_names(self) -> tuple[str, ...]:
@@ -137,3 +176,8 @@ class Roster:
             return np.asarray([duty[group] for group in self.groups])
 
         return self.raters(plays("SR")).T, self.providers(plays("SP")).T
+
+
+def shown(names: Sequence[str]) -> str:
+    """Return names for an error message: all of them, or the first and the last five."""
+    return ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])

@@ -161,3 +161,41 @@ def test_cells_that_fail_alike_are_one_line() -> None:
         for share in (0.1, 0.3, 0.5)
     ]
     assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 cells more: NaN"]
+
+
+def test_models_that_tie_share_a_rank_and_rounding_makes_no_other() -> None:
+    names = ["mean", "median", "constant", "beta"]
+    values = [0.8, 0.8 + 1e-13, 0.8 - 1e-6, 0.5]
+    run = [kept(name, row("lies", [0.5] * 2, [value] * 2)) for name, value in zip(names, values, strict=True)]
+    found = {line.model: (line.rank, line.holds) for line in leaderboard_rows(SUITE, run, names, 1)}
+    assert found == {"mean": (1, 1.0), "median": (1, 1.0), "constant": (3, 1.0), "beta": (4, 1.0)}
+
+
+def test_a_rank_holds_with_the_probability_of_resampled_games() -> None:
+    """Of four games one is better by .5 and three are worse by .1: better in the mean if that one is drawn at all."""
+    run = []
+    for name, values in (("mean", [0.9, 0.4, 0.4, 0.4]), ("median", [0.4, 0.5, 0.5, 0.5])):
+        scores = {"utility": values, "blind": [0.1] * 4, "damage": [0.0] * 4, "false_alarms": [0] * 4, "auc": [1] * 4}
+        run.append(kept(name, AttackResult("lies", "lies", 0, {"utility": [0.5] * 4}, scores)))
+    first = leaderboard_rows(SUITE, run, ["mean", "median"], 1)[0]
+    assert (first.model, first.rank) == ("mean", 1)
+    assert first.holds == pytest.approx(1 - 0.75**4, abs=0.04)
+
+
+def test_the_worst_attack_is_that_of_the_worst_condition() -> None:
+    run = [
+        kept("mean", row("lies", [0.5] * 2, [0.6] * 2)),
+        StoredCell(
+            Cell("mean", "market", "raters", 0.3, "scripted", 0),
+            CellResult((row("silence", [0.4] * 2, [0.3] * 2),), 1.0),
+        ),
+    ]
+    (line,) = leaderboard_rows(SUITE, run, ["mean"], 2)
+    assert (line.worst_attack, line.worst_condition) == ("silence", "market, raters 30%")
+
+
+def test_where_all_providers_are_equally_good_no_model_is_said_to_ignore_ratings() -> None:
+    equal = [kept("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", rung="nobody")]
+    assert not any("ignores ratings" in line for line in caveats(SUITE, equal, attack_scores(equal), ["mean"]))
+    unequal = [kept("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", rung="nobody")]
+    assert any("ignores ratings" in line for line in caveats(SUITE, unequal, attack_scores(unequal), ["mean"]))

@@ -55,7 +55,7 @@ def test_the_end_of_a_game():
         last = i % 5 == 4
         assert (dones == last).all()
         for game, info in enumerate(infos):
-            assert set(info) == {"objective", "cost"} | (
+            assert set(info) == {"objective", "cost", "trust", "honest_trust"} | (
                 {"terminal_observation", "TimeLimit.truncated", "episode"} if last else set()
             )
             if last:
@@ -227,7 +227,7 @@ def test_others_play_as_they_are_told():
     ("options", "message"),
     [
         ({"role": "judge"}, "role is 'judge'"),
-        ({"role": "srsp"}, "nobody in scenario"),
+        ({"role": "srsp"}, "no agent in scenario"),
         ({"role": "sr", "scenario": "open-system"}, "come and go"),
         ({"role": "sr", "others": {"sr_0": Policy()}}, "'sr_0' learns"),
         ({"role": "sr", "games": 0}, "num_envs"),

@@ -2,13 +2,16 @@
 
 from roletrust_agents.learned.policy import LearnedPolicy, learned, learned_policy, play_task
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker, save_attacker
+from roletrust_agents.learned.sb3 import attacker_of, policy_of
 
 __all__ = [
     "LearnedPolicy",
     "SavedAttacker",
+    "attacker_of",
     "learned",
     "learned_policy",
     "load_attacker",
     "play_task",
+    "policy_of",
     "save_attacker",
 ]

@@ -10,6 +10,7 @@ from roletrust_env.game.attack_task import Knowledge, Objective
 from roletrust_env.game.views import AgentView, ProviderView, RaterView
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust import TrustModel, make_trust_model
+from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -139,8 +140,8 @@ def observation_fields(
     both = [("trust", 1)]
     for part, fields in zip(AgentView._fields[1:], (provider, rater), strict=True):
         both += [(f"{part}.{name}", size) for name, size in fields]
-    of_role = {"sp": provider, "sr": rater, "srsp": both}
-    found = [(f"{agent}.{name}", size) for agent in compromised for name, size in of_role[agent.partition("_")[0]]]
+    of_role: dict[Role, list[tuple[str, int]]] = {"SP": provider, "SR": rater, "SR+SP": both}
+    found = [(f"{agent}.{name}", size) for agent in compromised for name, size in of_role[roster.role(agent)]]
     if knowledge != "black_box":
         found += [("published.raters", s), ("published.providers", p)]
     if knowledge == "white_box":

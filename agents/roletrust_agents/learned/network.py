@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import prod
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -103,6 +103,23 @@ class Architecture(BaseModel):
         return own | _layers(f"head{h}.", (len(head.sees[0]), *self.hidden, 1))
 
 
+class Decider(Protocol):
+    """A function from observations to actions, with a memory where it needs one."""
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether it remembers anything from round to round."""
+        ...
+
+    def begin(self, like: Array) -> Any:
+        """Return the memory before the first observation, for `like` of the shape of the batch."""
+        ...
+
+    def __call__(self, observation: Array, memory: Any = None) -> tuple[Array, Any]:
+        """Return the actions in [0, 1], (A, ...), for observations, (K, ...), and the new memory."""
+        ...
+
+
 class Network:
     """A network, as a function from observations to actions. It holds the batch last, like everything else.
 
@@ -134,6 +151,11 @@ class Network:
         self.mean, self.variance = mean, variance
         self.weights = dict(weights)
         self._order = np.argsort([place for head in architecture.heads for place in head.outputs]).tolist()
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether there is an LSTM."""
+        return self.architecture.lstm > 0
 
     def begin(self, like: Array) -> Array | None:
         """The memory before the first observation: (2 H, ...) for `like` of shape (...); None without an LSTM."""

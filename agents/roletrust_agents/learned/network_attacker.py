@@ -1,4 +1,4 @@
-"""A network as an attacker: it decides for all compromised agents at once."""
+"""A network or a model as an attacker: it decides for all compromised agents at once."""
 
 import copy
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.network import Decider
 from roletrust_env.arrays import Array, cast
 from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
 from roletrust_env.randomness import Random
@@ -17,11 +17,11 @@ class NetworkAttacker:
     """A network that decides for all compromised agents, on NumPy.
 
     Attributes:
-        network: Network from observations to actions.
+        network: Network, or model, from observations to actions.
         knowledge: Knowledge of the attacker; None is that of the task.
     """
 
-    network: Network
+    network: Decider
     knowledge: Knowledge | None = None
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:

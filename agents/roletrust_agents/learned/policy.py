@@ -1,10 +1,10 @@
-"""Saved attackers at play: as a policy anywhere that a scripted one plays, or as one mind in their own task."""
+"""Trained attackers at play: as a policy anywhere that a scripted one plays, or as one mind in their own task."""
 
 from typing import Any, ClassVar
 
 import numpy as np
 
-from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
@@ -13,36 +13,40 @@ from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import rollout
-from roletrust_env.game.views import AgentView, ProviderView, RaterView
+from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
+from roletrust_env.world.group import Role
+from roletrust_env.world.roster import role_in_name
 
 
 class LearnedPolicy(Policy):
-    """A trained attacker of one agent, as an ordinary policy; `learned_policy` makes the one for the agent's role.
+    """A trained attacker of one agent, as an ordinary policy.
 
-    It sees what it saw in training, so it plays in games with as many raters and providers. In a longer game its clock
-    stands still at the end of the time it knows.
+    `learned_policy` makes one of a saved attacker, and `policy_of` makes one of a model of Stable-Baselines3.
+
+    It observes what it observed in training, so it plays in games with as many raters and providers. In a longer game
+    its clock stops at the end of the game length that it was trained with.
 
     Args:
-        attacker: of one agent, with the knowledge `"black_box"`.
+        decide: Network or model that was trained for one agent, with the knowledge `"black_box"`.
+        layout: Layout of the observations that it was trained with.
+        description: Words that tell this attacker from others, for its `repr`.
     """
 
-    def __init__(self, attacker: SavedAttacker) -> None:
-        self.attacker = attacker
-        self._layout = attacker.layout
+    def __init__(self, decide: Decider, layout: Layout, description: str) -> None:
+        self._decider, self._layout, self._description = decide, layout, description
 
     def __repr__(self) -> str:
-        card = self.attacker.card
-        return f"{type(self).__name__}({card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]})"
+        return f"{type(self).__name__}({self._description})"
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
-        """The memory of the LSTM, if there is one. See `Policy.begin`."""
-        return self.attacker.network.begin(random.uniform(shape)) if self.attacker.card.architecture.lstm else None
+        """Return the memory of the LSTM, if there is one. See `Policy.begin`."""
+        return self._decider.begin(random.uniform(shape)) if self._decider.has_memory else None
 
     def _decide(self, observation: Array, memory: Any) -> tuple[Array, Any]:
-        """The action, (A, ...), for an observation, (K, ...), whose clock is kept to what was known in training."""
+        """Return the action, (A, ...), for an observation, (K, ...), whose clock is clipped to the known length."""
         try:
-            return self.attacker.network(namespace(observation).clip(observation, 0.0, 1.0), memory)
+            return self._decider(namespace(observation).clip(observation, 0.0, 1.0), memory)
         except ValueError as error:
             known = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
             raise ValueError(f"{self!r} learned among {known}, and can play only there: {error}") from None
@@ -85,20 +89,26 @@ class LearnedBoth(LearnedPolicy):
 
 
 def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
-    """A saved attacker as a policy.
+    """Return the policy of a saved attacker.
 
     Raises:
-        ValueError: it has several agents, which decide as one, or it knows more than its agent sees in life. Such
-            attackers play in their own task, see `play_task`.
+        ValueError: The attacker has several agents, which decide as one, or it knows more than its agent observes.
+            Such attackers play in their own task, see `play_task`.
     """
-    task = attacker.card.task
+    card, task = attacker.card, attacker.card.task
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
             f"the attacker plays {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy is one agent "
-            "that knows what it sees in life (black_box). It plays in its own task: see `play_task`"
+            "that knows what it observes (black_box). It plays in its own task: see `play_task`"
         )
-    kinds = {"sp": LearnedProvider, "sr": LearnedRater, "srsp": LearnedBoth}
-    return kinds[task.compromised[0].partition("_")[0]](attacker)
+    description = f"{card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]}"
+    return policy_for(role_in_name(task.compromised[0]), attacker.network, attacker.layout, description)
+
+
+def policy_for(role: Role, decide: Decider, layout: Layout, description: str) -> LearnedPolicy:
+    """Return the policy for an agent of a role. Arguments as for `LearnedPolicy`."""
+    kinds: dict[Role, type[LearnedPolicy]] = {"SP": LearnedProvider, "SR": LearnedRater, "SR+SP": LearnedBoth}
+    return kinds[role](decide, layout, description)
 
 
 def learned(path: str) -> LearnedPolicy:

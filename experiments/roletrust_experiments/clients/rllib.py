@@ -9,6 +9,7 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.tune.registry import register_env
 
 import roletrust_env
+from roletrust_env.world.roster import PREFIXES, role_in_name
 from roletrust_experiments.clients.games import OPEN, TASK
 
 
@@ -46,7 +47,7 @@ def _train_roles(make: Callable[[], Any]) -> None:
 
 
 def _role(agent: str, *_: object, **__: object) -> str:
-    return agent.partition("_")[0]
+    return PREFIXES[role_in_name(agent)]
 
 
 def _train(config: Any, workers: int = 0) -> None:

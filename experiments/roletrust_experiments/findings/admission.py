@@ -93,8 +93,8 @@ def sentence(differences: dict[str, Estimate]) -> str:
 def _attacks(scenario: Scenario) -> dict[str, dict[str, Policy]]:
     return {
         CALM: {},
-        "providers are on-off": dict.fromkeys(last(scenario, "sp", _BAD_PROVIDERS), OnOff(period=10)),
-        "raters lie": dict.fromkeys(last(scenario, "sr", _BAD_RATERS), BadMouthing(level=0.0)),
+        "providers are on-off": dict.fromkeys(last(scenario, "SP", _BAD_PROVIDERS), OnOff(period=10)),
+        "raters lie": dict.fromkeys(last(scenario, "SR", _BAD_RATERS), BadMouthing(level=0.0)),
     }
 
 

@@ -29,7 +29,7 @@ def answer(effort: Effort) -> Finding:
         twin = play(effort, scenario)
         for lie, level in _LIES.items():
             for who, many in _MANY.items():
-                liars = dict.fromkeys(last(scenario, "sr", many(size)), BadMouthing(level=level))
+                liars = dict.fromkeys(last(scenario, "SR", many(size)), BadMouthing(level=level))
                 seen = play(effort, scenario, liars)
                 taken[lie, who, size] = lost(seen, twin, honest(scenario, liars))
     differences = {

@@ -15,6 +15,7 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Floats, Watched, watch
 from roletrust_env.game.consumer import Bought
 from roletrust_env.storage.provenance import describe_policies
+from roletrust_env.world.group import Role
 from roletrust_env.world.roster import Roster
 
 T = TypeVar("T")
@@ -87,9 +88,10 @@ def lost(seen: Watched, twin: Watched, agents: Iterable[int]) -> Floats:
     return metrics.damage(seen.trust[SETTLED:], twin.trust[SETTLED:], list(agents)).value
 
 
-def last(scenario: Scenario, role: str, many: int) -> tuple[str, ...]:
-    """Return the names of the last agents of a role, such as `sr`."""
-    return tuple(name for name in Roster.of(scenario).first_names if name.startswith(f"{role}_"))[-many:]
+def last(scenario: Scenario, role: Role, many: int) -> tuple[str, ...]:
+    """Return the names of the last agents of a role, such as `SR`."""
+    roster = Roster.of(scenario)
+    return tuple(name for name in roster.first_names if roster.role(name) == role)[-many:]
 
 
 def honest(scenario: Scenario, attackers: Mapping[str, Policy]) -> list[int]:

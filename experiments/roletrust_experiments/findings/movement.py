@@ -25,7 +25,7 @@ EVERYONE, STILL = "than everyone", "than still"
 def answer(effort: Effort) -> Finding:
     """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
     radii = sorted({*effort.some(_RADII), _NEAR, _USUAL, _EVERYONE})
-    liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "sr", _LIARS), BadMouthing())
+    liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
         for radius in effort.progress.track(radii, description=f"movement, {label}"):

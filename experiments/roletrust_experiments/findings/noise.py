@@ -34,7 +34,7 @@ def answer(effort: Effort) -> Finding:
             seen = play(effort, _crowd(quality, noise, effort))
             loss[RATERS, label, noise] = lost(seen, twin, raters)
             loss[PROVIDERS, label, noise] = lost(seen, twin, providers)
-    liar = dict.fromkeys(last(calm, "sr", 1), BadMouthing())
+    liar = dict.fromkeys(last(calm, "SR", 1), BadMouthing())
     by_liar = lost(play(effort, calm, liar), play(effort, calm), honest(calm, liar))
     good = next(iter(_QUALITIES))
     both = {noise: (loss[RATERS, good, noise] + loss[PROVIDERS, good, noise]) / 2 for noise in (_SMALL, _LARGE)}

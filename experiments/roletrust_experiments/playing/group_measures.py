@@ -11,7 +11,8 @@ from roletrust_env.game.policy import policy_name
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import Score, mean_where
-from roletrust_env.world.roster import Roster
+from roletrust_env.world.group import Role
+from roletrust_env.world.roster import PREFIXES, Roster
 
 _OF_TRUST = ("mean trust", "lowest trust", "final trust")
 MEASURES = (*_OF_TRUST, "mean reward")
@@ -56,7 +57,7 @@ def measure(
     """
     places_of: dict[tuple[str, Any], list[int]] = {}
     for i, name in enumerate(roster.names):
-        places_of.setdefault((_role(name), attackers.get(name)), []).append(i)
+        places_of.setdefault((PREFIXES[roster.role(name)], attackers.get(name)), []).append(i)
     groups: list[Group] = []
     for (role, policy), places in places_of.items():
         who = roster.names[places[0]] if len(places) == 1 else f"{len(places)} {role}"
@@ -66,7 +67,7 @@ def measure(
         trust, rewards = curves.trust[:, places], curves.rewards[:, places]
         present = estimate((~np.isnan(trust[-1])).sum(axis=0).astype(np.float64))
         measures = _measures(trust, rewards, since)
-        if not _rated(role, rates_raters):
+        if not _rated(roster.role(roster.names[places[0]]), rates_raters):
             measures |= dict.fromkeys(_OF_TRUST, Estimate(np.nan, np.nan, _UNRATED))
         groups.append(Group(label, policy is None, len(places), present, measures))
     return groups
@@ -111,7 +112,7 @@ def damage(
     return {
         label: _scored(
             metrics.damage(curves.trust, twin.trust, places)
-            if all(_rated(_role(roster.names[i]), rates_raters) for i in places)
+            if all(_rated(roster.role(roster.names[i]), rates_raters) for i in places)
             else unrated
         )
         for label, places in who.items()
@@ -137,7 +138,7 @@ def under_attack(
     """
     rounds, games = len(curves.trust), curves.trust.shape[-1]
     start, stop = attack_rounds(attackers, rounds)
-    judged = [i for i, name in enumerate(roster.names) if _rated(_role(name), rates_raters)]
+    judged = [i for i, name in enumerate(roster.names) if _rated(roster.role(name), rates_raters)]
     honest = [i for i in judged if roster.names[i] not in attackers]
     found = {}
     for role, places in _by_role(roster, range(len(roster.names))).items():
@@ -191,14 +192,10 @@ def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
     """Places of agents, by their role."""
     roles: dict[str, list[int]] = {}
     for i in places:
-        roles.setdefault(_role(roster.names[i]), []).append(i)
+        roles.setdefault(PREFIXES[roster.role(roster.names[i])], []).append(i)
     return roles
 
 
-def _rated(role: str, rates_raters: bool) -> bool:
-    """Whether the model judges agents of a role at all."""
-    return rates_raters or role != "sr"
-
-
-def _role(agent: str) -> str:
-    return agent.partition("_")[0]
+def _rated(role: Role, rates_raters: bool) -> bool:
+    """Return whether the model judges agents of a role at all."""
+    return rates_raters or role != "SR"

@@ -15,6 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.world.roster import Roster
 
 _OWN = 0.5
 """Standard deviation, at first, of what is an output's own."""
@@ -35,8 +36,8 @@ def heads_of(task: AttackTask, inputs: int) -> tuple[Head, ...]:
     fields = observation_fields(task.game.scenario, task.compromised, task.knowledge, inputs)
     kinds: dict[tuple[str, bool], dict[int, tuple[int, ...]]] = {}
     for output, (agent, provider, rates) in enumerate(_actions(task)):
-        seen = tuple(_seen(fields, _order(task, agent), provider, rates))
-        kinds.setdefault((_role(agent), rates), {})[output] = seen
+        seen = tuple(_seen(fields, task.game.roster, _order(task, agent), provider, rates))
+        kinds.setdefault((task.game.roster.role(agent), rates), {})[output] = seen
     return tuple(Head(outputs=tuple(head), sees=tuple(head.values())) for head in kinds.values())
 
 
@@ -54,10 +55,13 @@ def _order(task: AttackTask, agent: str) -> list[str]:
     """The compromised agents, beginning with one and those of its role, in turn."""
     at = task.compromised.index(agent)
     turned = task.compromised[at:] + task.compromised[:at]
-    return sorted(turned, key=lambda name: _role(name) != _role(agent))
+    roles = task.game.roster.roles
+    return sorted(turned, key=lambda name: roles[name] != roles[agent])
 
 
-def _seen(fields: tuple[InputField, ...], order: list[str], provider: int, rates: bool) -> Iterator[int]:
+def _seen(
+    fields: tuple[InputField, ...], roster: Roster, order: list[str], provider: int, rates: bool
+) -> Iterator[int]:
     """The places of what an action sees in the observation."""
     places, at = {}, 0
     for field in fields:
@@ -68,15 +72,11 @@ def _seen(fields: tuple[InputField, ...], order: list[str], provider: int, rates
             owner = name.partition(".")[0]
             if (owner if owner in order else "") != agent:
                 continue
-            by_provider = owner.startswith("sr_") or ".rater." in name
+            by_provider = roster.roles.get(owner) == "SR" or ".rater." in name
             if len(entries) == 1 or not agent or (agent == order[0] and not rates and not by_provider):
                 yield from entries
             elif by_provider:
                 yield entries[provider]
-
-
-def _role(agent: str) -> str:
-    return agent.partition("_")[0]
 
 
 class _Head(nn.Module):

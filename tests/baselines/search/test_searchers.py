@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 import pytest
 from roletrust_baselines import BadMouthing, OnOff, Whitewashing
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
+from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, searchers
 
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
@@ -16,7 +16,7 @@ from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_r
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
-from roletrust_env.evaluation.search import UnsuitableError, find
+from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.ranges import Searched
 
@@ -190,3 +190,12 @@ def test_policies_side_by_side_take_as_many_identities_as_any():
     several = SideBySide((Whitewashing(reserve=2), Policy(), Whitewashing(reserve=1)))
     assert several.reserve == 2
     assert several.attacks == {"quality", "ratings", "presence"}
+
+
+def test_of_the_finalists_the_best_in_new_games_is_returned() -> None:
+    """The first scores may be wrong; the games in which the finalists are tried again decide."""
+    arguments = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9"), "objective": "damage"}
+    trial = searchers._Trial(arguments, None, Budget(20_000), seed=0)
+    weak, strong, middle = ({name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6))
+    result = trial.best([weak, strong, middle], np.array([0.9, 0.5, 0.1]))
+    assert result.attacker.policies == strong
