@@ -69,6 +69,7 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
+	$(BIN)/python -m roletrust_experiments.site.moving_picture docs/game.gif
 	$(BIN)/roletrust models --out $(OUT)/models
 	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder

@@ -1,4 +1,4 @@
-"""How `make docs` builds the site. Nothing is fetched; `roletrust_experiments.site` writes `reference/`."""
+"""Settings of the site, which `make docs` builds. Nothing is fetched; `roletrust_experiments.site` writes `reference/`."""
 
 from pathlib import Path
 
@@ -11,6 +11,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "sphinxcontrib.bibtex",
     "sphinx_design",
     "roletrust_experiments.site.extension",
 ]
@@ -30,6 +31,9 @@ nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600
 nb_merge_streams = True
+
+bibtex_bibfiles = ["references.bib"]
+html_math_renderer = "mathml"  # of roletrust_experiments.site.formulas
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True

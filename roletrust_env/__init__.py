@@ -28,6 +28,7 @@ from roletrust_env.world import Scenario, load_scenario, make_scenario, register
 
 if TYPE_CHECKING:
     from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
+    from roletrust_env.evaluation import evaluate
 
 __version__ = version("roletrust-env")
 
@@ -58,6 +59,7 @@ __all__ = [
     "WindowedAttack",
     "attackers",
     "env",
+    "evaluate",
     "load_scenario",
     "make_attacker",
     "make_scenario",
@@ -75,11 +77,15 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Return an environment for Stable-Baselines3, which is imported only when it is needed.
+    """Return what is imported only when it is needed: `evaluate`, or an environment for Stable-Baselines3.
 
     Raises:
         DependencyNotInstalled: Stable-Baselines3 is missing. The class is that of Gymnasium.
     """
+    if name == "evaluate":
+        from roletrust_env import evaluation
+
+        return evaluation.evaluate
     if name not in ("AttackVecEnv", "RoleVecEnv"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

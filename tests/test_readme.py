@@ -17,10 +17,27 @@ def test_the_first_loop_shows_the_liar(said):
     assert trust["sr_2"] < trust["sr_0"] < 0.7
 
 
+def cells(text):
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+
+
 def test_the_leaderboard_is_that_of_the_benchmark():
-    table = (HOUSE / "docs/leaderboard.md").read_text(encoding="utf-8")
-    assert table in README.read_text(encoding="utf-8")
-    assert table.splitlines()[-1].endswith("Made by `roletrust benchmark --suite standard --out results/standard`.")
+    whole = cells((HOUSE / "docs/leaderboard.md").read_text(encoding="utf-8"))
+    text = README.read_text(encoding="utf-8").partition("<!-- leaderboard -->")[2].partition("<!-- /leaderboard -->")[0]
+    shown = cells(text)
+    columns = [whole[0].index(name) for name in shown[0]]
+    assert shown[0][:4] == ["rank", "model", "clean", "worst"]
+    assert shown == [[row[column] for column in columns] for row in whole]
+
+
+def test_it_begins_with_a_moving_picture_pip_and_a_loop():
+    text = README.read_text(encoding="utf-8")
+    places = [text.index(part) for part in (".gif)", "pip install", "```python", "make run", "make test")]
+    assert places == sorted(places)
+
+
+def test_the_moving_picture_is_small():
+    assert (HOUSE / "docs/game.gif").stat().st_size <= 1_000_000
 
 
 def test_it_is_short():

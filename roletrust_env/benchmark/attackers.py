@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.evaluation.attack_space import Kind
+from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, paper_attacks
@@ -38,7 +38,7 @@ class AttackBatch(NamedTuple):
             yield AttackBatch((name,), Scripted(side_by_side([alone])), self.rounds)
 
 
-def suited(task: AttackTask, kinds: Mapping[str, Kind], *, identities: bool) -> dict[str, Kind]:
+def suited(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
     """Of some kinds of attack, by name, those that the compromised agents of a task can play.
 
     Args:
@@ -57,7 +57,7 @@ def suited(task: AttackTask, kinds: Mapping[str, Kind], *, identities: bool) -> 
     return found
 
 
-def scripted(task: AttackTask, kinds: Mapping[str, Kind], games: int) -> Iterator[AttackBatch]:
+def scripted(task: AttackTask, kinds: Mapping[str, AttackKind], games: int) -> Iterator[AttackBatch]:
     """Every scripted attack at its defaults, some at a time.
 
     Where raters and providers are compromised and an attack is for one of these roles, the other one attacks as in the
@@ -79,7 +79,7 @@ SEARCHING = ("PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-bo
 """The rungs that search, learn or plan, by their names in a suite."""
 
 
-def searching(rung: str, kinds: Sequence[Kind] | None = None) -> SearchMethod:
+def searching(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchMethod:
     """A rung that searches, learns or plans.
 
     Args:

@@ -1,8 +1,8 @@
-"""The attacks of one kind as points to search: what a policy's class declares on its fields, whatever the class.
+"""The search space of a kind of attack, as its class declares it on its fields.
 
 A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal`, the
 places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. `Kept`, and
-every other field, keeps its default, but for what an attacker is told: `Accomplices` and `Length`.
+every other field, keeps its default. The exceptions are facts of the game: `Accomplices` and `Length`.
 """
 
 import itertools
@@ -18,56 +18,57 @@ from roletrust_env.errors import explain
 from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.ranges import Accomplices, Identities, Kept, Length, Searched, Tried, Victims
 
-Kind = Callable[..., Policy]
-"""A policy's class, or `functools.partial` of one where some of its parameters are fixed."""
+AttackKind = Callable[..., Policy]
+"""Class of a policy, or a `functools.partial` of it that fixes some parameters."""
 
-Declared = Searched | Victims | Identities | tuple[Any, ...]
-"""Where searches look for a parameter: in a range, among victims, identities, or the options of a `Literal`."""
+SearchRange = Searched | Victims | Identities | tuple[Any, ...]
+"""Range of a parameter in a search: an interval, victims, identities, or the options of a `Literal`."""
 
 HONEST = Policy()
 
 
-class Axis(NamedTuple):
-    """One coordinate.
+class Coordinate(NamedTuple):
+    """One coordinate of a search space.
 
     Attributes:
-        name: of the parameter.
-        at: its value at a place in [0, 1].
-        tried: the values that a grid tries.
+        name: Name of the parameter.
+        at: Value of the parameter at a place in [0, 1].
+        grid: Values for a grid.
     """
 
     name: str
     at: Callable[[float], Any]
-    tried: tuple[Any, ...]
+    grid: tuple[Any, ...]
 
 
 class Space:
     """The attacks of one kind, as a cube and as a grid.
 
     Args:
-        kind: of the attacks.
-        victims: places of the honest providers on the provider axis.
-        accomplices: places of the attacker's own providers there.
-        length: of the game, in rounds.
-        reserve: identities in reserve that the attacker has.
+        kind: Kind of attack.
+        victims: Indices of the honest providers on the provider axis.
+        accomplices: Indices of the attacker's own providers.
+        length: Number of rounds of the game.
+        reserve: Number of identities that the attacker has in reserve.
 
     Raises:
-        ValueError: the kind has no defaults for what is neither searched nor fixed, or its fields cannot be read.
+        ValueError: A parameter without a range and without a fixed value has no default, or the fields of the class
+            cannot be read.
 
     Attributes:
-        default: the attack with the default parameters.
-        channels: on which that attacks.
+        default: Attack with the default parameters.
+        channels: Channels of that attack.
     """
 
     def __init__(
-        self, kind: Kind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int, reserve: int = 0
+        self, kind: AttackKind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int, reserve: int = 0
     ) -> None:
         self._make: Any
         self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
-        self._fixed = {**told(self._make, accomplices, length), **given}
+        self._fixed = {**game_facts(self._make, accomplices, length), **given}
         hints = _hints(self._make)
         free = [name for name in hints if name not in self._fixed]
-        self.default = self._made()
+        self.default = self._policy()
         self.channels: frozenset[Channel] = self.default.attacks
         axes = (_axis(name, hints[name], getattr(self.default, name, None), victims, reserve) for name in free)
         self._axes = [axis for axis in axes if axis is not None]
@@ -79,16 +80,16 @@ class Space:
 
     @property
     def grid(self) -> list[Policy]:
-        """A few values of each parameter, all in combination."""
+        """All combinations of a few values of each parameter."""
         names = [axis.name for axis in self._axes]
-        rows = itertools.product(*(axis.tried for axis in self._axes))
-        return [self._made(**dict(zip(names, row, strict=True))) for row in rows]
+        rows = itertools.product(*(axis.grid for axis in self._axes))
+        return [self._policy(**dict(zip(names, row, strict=True))) for row in rows]
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
-        """The attack at a point of the cube [0, 1] ** size; further coordinates count for nothing."""
-        return self._made(**{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)})
+        """Return the attack at a point of the cube [0, 1] ** size; further coordinates are ignored."""
+        return self._policy(**{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)})
 
-    def _made(self, **parameters: Any) -> Policy:
+    def _policy(self, **parameters: Any) -> Policy:
         given = {**self._fixed, **parameters}
         try:
             policy = self._make(**given)
@@ -101,10 +102,13 @@ class Space:
 
 
 class Mixture:
-    """Attacks of some kinds: one coordinate picks the kind, if there are several, and the others are its parameters.
+    """A mixture of kinds of attack: the first coordinate picks the kind, the others are its parameters.
 
-    All kinds read the same coordinates, so that the cube grows with the largest of them and not with their number.
-    Without any kind it is honest play.
+    A single kind needs no such coordinate. All kinds read the same coordinates, so the cube grows with the largest kind
+    and not with their number. A mixture of no kinds is honest play.
+
+    Args:
+        spaces: Search spaces of the kinds.
     """
 
     def __init__(self, spaces: Sequence[Space]) -> None:
@@ -117,48 +121,48 @@ class Mixture:
 
     @property
     def default(self) -> Policy:
-        """The first kind's default."""
+        """Default of the first kind."""
         return self._spaces[0].default if self._spaces else HONEST
 
     @property
     def grid(self) -> list[Policy]:
-        """The grids of all kinds, one after the other."""
+        """Grids of all kinds, one after the other."""
         return [policy for space in self._spaces for policy in space.grid]
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
-        """The attack at a point of the cube [0, 1] ** size."""
+        """Return the attack at a point of the cube [0, 1] ** size."""
         if len(self._spaces) == 1:
             return self._spaces[0].decode(point)
         return self._spaces[_part(float(point[0]), len(self._spaces))].decode(point[1:])
 
 
-def told(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
-    """What an attack of a kind asks to be told of the game, by its parameters.
+def game_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
+    """Return the facts of the game that a kind of attack declares as parameters, by the parameter's name.
 
     Args:
-        kind: the class of the attack.
-        accomplices: places of the attacker's own providers on the provider axis; it is not told of none.
-        length: of the game, in rounds.
+        kind: Class of the attack.
+        accomplices: Indices of the attacker's own providers on the provider axis; an empty tuple is left out.
+        length: Number of rounds of the game.
     """
     known = ((Accomplices, accomplices), (Length, length))
     hints = _hints(kind).items()
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
-def searched(kind: Any) -> dict[str, Declared]:
-    """What is searched of the attacks of a kind, by parameter: see `Declared`.
+def declared_ranges(kind: Any) -> dict[str, SearchRange]:
+    """Return the search ranges that a kind of attack declares, by the parameter's name.
 
     Args:
-        kind: the class of the attack.
+        kind: Class of the attack.
     """
-    found = {name: _declared(hint) for name, hint in _hints(kind).items()}
-    return {name: range for name, range in found.items() if range is not None}
+    ranges = {name: _declared(hint) for name, hint in _hints(kind).items()}
+    return {name: range for name, range in ranges.items() if range is not None}
 
 
-def words(policy: Policy) -> str:
-    """A policy as `roletrust play --attack` takes it: its name, and all that is searched or not as usual.
+def as_spec(policy: Policy) -> str:
+    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range or another value.
 
-    Numbers are rounded, and of many places the first and the last are given.
+    Numbers are rounded, and of many indices only the first and the last are shown.
     """
     parts = []
     usual = {field.name: field.default for field in _fields(type(policy))}
@@ -178,8 +182,8 @@ def _short(value: Any) -> str:
     return str(value)
 
 
-def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int) -> Axis | None:
-    """The coordinate that a field declares, if it does."""
+def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int) -> Coordinate | None:
+    """Return the coordinate that a field declares; None without a range."""
     declared = _declared(hint)
     tried: tuple[Any, ...]
     if declared is None:
@@ -195,31 +199,31 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: i
     else:
         at, tried = _one_of(declared), declared
     chosen = _mark(hint, Tried)
-    return Axis(name, at, chosen.values if chosen else tried)
+    return Coordinate(name, at, chosen.values if chosen else tried)
 
 
-def _declared(hint: Any) -> Declared | None:
-    """Where searches look for a parameter of a type, if anywhere."""
+def _declared(hint: Any) -> SearchRange | None:
+    """Return the search range of a type; None without one."""
     if _mark(hint, Kept):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: Declared | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, Searched)
+    found: SearchRange | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, Searched)
     return found
 
 
 def _bare(hint: Any) -> Any:
-    """A type without what is annotated to it."""
+    """Return a type without its annotations."""
     return get_args(hint)[0] if get_origin(hint) is Annotated else hint
 
 
 def _fields(kind: Any) -> list[Field[Any]]:
-    """The fields of a dataclass in the order of its signature; none of what is no dataclass."""
+    """Return the fields of a dataclass in the order of its signature; other classes have none."""
     known = fields(kind) if isinstance(kind, type) and is_dataclass(kind) else ()
     return sorted((field for field in known if field.init), key=lambda field: bool(field.kw_only))
 
 
 def _hints(kind: Any) -> dict[str, Any]:
-    """The types of these fields with what is annotated there."""
+    """Return the types of the fields with their annotations."""
     names = [field.name for field in _fields(kind)]
     try:
         known = get_type_hints(kind, include_extras=True) if names else {}
@@ -229,13 +233,13 @@ def _hints(kind: Any) -> dict[str, Any]:
 
 
 def _mark(hint: Any, kind: type[Any]) -> Any:
-    """What of a kind is annotated to a type, the last if there are several; None without."""
+    """Return the last annotation of a class on a type; None without one."""
     marks = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, kind)]
     return marks[-1] if marks else None
 
 
 def _part(x: float, parts: int) -> int:
-    """In which of some equal parts of [0, 1] a place is."""
+    """Return the index of the part of [0, 1] that holds x, of some equal parts."""
     return min(int(x * parts), parts - 1)
 
 
@@ -252,5 +256,5 @@ def _one_of(options: tuple[Any, ...]) -> Callable[[float], Any]:
 
 
 def _first_of(places: tuple[int, ...]) -> Callable[[float], Any]:
-    """Some of the places, at least one; None where there are none."""
+    """Return a function from [0, 1] to the first of some indices, at least one; to None where there are none."""
     return lambda x: places[: 1 + _part(x, len(places))] or None

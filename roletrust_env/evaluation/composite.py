@@ -1,4 +1,4 @@
-"""Policies that are made of others: one for each role of an agent, and many side by side in a batch."""
+"""Composite policies: one policy for each role of an agent, and many policies side by side in a batch."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,12 @@ View = TypeVar("View", ProviderView, RaterView, IdentityView)
 
 @dataclass(frozen=True)
 class Both(ByChannel):
-    """An agent with both roles that attacks by quality as one policy does, and by ratings as another."""
+    """A policy for an SR+SP agent: it serves by one policy and rates by another.
+
+    Attributes:
+        serves: Policy for services.
+        rates: Policy for ratings.
+    """
 
     serves: Policy
     rates: Policy
@@ -25,11 +30,11 @@ class Both(ByChannel):
 
     @property
     def reserve(self) -> int:  # type: ignore[override]
-        """As many identities as either takes."""
+        """Number of identities in reserve that the policy needs: that of the part that needs more."""
         return max(self.serves.reserve, self.rates.reserve)
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """As the one has it that takes identities, the one it serves by if both do. See `Policy.presence`."""
+        """Let the part that uses identities decide, or the serving part if both do. See `Policy.presence`."""
         serves, rates = memory
         if self.serves.reserve:
             there, serves = self.serves.presence(view, serves, random)
@@ -40,25 +45,28 @@ class Both(ByChannel):
 
 @dataclass(frozen=True)
 class SideBySide(Policy):
-    """K policies side by side, in a batch of games of shape (K, G): the k-th plays in the k-th row.
+    """K policies side by side in a batch of games of shape (K, G): the k-th plays in the k-th row.
 
-    So that one batch tries many parameters of any attacker at once.
+    One batch then tries many parameters of an attack at once.
+
+    Attributes:
+        policies: Policies of the rows.
     """
 
     policies: tuple[Policy, ...]
 
     @property
     def attacks(self) -> frozenset[Channel]:  # type: ignore[override]
-        """The channels on which any of them attacks."""
+        """Channels on which any of the policies attacks."""
         return frozenset[Channel]().union(*(policy.attacks for policy in self.policies))
 
     @property
     def reserve(self) -> int:  # type: ignore[override]
-        """As many identities as any takes."""
+        """Number of identities in reserve that the policies need: the largest of them."""
         return max(policy.reserve for policy in self.policies)
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
-        """What each remembers. See `Policy.begin`."""
+        """Return the memories of the policies. See `Policy.begin`."""
         return tuple(policy.begin(random, (*shape[:-2], shape[-1])) for policy in self.policies)
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
@@ -88,24 +96,24 @@ class SideBySide(Policy):
 
 
 def side_by_side(attacks: Sequence[Mapping[str, Policy]]) -> dict[str, Policy]:
-    """K attacks as one, for a batch of games of shape (K, G)."""
+    """Return K attacks as one attack, for a batch of games of shape (K, G)."""
     return {name: SideBySide(tuple(attack[name] for attack in attacks)) for name in attacks[0]}
 
 
 def _row(view: View, k: int) -> View:
-    """What the k-th policy sees, of a batch of games of shape (K, G)."""
+    """Return the view of the k-th policy in a batch of games of shape (K, G)."""
     return type(view)(*(field[..., k, :] for field in view))
 
 
 def _stack_unusual(rows: Sequence[tuple[Array | None, Any]], usual: Array) -> tuple[Array | None, Any]:
-    """The same of what few do; who gave None does the usual. None if all do."""
+    """Stack actions on a channel that few policies use. None stands for the usual action; all None stay None."""
     if all(done is None for done, _ in rows):
         return None, tuple(memory for _, memory in rows)
     return _stack([(usual if done is None else done, memory) for done, memory in rows])
 
 
 def _stack(rows: Sequence[tuple[Array, Any]]) -> tuple[Array, Any]:
-    """What K policies did, (..., G) each, as (..., K, G), and what they remember."""
+    """Stack the actions of K policies, (..., G) each, to (..., K, G), and return their memories."""
     done = [row[0] for row in rows]
     stacked = np.stack(done, axis=-2) if isinstance(done[0], np.ndarray) else namespace(done[0]).stack(done, axis=-2)
     return stacked, tuple(row[1] for row in rows)

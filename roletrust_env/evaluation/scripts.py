@@ -1,11 +1,11 @@
-"""The scripted attacks of a task as points to search through: defaults, a grid, and a cube of all their parameters."""
+"""Scripted attacks of a task as a search space: defaults, a grid, and a cube of all parameters."""
 
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from roletrust_env.arrays import Array
-from roletrust_env.evaluation.attack_space import HONEST, Kind, Mixture, Space, words
+from roletrust_env.evaluation.attack_space import HONEST, AttackKind, Mixture, Space, as_spec
 from roletrust_env.evaluation.composite import Both
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
@@ -17,21 +17,21 @@ _SERVING: frozenset[Channel] = frozenset({"quality", "treatment"})
 _RATING: frozenset[Channel] = frozenset({"ratings", "silence"})
 
 
-def paper_attacks() -> tuple[Kind, ...]:
+def paper_attacks() -> tuple[AttackKind, ...]:
     """Return the paper's attacks: a provider attacks on and off, a rater by bad-mouthing, an SR+SP agent by both."""
     return tuple(attackers.factory(name) for name in _PAPER_ATTACKS)
 
 
 @dataclass(frozen=True)
 class Scripts:
-    """The scripted attacks that a task's compromised agents can play.
+    """The scripted attacks that the compromised agents of a task can play.
 
-    Who has no attack for its role plays honestly; one with both roles serves by one attack and rates by another.
+    An agent without an attack for its role plays honestly. An SR+SP agent serves by one attack and rates by another.
 
     Attributes:
-        agents: the compromised agents; for each whether it attacks by its services, and whether by its ratings.
-        serving: the attacks on the quality of services.
-        rating: the attacks by ratings.
+        agents: Compromised agents: the name, whether it attacks by its services, and whether by its ratings.
+        serving: Attacks by services.
+        rating: Attacks by ratings.
     """
 
     agents: tuple[tuple[str, bool, bool], ...]
@@ -39,16 +39,16 @@ class Scripts:
     rating: Mixture
 
     @classmethod
-    def of(cls, task: AttackTask, attacks: Sequence[Kind] | None = None) -> "Scripts":
-        """The scripts of a task: the honest providers are victims, the compromised ones are accomplices.
+    def of(cls, task: AttackTask, attacks: Sequence[AttackKind] | None = None) -> "Scripts":
+        """Return the scripts of a task: honest providers are the victims, compromised ones the accomplices.
 
         Args:
-            task: whose compromised agents play.
-            attacks: the kinds of attack; several for one role are a mixture. None are the usual ones that fit.
+            task: Task with the compromised agents.
+            attacks: Kinds of attack; several for one role are a mixture. None are the attacks of the paper that fit.
 
         Raises:
-            ValueError: no compromised agent can play one of the kinds, one of them has not the identities in reserve
-                that a kind needs, or a kind cannot be searched, see `Space`.
+            ValueError: No compromised agent can play a kind, a compromised agent has fewer identities in reserve than a
+                kind needs, or a kind cannot be searched, see `Space`.
         """
         roster, bad = task.game.roster, {*task.identities, *task.joint_policy.attackers}
         providers = list(enumerate(roster.provider_names))
@@ -63,13 +63,13 @@ class Scripts:
         for space in spaces if attacks is not None else ():
             if space.default.reserve > reserve:
                 raise ValueError(
-                    f"{words(space.default)} needs a reserve of {space.default.reserve}, and of "
+                    f"{as_spec(space.default)} needs a reserve of {space.default.reserve}, and of "
                     f"{', '.join(task.compromised)} one has {reserve}; a group's reserve gives it identities"
                 )
             if not space.channels & decided:
                 by, who = " and ".join(sorted(space.channels)) or "nothing", ", ".join(task.compromised)
                 raise ValueError(
-                    f"{words(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
+                    f"{as_spec(space.default)} attacks by {by}, on which no compromised agent decides: {who}"
                 )
         serving, rating = ([space for space in spaces if space.channels & by] for by, _ in roles)
         agents = tuple(
@@ -80,19 +80,19 @@ class Scripts:
 
     @property
     def size(self) -> int:
-        """Number of parameters: each agent has its own."""
+        """Number of parameters; each agent has its own."""
         return sum(self.serving.size * serves + self.rating.size * rates for _, serves, rates in self.agents)
 
     @property
     def default(self) -> dict[str, Policy]:
-        """The first attack of each role with its default parameters."""
+        """First attack of each role with its default parameters."""
         return self._all(self.serving.default, self.rating.default)
 
     @property
     def grid(self) -> list[dict[str, Policy]]:
-        """A few parameters of each attack, all in combination, the same for all agents of a role.
+        """All combinations of a few parameters of each attack, the same for all agents of a role.
 
-        Where both roles attack, one of them may also play honestly.
+        Where both roles attack, the grid also has attacks in which one of them plays honestly.
         """
         serves, rates = any(agent[1] for agent in self.agents), any(agent[2] for agent in self.agents)
         serving, rating = self.serving.grid if serves else [HONEST], self.rating.grid if rates else [HONEST]
@@ -101,7 +101,7 @@ class Scripts:
         return [self._all(*pair) for pair in itertools.product(serving, rating)]
 
     def decode(self, point: Sequence[float] | Array) -> dict[str, Policy]:
-        """The attack at a point of the cube [0, 1] ** size."""
+        """Return the attack at a point of the cube [0, 1] ** size."""
         policies, at = {}, 0
         for name, *channels in self.agents:
             roles = []
@@ -121,9 +121,9 @@ class Scripts:
 
 
 def describe(attack: Mapping[str, Policy]) -> str:
-    """An attack in a few words, agents that do the same together."""
+    """Return an attack in a few words. Agents with the same policy stand together."""
     agents: dict[str, list[str]] = {}
     for name, policy in attack.items():
         roles = (policy.serves, policy.rates) if isinstance(policy, Both) else (policy,)
-        agents.setdefault(" and ".join(map(words, roles)), []).append(name)
-    return "; ".join(f"{', '.join(names)}: {said}" for said, names in agents.items())
+        agents.setdefault(" and ".join(map(as_spec, roles)), []).append(name)
+    return "; ".join(f"{', '.join(names)}: {text}" for text, names in agents.items())

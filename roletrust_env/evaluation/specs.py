@@ -12,7 +12,7 @@ from typing import Any
 
 from roletrust_env import Policy, Scenario
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attack_space import Kind, told
+from roletrust_env.evaluation.attack_space import AttackKind, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, Thing
@@ -102,7 +102,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     policies: dict[str, Policy] = {}
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
-        facts = told(registry.factory(name), accomplices, scenario.max_cycles)
+        facts = game_facts(registry.factory(name), accomplices, scenario.max_cycles)
         _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
         policy = _made(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:
@@ -112,7 +112,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     return policies
 
 
-def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[Kind, ...]:
+def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, ...]:
     """`NAME` or `NAME:key=value,...` texts as kinds of attack whose other parameters are searched.
 
     Args:
@@ -259,7 +259,7 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     return registry.own(module, name)
 
 
-def _check_ring(kind: Kind, parameters: Mapping[str, Any], text: str) -> None:
+def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> None:
     """Refuse a ring of raters that has no provider to praise."""
     wanted = inspect.signature(kind).parameters.get("accomplices")
     if wanted and wanted.default is wanted.empty and "accomplices" not in parameters:

@@ -1,30 +1,32 @@
-"""A look over the shoulder of trust models that others wrote: before a game, and round by round."""
+"""Checks of trust models of other packages: before a game, and round by round."""
 
 from typing import Any
 
-from roletrust_env.arrays import Array, compiling, copied, namespace
+import numpy as np
+
+from roletrust_env.arrays import Array, compiling, copied, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
 
 
 def needs_watching(model: TrustModel[Any]) -> bool:
-    """Whether a model comes from elsewhere. Those of the package are tested, and a look takes time."""
+    """Return whether a model comes from another package. Those of this package are tested, and a check takes time."""
     return not type(model).__module__.startswith("roletrust_env.")
 
 
 def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
-    """Try a model on one round, in which all but the first pair meet and all ratings are low.
+    """Play one round with a model, in which all pairs but the first meet and all ratings are low.
 
-    One that comes from elsewhere is tried twice: only if it leaves what it is given as it is, and keeps nothing in
-    itself, are the games of a batch, of a planner and after a reset each a game of its own.
+    A model of another package plays the round twice. The second result must be the same, so that the games of a batch,
+    of a planner and after a reset are independent of each other.
 
     Args:
-        model: to be tried.
-        peers: shape (S, P), boolean, true where a rater and a provider are one agent.
-        like: an array of the library, dtype and device that it has to work with.
+        model: Trust model to check.
+        peers: Whether a rater and a provider are one agent, boolean, shape (S, P).
+        like: Array of the library, dtype and device that the game runs on.
 
     Raises:
-        ValueError: the model raises something; a read-out is no array of the game's library and dtype, has the wrong
-            shape or is not in [0, 1]; or the same round comes to something else the second time.
+        ValueError: The model raises an error; a trust is no array of the library and dtype of the game, has the wrong
+            shape or is not in [0, 1]; or the same round has another result the second time.
     """
     xp, where = namespace(like), f"trust model {model!r} cannot play one round"
     ratings = xp.zeros((*peers.shape, 1), dtype=like.dtype, device=like.device) + 0.25
@@ -32,9 +34,9 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
     mask[0, 0] = False
     try:
         start = start_model(model, ratings, peers)
-    except Exception as error:  # whatever a foreign model raises
-        raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
-    _, *trusts = _updated(model, start, ratings, mask, where)
+    except Exception as error:  # a model of another package may raise anything
+        raise ValueError(f"{where}: {type(error).__name__}: {error}{_on_library(like)}") from error
+    _, *trusts = _updated(model, start, ratings, mask, where, _on_library(like))
     if not needs_watching(model):
         return
     if not bool((ratings == 0.25).all()) or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
@@ -70,28 +72,45 @@ def watched_update(
 
 
 def _updated(
-    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str
+    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str, advice: str = ""
 ) -> tuple[State, Array, Array]:
-    """The state after a round, and the sound trust of raters and providers that it reads."""
+    """The state after a round, and the trust of raters and providers after a check."""
     try:
         after = model.update(state, ratings, mask)
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
-    except Exception as error:  # whatever a foreign model raises
-        raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
+    except Exception as error:  # a model of another package may raise anything
+        raise ValueError(f"{where}: {type(error).__name__}: {error}{advice}") from error
     _check("rater_trust", of_raters, (len(ratings), *ratings.shape[2:]), ratings, where)
     _check("provider_trust", of_providers, tuple(ratings.shape[1:]), ratings, where)
     return after, of_raters, of_providers
 
 
 def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where: str) -> None:
-    """Refuse a read-out that is no array as the game needs it."""
+    """Refuse a trust that is no array of the library, shape, dtype and range that the game needs."""
     if not isinstance(trust, type(ratings)):
-        raise ValueError(f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}")
+        raise ValueError(
+            f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}{_on_library(ratings)}"
+        )
     shape = tuple(trust.shape)
     if shape != needed:
         raise ValueError(f"{where}: {name} has shape {shape}; it must be {needed}")
     if trust.dtype != ratings.dtype:
-        raise ValueError(f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the ratings are")
+        raise ValueError(
+            f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the ratings are; create arrays "
+            "with dtype=ratings.dtype, or from the ratings by arithmetic"
+        )
     wrong = trust[~((trust >= 0) & (trust <= 1))]
     if len(wrong):
         raise ValueError(f"{where}: {name} holds {float(wrong[0])}; a trust must lie in [0, 1]")
+
+
+def _on_library(like: Array) -> str:
+    """Advice for a model that was written for NumPy in double precision, where the game runs on something else."""
+    if isinstance(like, np.ndarray):
+        return (
+            "" if like.dtype == np.float64 else f"; the game runs on {library_of(like)}, see the dtype of the ratings"
+        )
+    return (
+        f"; the game runs on {library_of(like)}: call the functions of roletrust_env.arrays.namespace(ratings) in "
+        "place of those of numpy"
+    )

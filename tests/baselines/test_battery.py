@@ -1,6 +1,7 @@
 """What holds for every attack that has a name; those with several identities have tests of their own."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, r
 from roletrust_env.evaluation.attack_space import Space
 from roletrust_env.game.policy import policy_name
 from roletrust_env.game.policy_registry import registry
+from roletrust_env.testing import check_attack
 from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
 
 SMALL = Scenario(
@@ -68,16 +70,11 @@ def test_it_plays_alone_as_in_a_batch_and_on_torch_as_on_numpy(name):
             assert one == pytest.approx(many[..., 0], abs=1e-12)
 
 
-@pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])
 @pytest.mark.parametrize("name", NAMES)
-def test_it_keeps_to_the_games_dtype(name, like):
-    game = Game(SMALL, "role-trust", like)
-    random, joint_policy = game.random(0), JointPolicy(game, seated(made(name)))
-    state, memories = game.start(game.draw(random, (2,), start=True)), joint_policy.begin(random, (2,))
-    for _ in range(3):
-        actions, memories = joint_policy.act(state, memories, random)
-        assert {actions.quality.dtype, actions.ratings.dtype} == {like.dtype}
-        state, _ = game.step(state, actions, game.draw(random, (2,)))
+def test_it_keeps_to_the_contract_of_attacks(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_attack(made(name))
 
 
 @pytest.mark.parametrize("name", NAMES)

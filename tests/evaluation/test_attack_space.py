@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as checked
 from roletrust_baselines import BadMouthing, OnOff
 
 from roletrust_env import Policy
-from roletrust_env.evaluation.attack_space import HONEST, Mixture, Space, words
+from roletrust_env.evaluation.attack_space import HONEST, Mixture, Space, as_spec
 from roletrust_env.ranges import Accomplices, Kept, Searched, Share, Tried, Victims
 
 
@@ -77,10 +77,10 @@ def test_a_mixture_picks_a_kind_and_its_parameters():
 
 
 def test_words_are_those_of_the_command_line():
-    assert words(BadMouthing(level=1 / 3, start=4)) == "bad-mouthing:start=4,lie=constant,level=0.33"
-    assert words(OnOff(switching="random", duty=0.25)) == "on-off:period=2,duty=0.25,bad=0,good=1,switching=random"
-    assert words(BadMouthing(targets=tuple(range(7)))) == "bad-mouthing:lie=constant,level=0.5,targets=[0,...,6]"
-    assert words(HONEST) == "honest"
+    assert as_spec(BadMouthing(level=1 / 3, start=4)) == "bad-mouthing:start=4,lie=constant,level=0.33"
+    assert as_spec(OnOff(switching="random", duty=0.25)) == "on-off:period=2,duty=0.25,bad=0,good=1,switching=random"
+    assert as_spec(BadMouthing(targets=tuple(range(7)))) == "bad-mouthing:lie=constant,level=0.5,targets=[0,...,6]"
+    assert as_spec(HONEST) == "honest"
 
 
 @checked(frozen=True)

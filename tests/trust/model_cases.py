@@ -1,78 +1,29 @@
 """What is played with every trust model that has a name: rounds of ratings, and who is who."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+from roletrust_env.game.attack_task import leaves
+from roletrust_env.testing.trust_models import Ratings as Round
+from roletrust_env.testing.trust_models import play_rounds as play
+from roletrust_env.testing.trust_models import random_rounds
+from roletrust_env.testing.trust_models import read_trust as read
+from roletrust_env.testing.trust_models import some_peers as who_is_who
 from roletrust_env.trust import Traits, TrustModel, make_trust_model, trust_models
-from roletrust_env.trust.model import registry, start_model
+from roletrust_env.trust.model import registry
+
+__all__ = ["EVERY_MODEL", "Round", "leaves", "play", "random_rounds", "read", "who_is_who"]
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
-
-
-class Round(NamedTuple):
-    """One round of ratings, (S, P, ...) each; the ratings are NaN outside the mask."""
-
-    ratings: np.ndarray
-    mask: np.ndarray
-
-    @classmethod
-    def of(cls, ratings: np.ndarray, mask: np.ndarray) -> "Round":
-        return cls(np.where(mask, ratings, ratings.dtype.type(np.nan)), mask)
-
-
-def random_rounds(shape: tuple[int, ...], count: int = 12, dtype: type = np.float64, seed: int = 0) -> list[Round]:
-    """About half of the pairs meet; now and then nobody does, everybody does, or an agent takes no part."""
-    rng = np.random.default_rng(seed)
-    rounds = []
-    for _ in range(count):
-        mask = rng.random(shape) < rng.choice([0.0, 0.5, 0.5, 0.8, 1.0])
-        mask[rng.integers(shape[0]), :, ...] &= rng.random() < 0.5
-        mask[:, rng.integers(shape[1]), ...] &= rng.random() < 0.5
-        rounds.append(Round.of(rng.random(shape).astype(np.float32).astype(dtype), mask))
-    return rounds
-
-
-def who_is_who(shape: tuple[int, ...]) -> np.ndarray:
-    """Peers, shape (S, P): the last raters are the last providers, as many as half of the fewer."""
-    s, p = shape[:2]
-    peers = np.zeros((s, p), bool)
-    for k in range(1, 1 + min(s, p) // 2):
-        peers[-k, -k] = True
-    return peers
 
 
 def named(name: str) -> TrustModel[Any]:
     """The model of that name, with a `lam` of 0.7 and an `initial` of 0.3 if it takes them."""
     return make_trust_model(name, **registry.taken(name, {"lam": 0.7, "initial": 0.3}))
-
-
-def play(
-    model: TrustModel[Any],
-    rounds: Iterable[Round],
-    like: Any,
-    peers: np.ndarray | None = None,
-    asarray: Callable[..., Any] = np.asarray,
-) -> Any:
-    """The state after some rounds, whose arrays `asarray` brings into the library of `like`."""
-    peers = who_is_who(like.shape) if peers is None else peers
-    state = start_model(model, like, asarray(peers))
-    for ratings, mask in rounds:
-        state = model.update(state, asarray(ratings), asarray(mask))
-    return state
-
-
-def read(model: TrustModel[Any], state: Any) -> tuple[Any, Any]:
-    """The trust of the raters and that of the providers."""
-    return model.rater_trust(state), model.provider_trust(state)
-
-
-def leaves(state: Any) -> list[Any]:
-    """All that a state, a tuple of arrays and perhaps of tuples, consists of."""
-    return [leaf for part in state for leaf in leaves(part)] if isinstance(state, tuple) else [state]
 
 
 def assert_close(actual: Iterable[Any], expected: Iterable[Any], tolerance: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.evaluation.attack_space import Kind
+from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import side_by_side
@@ -19,7 +19,7 @@ from roletrust_env.game.policy import Policy
 
 Points = npt.NDArray[np.float64]
 Attack = Mapping[str, Policy]
-Attacks = tuple[Kind, ...] | None
+Attacks = tuple[AttackKind, ...] | None
 """The kinds of attack that are searched, see `Scripts.of`."""
 
 GAMES = 8

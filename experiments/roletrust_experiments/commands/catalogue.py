@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
 from roletrust_env.benchmark.learners.learner import registry as learners
-from roletrust_env.evaluation.attack_space import searched, told, words
+from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, Searched, allowed
 from roletrust_env.registry import Registry, summary
@@ -74,7 +74,7 @@ def all_attackers() -> dict[str, Entry]:
 
     def entry(name: str) -> Entry:
         factory = attackers.factory(name)
-        ranges, known = searched(factory), told(factory, (0,), 1)
+        ranges, known = declared_ranges(factory), game_facts(factory, (0,), 1)
         parameters = {
             key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "told": key in known}
             for key, parameter in _parameters(factory).items()
@@ -147,7 +147,7 @@ def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
 def _as_data(value: Any) -> Any:
     """Return a default for JSON: a policy as on the command line, and other objects as their repr."""
     if isinstance(value, Policy):
-        return words(value)
+        return as_spec(value)
     if isinstance(value, list | tuple):
         return [_as_data(item) for item in value]
     plain = value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and isfinite(value))

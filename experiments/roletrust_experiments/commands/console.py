@@ -41,7 +41,7 @@ class FittedTable(Table):
 
     def __init__(self, title: str, caption: str = "", *, needed: int = 2) -> None:
         super().__init__(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-        self.caption, self.caption_justify = caption, "left"
+        self.caption, self.caption_justify, self.show_edge = caption, "left", False
         self._needed = needed
 
     def column(self, heading: str, justify: JustifyMethod = "left", style: str | None = None) -> None:

@@ -90,7 +90,9 @@ def findings(
     with replacing(out / "findings.md") as temporary:
         temporary.write_text(page(answers), encoding="utf-8")
     for name in names:
-        console.print(f"[bold]{escape(answers[name]['question'])}[/] {escape(answers[name]['sentence'])}\n")
+        console.print(
+            f"[bold]{escape(answers[name]['question'])}[/] {escape(answers[name]['sentence'])}\n", soft_wrap=True
+        )
     console.print(
         f"Written to {out}: findings.md, findings.json; in findings: {', '.join(names)}, each as .csv and .png",
         soft_wrap=True,

@@ -13,7 +13,7 @@ from roletrust_env.storage.provenance import describe_policies, described, prove
 from roletrust_env.trust import Traits, trust_models
 from roletrust_experiments.commands.console import console, option, print_next, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-from roletrust_experiments.playing.games import all_kept_bytes
+from roletrust_experiments.playing.games import all_curve_bytes
 from roletrust_experiments.plots.figure_files import write_figure
 
 SCENARIO, ROUNDS = "crowd-10x10", 120
@@ -59,7 +59,7 @@ def models(
     names = list(dict.fromkeys(model or trust_models()))
     played = {name: Game(rules, parse_trust_model(name, rules)) for name in names}
     one, *_ = played.values()
-    check_memory("--games", games, all_kept_bytes([JointPolicy(one, {})], {}))
+    check_memory("--games", games, all_curve_bytes([JointPolicy(one, {})], {}))
     prepare_folder(out)
     panels: dict[str, dict[str, Panel]] = {name: {} for name in names}
     with progress_bar() as progress:

@@ -18,7 +18,7 @@ from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, errors, option, print_json, print_next, progress_bar
 from roletrust_experiments.commands.options import NAMED, SeatedAttacks, Seed, SettingsOption
 from roletrust_experiments.commands.play_report import as_data, as_table, notes
-from roletrust_experiments.playing.games import HEADER, Played, all_kept_bytes, foresee, play_games, rows
+from roletrust_experiments.playing.games import HEADER, Played, all_curve_bytes, foresee, play_games, rows
 from roletrust_experiments.playing.names import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -163,7 +163,7 @@ def _forecast(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Pol
     if games == 1 or isinstance(
         rules.frames, int
     ):  # one game needs memory for its curves only, and a live camera allows no trial
-        each_round = games * all_kept_bytes(joint_policies, attackers) / rules.max_cycles
+        each_round = games * all_curve_bytes(joint_policies, attackers) / rules.max_cycles
         check_memory("max_cycles", rules.max_cycles, each_round)
         return ""
     each = foresee(joint_policies, attackers)

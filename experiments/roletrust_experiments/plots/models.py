@@ -129,12 +129,13 @@ def panel_figure(panel: Panel, title: str) -> Figure:
 
 
 def in_words(panel: Panel) -> str:
-    """What a panel shows, for who cannot see it."""
+    """Return the description of a panel for readers who cannot see it."""
     start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
     told = []
     for (trust, whose), values in panel.lines.items():
         before, meanwhile = values[max(start - 1, 0)], values[start:stop]
-        during = f"{meanwhile.min():.2f} to {meanwhile.max():.2f} in it"
+        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
         told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
     return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
 

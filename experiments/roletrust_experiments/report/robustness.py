@@ -171,7 +171,7 @@ def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
 
 
 def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
-    """What an attack costs the honest, and how well it is told apart."""
+    """Return the damage and the detectability of each attack."""
     header = ("condition", "attack", "model", "damage", "damage_half_95", "auc", "auc_half_95", "worst")
     rows = []
     for one in attacks:

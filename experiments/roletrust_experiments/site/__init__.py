@@ -1,1 +1,1 @@
-"""The site of the project, as far as registries and commands write it: an extension of Sphinx, see `docs/conf.py`."""
+"""The pages of the site that registries and commands write: an extension of Sphinx, see `docs/conf.py`."""

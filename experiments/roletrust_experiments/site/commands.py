@@ -1,4 +1,4 @@
-"""The command line as pages, from what it says itself under `--help`."""
+"""The command line as pages, from the help texts."""
 
 import inspect
 import re
@@ -16,7 +16,7 @@ _MARKS = {"bold": "**", "green": "`", "cyan": "`"}
 
 
 class Given(NamedTuple):
-    """An argument or an option of a command: how it is written, and what it is for, in Markdown."""
+    """An argument or an option of a command: its spelling and its description in Markdown."""
 
     name: str
     what: str
@@ -26,13 +26,13 @@ class Command(NamedTuple):
     """A command.
 
     Attributes:
-        words: how it is called, such as `("roletrust", "live", "demo")`.
-        usage: what may stand behind these words.
-        about: what it does, in Markdown, a paragraph each.
-        examples: how it is typed, with a comment before each.
-        arguments: that it takes by their place.
-        options: that it takes by their name.
-        commands: that belong to it.
+        words: Words that call it, such as `("roletrust", "live", "demo")`.
+        usage: Arguments and options that may follow these words.
+        about: Paragraphs of its description in Markdown.
+        examples: Example calls, with a comment before each.
+        arguments: Positional arguments.
+        options: Options.
+        commands: Subcommands.
     """
 
     words: tuple[str, ...]
@@ -45,12 +45,12 @@ class Command(NamedTuple):
 
 
 def roletrust() -> Command:
-    """The whole command line."""
+    """Return the whole command line."""
     return _read(typer.main.get_command(app), ("roletrust",))
 
 
 def everything(command: Command) -> Iterator[Command]:
-    """A command and all that belong to it."""
+    """Yield a command and all its subcommands."""
     yield command
     for one in command.commands:
         yield from everything(one)
@@ -75,7 +75,7 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
 
 
 def markdown(markup: str) -> str:
-    r"""A text with the markup of a terminal, as Markdown.
+    r"""Return a text with the markup of rich as Markdown.
 
     Example:
         >>> markdown("Draw [bold]every model[/] into [green]models.png[/] \\[0, 1].")
@@ -92,12 +92,12 @@ def markdown(markup: str) -> str:
 
 
 def _typed(markup: str) -> str:
-    """Examples as they are typed; a command that goes on in the next line says so."""
+    """Return examples as typed; a backslash ends a line that goes on."""
     text = Text.from_markup(markup.strip())
     return "\n".join(text.plain[span.start : span.end].replace("\n", " \\\n  ") for span in sorted(text.spans))
 
 
 def _escaped(text: str) -> str:
-    """A plain text that Markdown shows as it is, but for what stands in backticks."""
+    """Escape a plain text for Markdown, except between backticks."""
     pieces = re.split(r"(`[^`]*`)", text)
     return "".join(piece if k % 2 else re.sub(r"([\\*_<\[|$])", r"\\\1", piece) for k, piece in enumerate(pieces))

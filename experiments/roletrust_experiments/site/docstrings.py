@@ -1,4 +1,4 @@
-"""How docstrings of this project become pages: formulas stay as they are, names in backticks lead to what they name.
+"""How docstrings become pages: formulas are typeset or stay as they are, names in backticks become links.
 
 Autodoc calls these functions; their arguments are those of its events.
 """
@@ -16,38 +16,50 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.util.nodes import make_refnode
 
+from roletrust_experiments.site.formulas import formula_of, typeset
+
 MARKDOWN = "## "
-"""How headings begin in docstrings that are in Markdown, as Gymnasium has them; such a docstring is a page."""
+"""First characters of a heading in a docstring in Markdown, as in Gymnasium; such a docstring is a page of its own."""
 
 
 def readable(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Formulas stand indented after an empty line, as in Markdown; reStructuredText wants to be told so.
+    """Mark formulas, which stand indented after an empty line, and show the attributes of data as parameters.
 
-    Attributes of data are what it is made of, and so are shown as parameters.
+    The formula of a trust model or an attack is typeset. It stands where the docstring has it as plain text, else
+    after the first paragraph.
     """
     page = next((at for at, line in enumerate(lines) if line.startswith(MARKDOWN)), len(lines))
     made_of_them = is_dataclass(thing) or hasattr(thing, "_fields")
-    lines[:] = ["Args:" if made_of_them and line == "Attributes:" else line for line in _with_formulas(lines[:page])]
+    lines[:] = [
+        "Args:" if made_of_them and line == "Attributes:" else line
+        for line in _with_formulas(lines[:page], formula_of(thing))
+    ]
 
 
-def _with_formulas(lines: list[str]) -> list[str]:
-    found: list[str] = []
-    inside = False
+def _with_formulas(lines: list[str], latex: list[str]) -> list[str]:
+    result: list[str] = []
+    inside = replacing = False
     for before, line in zip(["", *lines], lines, strict=False):
         indented = line.startswith("    ")
         if line and not indented:
             inside = re.fullmatch(r"[A-Z]\w*:", line) is not None  # a section, such as Args
+            replacing = False
         elif indented and not before and not inside:
-            found += ["::", ""]
-            inside = True
-        found.append(line)
-    return found
+            replacing, inside = bool(latex), True
+            result += [*typeset(latex), ""] if replacing else ["::", ""]
+            latex = []
+        if not (replacing and indented):
+            result.append(line)
+    if latex:
+        first = result.index("") if "" in result else len(result)
+        result[first:first] = ["", *typeset(latex)]
+    return result
 
 
 def as_written(
     app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str | None, returns: str | None
 ) -> tuple[str, str] | None:
-    """Types of functions as the source has them, short; of classes names and defaults, as ranges have tables."""
+    """Return signatures that are short: types as the source has them, for classes names and defaults only."""
     if what in ("function", "method"):
         node = _definition(thing)
         if node is None:
@@ -69,7 +81,7 @@ def as_written(
 
 
 def _definition(thing: Any) -> ast.FunctionDef | None:
-    """The function in the source."""
+    """Return the function in the source."""
     try:
         source = textwrap.dedent(inspect.getsource(inspect.unwrap(thing)))
     except (OSError, TypeError):
@@ -79,14 +91,14 @@ def _definition(thing: Any) -> ast.FunctionDef | None:
 
 
 def skipped(app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
-    """Fields of a NamedTuple have nothing to say but their places."""
+    """Skip fields of a NamedTuple, which are documented as attributes."""
     return True if type(thing).__name__ == "_tuplegetter" or name.startswith("model_") else None
 
 
 def found_by_its_last_names(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, text: nodes.TextElement
 ) -> nodes.reference | None:
-    """What `Policy.quality` in a docstring of another module leads to: the only thing whose name ends so."""
+    """Return the link of a name such as `Policy.quality`: the only object whose full name ends with it."""
     if node.get("refdomain") != "py":
         return None
     found = env.domains.python_domain.find_obj(env, None, None, node["reftarget"], None, 1)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""All pictures of the pages, drawn once and kept until the source that draws them changes."""
+"""The pictures of all pages, drawn again only when the source that draws them changes."""
 
 import hashlib
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.site.films import Film, films
 from roletrust_experiments.site.pictures import Picture, attack_pictures, model_pictures
 
-_HOUSE = Path(__file__).parents[3]
+_REPOSITORY = Path(__file__).parents[3]
 _DRAWN_BY = ("roletrust_env", "agents", "baselines", "experiments")
 
 
 class Drawn(NamedTuple):
-    """What there is to look at.
+    """The pictures and films of the pages.
 
     Attributes:
-        source: a digest of all that drew it.
-        models: pictures by trust model, in the folder `models`.
-        attacks: a picture by attack, in the folder `attacks`.
-        films: by environment, in the folder `films`.
+        source: Digest of the code that drew them.
+        models: Pictures by trust model, in the folder `models`.
+        attacks: Picture by attack, in the folder `attacks`.
+        films: Film by environment, in the folder `films`.
     """
 
     source: str
@@ -33,13 +33,13 @@ class Drawn(NamedTuple):
 
 
 def draw(folder: Path, models: Mapping[str, Entry], attacks: Mapping[str, Entry], *, quick: bool) -> Drawn:
-    """Draw what is not there already.
+    """Return all pictures; draw those that are missing or out of date.
 
     Args:
-        folder: for the folders of pictures.
-        models: of the catalogue.
-        attacks: of the catalogue.
-        quick: draw fewer pictures, and shorter films.
+        folder: Parent of the folders of pictures.
+        models: Trust models of the catalogue.
+        attacks: Attacks of the catalogue.
+        quick: Whether to draw fewer pictures and shorter films.
     """
     kept, reader, source = folder / "drawn.json", TypeAdapter(Drawn), _source(*models, *attacks, str(quick))
     try:
@@ -61,8 +61,8 @@ def draw(folder: Path, models: Mapping[str, Entry], attacks: Mapping[str, Entry]
 
 
 def _source(*names: str) -> str:
-    """A digest of the code that plays and draws, and of what is drawn."""
+    """Return a digest of the code that plays and draws, and of the names of what is drawn."""
     digest = hashlib.sha256("\n".join(names).encode())
-    for path in sorted(path for part in _DRAWN_BY for path in (_HOUSE / part).rglob("*.py")):
+    for path in sorted(path for part in _DRAWN_BY for path in (_REPOSITORY / part).rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()

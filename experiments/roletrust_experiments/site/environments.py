@@ -1,4 +1,4 @@
-"""What there is to say of each environment: its docstring, and what it is made with."""
+"""The facts on the page of each environment: its docstring, its spaces and the calls that make it."""
 
 import inspect
 import re
@@ -15,13 +15,13 @@ _GAME = "RoleTrust-v0"
 
 
 class Described(NamedTuple):
-    """An environment on its page.
+    """Facts on the page of an environment.
 
     Attributes:
-        about: its docstring, in Markdown, without the first line.
-        summary: the first line.
-        class_path: of the class.
-        facts: what it is made with, as code, by what that is.
+        about: Docstring in Markdown without its first line.
+        summary: First line of the docstring.
+        class_path: Import path of the class.
+        facts: Code by its label, such as a space or the call that makes the environment.
     """
 
     about: str
@@ -31,7 +31,7 @@ class Described(NamedTuple):
 
 
 def described() -> dict[str, Described]:
-    """Every environment by its id."""
+    """Return the facts of every environment by its id."""
     game = parallel_env()
     spaces = {f"Action space of {agent}": repr(game.action_space(agent)) for agent in ("sp_0", "sr_0")}
     spaces |= {f"Observation space of {agent}": repr(game.observation_space(agent)) for agent in ("sp_0", "sr_0")}
@@ -44,7 +44,7 @@ def described() -> dict[str, Described]:
 
 
 def attack_tasks() -> Described:
-    """What all attack tasks have in common."""
+    """Return the facts that all attack tasks have in common."""
     return _described(AttackEnv, {})
 
 
@@ -67,5 +67,5 @@ def _described(environment: type[Any], facts: Mapping[str, str]) -> Described:
 
 
 def _linked(text: str) -> str:
-    """A text in Markdown in which names of the library in backticks lead to what they name."""
+    """Return Markdown in which names of the library in backticks are links."""
     return re.sub(r"(?<!`)`(?=[\w.]*[A-Z._])([A-Za-z][\w.]*)`(?!`)", r"{py:obj}`\1`", text)

@@ -1,4 +1,4 @@
-"""The extension: pages are written before Sphinx reads them, docstrings are read as this project writes them."""
+"""The extension of Sphinx: it writes the pages of the catalogue and prepares docstrings and formulas."""
 
 import os
 import sys
@@ -9,21 +9,22 @@ from myst_nb.core import render
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
-from roletrust_experiments.site import docstrings
+from roletrust_experiments.site import docstrings, formulas
 from roletrust_experiments.site.arrows import Arrows
 from roletrust_experiments.site.pages import write_pages
 from roletrust_experiments.site.streams import whole_streams
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """What Sphinx calls when it loads the extension.
+    """Register all parts of the extension; Sphinx calls this.
 
-    `site_quick` makes the same pages with pictures of shorter games, for tests.
+    The setting `site_quick` makes the same pages with pictures of shorter games, for tests.
     """
     app.add_directive("mermaid", Arrows)
+    formulas.setup(app)
     render.coalesce_streams = whole_streams
     app.add_config_value("site_quick", False, "env", (bool,))
-    app.connect("config-inited", _begin, priority=700)  # before it is seen whether there are the folders it names
+    app.connect("config-inited", _begin, priority=700)  # before Sphinx checks that the static folders exist
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
     app.connect("autodoc-process-signature", docstrings.as_written)
     app.connect("autodoc-skip-member", docstrings.skipped)
@@ -32,7 +33,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def _begin(app: Sphinx, config: Config) -> None:
-    # Tutorials call `roletrust` of the environment that builds the site, whether it is activated or not.
+    # Tutorials call `roletrust` of the environment that builds the site, also if it is not activated.
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # tables have room, and no colours of a terminal
+    os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
     write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)

@@ -17,8 +17,8 @@ class Film(NamedTuple):
     """A film on a page.
 
     Attributes:
-        name: of its two files in the folder of films, the film and its last picture, without `.mp4` and `.png`.
-        words: what it shows, for who cannot see it.
+        name: Name of the film and of its last picture, without `.mp4` and `.png`.
+        words: Description for readers who cannot see it.
     """
 
     name: str
@@ -26,7 +26,7 @@ class Film(NamedTuple):
 
 
 class Staged(NamedTuple):
-    """What is played in a film: a scenario, and who attacks, as behind `--attack`."""
+    """A game that is filmed: a scenario, and the attackers as after `--attack`."""
 
     scenario: str
     attacks: tuple[str, ...]
@@ -39,18 +39,18 @@ STAGED: Mapping[str, Staged] = {
     "RoleTrust/DualAttack-v0": Staged("peers", ("srsp_5=collusion:start=20",)),
     "RoleTrust/CollusionAttack-v0": Staged("crowd-10x10", ("sr_[89]=collusion:start=20", "sp_9=collusion:start=20")),
 }
-"""What is filmed of each environment, by its id: its default scenario, and a script in the place of the learner."""
+"""The filmed game of each environment by its id: its default scenario, with a script in place of the learner."""
 
 
 def films(folder: Path, *, quick: bool) -> dict[str, Film]:
     """Film a game of each environment.
 
     Args:
-        folder: for the films.
-        quick: film a few rounds only.
+        folder: Folder of the films.
+        quick: Whether to film two rounds only.
 
     Returns:
-        The films, by the environment's id.
+        Films by the id of the environment.
     """
     found = {}
     with progress_bar(errors) as progress:
@@ -60,13 +60,13 @@ def films(folder: Path, *, quick: bool) -> dict[str, Film]:
             name = file_name(identity)
             write_video(folder / f"{name}.mp4", Game(rules), policies, 0, progress)
             attack = f"{attacks_in_words(policies)} by {', '.join(policies)}, marked"
-            words = f"A game of {identity} in {rules.name}: {attack}; everybody else is honest."
+            words = f"A game of {identity} in {rules.name}: {attack}; all other agents are honest."
             found[identity] = Film(name, words)
     return found
 
 
 def file_name(identity: str) -> str:
-    """An environment's id as a file may be called.
+    """Return the file name of an environment's id.
 
     Example:
         >>> file_name("RoleTrust/RaterAttack-v0")

@@ -1,5 +1,6 @@
 """The pages that registries and commands write: Markdown from templates, in a folder that Sphinx reads."""
 
+import inspect
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -26,13 +27,14 @@ from roletrust_experiments.site.drawn import Drawn, draw
 from roletrust_experiments.site.environments import attack_tasks, described
 from roletrust_experiments.site.films import file_name
 from roletrust_experiments.site.pictures import CARD, GAMES, MODEL, how_shown
+from roletrust_experiments.site.references import cited
 
 Pages = dict[str, str]
-"""Texts by the paths of their files."""
+"""Text of each page by the path of its file."""
 
 _FAMILIES = {
     "central": "They see all ratings, as a manager does.",
-    "personal": "Every rater is a judge of its own; the mean of the judges is published.",
+    "personal": "Every rater is a judge; the mean of the judges is published.",
 }
 _CHANNELS = {
     "By services": {"quality", "treatment"},
@@ -43,18 +45,19 @@ _CHANNELS = {
 
 
 def write_pages(folder: Path, *, quick: bool) -> None:
-    """Write all pages and pictures; a page that says what it said is left alone, and one that is nobody's goes.
+    """Write all pages and pictures. A page without changes is left alone, a page of a former name is removed.
 
     Args:
-        folder: that has nothing else in it.
-        quick: draw fewer pictures, and shorter films.
+        folder: Folder of the pages, with nothing else in it; its parent has the bibliography.
+        quick: Whether to draw fewer pictures and shorter films.
     """
-    trust_models, attackers = _readable(all_models()), _readable(all_attackers())
-    drawn = draw(folder, trust_models, attackers, quick=quick)
+    trust_models, attacks = _readable(all_models()), _readable(all_attackers())
+    drawn = draw(folder, trust_models, attacks, quick=quick)
+    bibliography = folder.parent / "references.bib"
     pages = {
         **_environments(drawn),
-        **_models(trust_models, drawn),
-        **_attackers(attackers, drawn),
+        **_models(trust_models, drawn, bibliography),
+        **_attackers(attacks, drawn, bibliography),
         **_scenarios(_readable(all_scenarios())),
         **_commands(),
     }
@@ -82,21 +85,28 @@ def _environments(drawn: Drawn) -> Pages:
     return {**pages, "environments/index.md": _page("environments.md", environments=found, films=drawn.films)}
 
 
-def _models(entries: Mapping[str, Entry], drawn: Drawn) -> Pages:
+def _models(entries: Mapping[str, Entry], drawn: Drawn, bibliography: Path) -> Pages:
     families: dict[str, list[str]] = {}
     for name, entry in entries.items():
         families.setdefault(entry["family"], []).append(name)
     shared = {"entries": entries, "pictures": drawn.models, "games": GAMES, "scenario": SCENARIO, "rounds": ROUNDS}
     pages = {
-        f"models/{name}.md": _page("model.md", name=name, entry=entry, code=_code(models.factory(name)), **shared)
+        f"models/{name}.md": _page(
+            "model.md",
+            name=name,
+            entry=entry,
+            code=_code(models.factory(name)),
+            sources=cited(entry["source"] or "", bibliography),
+            **shared,
+        )
         for name, entry in entries.items()
     }
     cards = {name: next(one for one in drawn.models[name] if one.title == CARD) for name in entries}
-    index = _page("models.md", families=families, said=_FAMILIES, attack=CARD, cards=cards, **shared)
+    index = _page("models.md", families=families, about_families=_FAMILIES, attack=CARD, cards=cards, **shared)
     return {**pages, "models/index.md": index}
 
 
-def _attackers(entries: Mapping[str, Entry], drawn: Drawn) -> Pages:
+def _attackers(entries: Mapping[str, Entry], drawn: Drawn, bibliography: Path) -> Pages:
     groups: dict[str, list[str]] = {title: [] for title in (*_CHANNELS, "Learned")}
     for name, entry in entries.items():
         groups[_group(set(entry["channels"] or ()))].append(name)
@@ -108,6 +118,7 @@ def _attackers(entries: Mapping[str, Entry], drawn: Drawn) -> Pages:
             entry=entry,
             shown=how_shown(name, entry),
             code=_code(attackers.factory(name)),
+            sources=cited(inspect.getdoc(attackers.factory(name)) or "", bibliography),
             **shared,
         )
         for name, entry in entries.items()
@@ -116,7 +127,7 @@ def _attackers(entries: Mapping[str, Entry], drawn: Drawn) -> Pages:
 
 
 def _group(channels: set[str]) -> str:
-    """The first kind of attack that has all of the channels."""
+    """Return the first kind of attack that has all of the action channels."""
     if not channels:
         return "Learned"
     return next(title for title, some in _CHANNELS.items() if channels <= some or channels & some == {"presence"})
@@ -137,18 +148,18 @@ def _commands() -> Pages:
 
 
 def _readable(entries: Mapping[str, Entry]) -> dict[str, Entry]:
-    """Without those of other packages that cannot be loaded, of which `roletrust list` tells."""
+    """Leave out entries of other packages that cannot be loaded; `roletrust list` shows them."""
     return {name: entry for name, entry in entries.items() if "error" not in entry}
 
 
 def _code(factory: Callable[..., Any]) -> str:
-    """How autodoc is told of a factory."""
+    """Return the directive of autodoc for a factory."""
     kind = "autoclass" if isinstance(factory, type) else "autofunction"
     return f".. {kind}:: {factory.__module__}.{factory.__qualname__}"
 
 
 def _cell(text: object) -> str:
-    """A text in a cell of a table."""
+    """Return a text for a cell of a table."""
     return re.sub(r"\s+", " ", str(text)).replace("|", "\\|")
 
 

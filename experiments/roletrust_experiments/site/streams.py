@@ -1,4 +1,4 @@
-"""What a tutorial's cell printed, as it printed it."""
+"""The printed output of a tutorial's cell, with its line breaks."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -7,9 +7,9 @@ from nbformat import NotebookNode
 
 
 def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
-    """The outputs of a cell with each stream in one piece.
+    """Return the outputs of a cell with each stream in one piece.
 
-    Programs print in pieces that end anywhere; MyST-NB's own function of this kind breaks the line after each.
+    Programs print in pieces that end anywhere; the function of MyST-NB breaks the line after each piece.
     """
     found: list[NotebookNode] = []
     streams: dict[str, NotebookNode] = {}

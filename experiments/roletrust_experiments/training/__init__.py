@@ -1,1 +1,1 @@
-"""Training attackers: the loop, the learners, and the folders of runs."""
+"""Training of attackers: the loop, the learners, and the folders of runs."""

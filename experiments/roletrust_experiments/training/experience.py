@@ -1,4 +1,4 @@
-"""What learners learn from: games that are out of step, and actions that spread less and less."""
+"""Experience of learners: staggered games, and actions whose spread narrows."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from roletrust_env.envs.vec_env_base import Flags, Floats, Step
 
 
 class StaggeredGames(AttackVecEnv):
-    """A batch whose games are not all in the same round, or a rollout would show but a short stretch of the game.
+    """A batch whose games are in different rounds, so that a short rollout covers the whole game.
 
-    The first episode of each game is truncated at another round; learners bootstrap there. Arguments as for
+    The first episode of each game is truncated at a different round, where learners bootstrap. Arguments as for
     `AttackVecEnv`.
     """
 
@@ -31,12 +31,12 @@ class StaggeredGames(AttackVecEnv):
 
 
 class Narrowing(BaseCallback):
-    """Keeps the spread of a Gaussian policy below a limit, whose logarithm falls in a straight line.
+    """Callback that limits the spread of a Gaussian policy; the logarithm of the limit falls linearly.
 
     Args:
-        first: the logarithm of the limit of the standard deviation at the begin.
-        last: the same at the end.
-        steps: rounds of the training, of all games together.
+        first: Logarithm of the limit of the standard deviation at the beginning.
+        last: Logarithm of the limit at the end.
+        steps: Number of rounds of the training, over all games.
     """
 
     def __init__(self, first: float, last: float, steps: int) -> None:

@@ -1,7 +1,7 @@
-"""Small networks that a coalition's agents share, for PPO: one for every kind of action, asked about each provider.
+"""Small networks for PPO that the agents of a coalition share: one head for each kind of action, for each provider.
 
-What is learned of one rater and one provider then holds for all, and an action does not depend on what has nothing to
-do with it. That agents do not all do the same, each output has weights of its own in the first layer.
+Experience with one rater and one provider then applies to all, and an action depends only on related observations.
+Each output has weights of its own in the first layer, so that agents can act differently.
 """
 
 from collections.abc import Iterator
@@ -18,20 +18,21 @@ from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.world.roster import Roster
 
 _OWN = 0.5
-"""Standard deviation, at first, of what is an output's own."""
+"""Initial standard deviation of the weights of each output."""
 
 
 def heads_of(task: AttackTask, inputs: int) -> tuple[Head, ...]:
-    """A head for each kind of action: the qualities, and the ratings, of agents with the same role.
+    """Return a head for each kind of action: the qualities and the ratings of agents with the same role.
 
-    An action is about a provider, a quality about the agent itself. It sees every compromised agent, its own first and
-    then those of its role: of each the fields that are one number, and of those that a rater has for every provider
-    the entry of that one. A quality also sees every rater's rating of it. All see all of what is published to
-    `"grey_box"`, and of the state that `"white_box"` sees.
+    A rating is about a provider, and a quality is about the agent itself. The head of an action observes every
+    compromised agent: first the acting agent, then those of its role. Of each it observes the fields with one number
+    and, of the fields with an entry for each provider, the entry of the provider in question. A quality also observes
+    every rating of the agent. All heads observe all published trust at `"grey_box"`, and the whole state at
+    `"white_box"`.
 
     Args:
-        task: whose observations and actions they are.
-        inputs: size of an observation.
+        task: Task whose observations and actions the heads connect.
+        inputs: Size of an observation.
     """
     fields = observation_fields(task.game.scenario, task.compromised, task.knowledge, inputs)
     kinds: dict[tuple[str, bool], dict[int, tuple[int, ...]]] = {}
@@ -42,7 +43,7 @@ def heads_of(task: AttackTask, inputs: int) -> tuple[Head, ...]:
 
 
 def _actions(task: AttackTask) -> Iterator[tuple[str, int, bool]]:
-    """Of each entry of an action: whose it is, the place of the provider that it is about, whether it is a rating."""
+    """Yield for each entry of an action its agent, the index of its provider, and whether it is a rating."""
     roster = task.game.roster
     for agent in task.compromised:
         if agent in roster.provider_names:
@@ -52,7 +53,7 @@ def _actions(task: AttackTask) -> Iterator[tuple[str, int, bool]]:
 
 
 def _order(task: AttackTask, agent: str) -> list[str]:
-    """The compromised agents, beginning with one and those of its role, in turn."""
+    """Return the compromised agents, starting with the given one and those of its role."""
     at = task.compromised.index(agent)
     turned = task.compromised[at:] + task.compromised[:at]
     roles = task.game.roster.roles
@@ -62,7 +63,7 @@ def _order(task: AttackTask, agent: str) -> list[str]:
 def _seen(
     fields: tuple[InputField, ...], roster: Roster, order: list[str], provider: int, rates: bool
 ) -> Iterator[int]:
-    """The places of what an action sees in the observation."""
+    """Yield the indices of the observation that the head of an action observes."""
     places, at = {}, 0
     for field in fields:
         places[field.name] = range(at, at + field.size)
@@ -80,7 +81,7 @@ def _seen(
 
 
 class _Head(nn.Module):
-    """A head in torch, as `roletrust_agents.learned.network.Network` has it: (B, K) -> (B, its outputs)."""
+    """A head in torch, equal to that of `roletrust_agents.learned.network.Network`: (B, K) -> (B, outputs)."""
 
     sees: torch.Tensor
 
@@ -95,7 +96,7 @@ class _Head(nn.Module):
         self.register_buffer("sees", torch.tensor(head.sees), persistent=False)
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """The means of its actions."""
+        """Return the means of the actions."""
         x = self.layers[0](features[:, self.sees]) + self.own
         for layer in self.layers[1:]:
             x = layer(torch.tanh(x))
@@ -104,13 +105,13 @@ class _Head(nn.Module):
 
 
 def _opposites(rows: int, units: int) -> torch.Tensor:
-    """Random rows, every other one the opposite of the one before."""
+    """Return random rows, in which every second row is the negative of the row before."""
     drawn = torch.randn(rows - rows // 2, units)
     return torch.stack([drawn, -drawn], dim=1).reshape(-1, units)[:rows]
 
 
 class Heads(nn.Module):
-    """All heads of an actor: (B, K) -> (B, A)."""
+    """The heads of an actor: (B, K) -> (B, A)."""
 
     order: torch.Tensor
 
@@ -123,18 +124,18 @@ class Heads(nn.Module):
         self.register_buffer("order", order, persistent=False)
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """The means of all actions."""
+        """Return the means of all actions."""
         return torch.cat([head(features) for head in self.heads], dim=1)[:, self.order]
 
 
 class HeadsPolicy(ActorCriticPolicy):
-    """PPO's policy with heads for the actor; the critic is one network that sees everything.
+    """Policy of PPO with heads for the actor, and one network for the critic that observes everything.
 
     Args:
-        heads: of the actor.
-        head_hidden: units of their hidden layers.
-        args: of `ActorCriticPolicy`.
-        kwargs: of `ActorCriticPolicy`.
+        heads: Heads of the actor.
+        head_hidden: Number of units in each hidden layer of the heads.
+        args: Positional arguments of `ActorCriticPolicy`.
+        kwargs: Keyword arguments of `ActorCriticPolicy`.
     """
 
     def __init__(self, *args: Any, heads: tuple[Head, ...], head_hidden: tuple[int, ...], **kwargs: Any) -> None:

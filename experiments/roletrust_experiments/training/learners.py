@@ -1,4 +1,4 @@
-"""The learners of `roletrust train`, and how a trained one becomes a saved network."""
+"""The learners of `roletrust train`, and their conversion to saved networks."""
 
 import io
 from typing import Any
@@ -24,7 +24,7 @@ _NORMALISING_GAMES = 16
 
 
 class Normalised(BaseFeaturesExtractor):
-    """Observations less their mean, by their standard deviation; both are fixed before training and saved with it."""
+    """Observations normalised by a mean and a standard deviation that are fixed before training and saved with it."""
 
     mean: torch.Tensor
     variance: torch.Tensor
@@ -35,13 +35,13 @@ class Normalised(BaseFeaturesExtractor):
         self.register_buffer("variance", torch.as_tensor(variance))
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """As `roletrust_agents.learned.network.Network` does it."""
+        """Normalise as `roletrust_agents.learned.network.Network` does."""
         scaled: torch.Tensor = (observations - self.mean) / torch.sqrt(self.variance)
         return scaled.clamp(-10.0, 10.0)
 
 
 def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
-    """A learner that has not learned anything yet."""
+    """Return an untrained learner."""
     mean, variance = _statistics(env.task, seed)
     shape: dict[str, Any] = {
         "net_arch": list(settings.hidden),
@@ -78,12 +78,12 @@ def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> 
 
 
 def normalising_rounds(task: AttackTask) -> int:
-    """Rounds, of all games together, that are played before training to normalise the observations by."""
+    """Return the number of rounds, over all games, that determine the normalisation before training."""
     return _NORMALISING_GAMES * min(task.game.scenario.max_cycles, 500)
 
 
 def _statistics(task: AttackTask, seed: int) -> tuple[Floats, Floats]:
-    """Mean and variance of each entry of the observations of games played at random."""
+    """Return the mean and the variance of each entry of the observations in games with random actions."""
     env, rng = AttackVecEnv(task, _NORMALISING_GAMES, seed=seed), np.random.default_rng(seed)
     rows, shape = [np.asarray(env.reset())], (_NORMALISING_GAMES, task.action_size)
     for _ in range(normalising_rounds(task) // _NORMALISING_GAMES):
@@ -95,25 +95,25 @@ def _statistics(task: AttackTask, seed: int) -> tuple[Floats, Floats]:
 
 
 def parameters_bytes(model: BaseAlgorithm) -> bytes:
-    """All that the learner has learned, its optimisers included."""
+    """Return all parameters of the learner, including its optimisers."""
     states, variables = model._get_torch_save_params()
-    held = {name: recursive_getattr(model, name).state_dict() for name in states}
+    states_by_name = {name: recursive_getattr(model, name).state_dict() for name in states}
     loose = {name: recursive_getattr(model, name).data for name in variables}
     file = io.BytesIO()
-    torch.save({"states": held, "variables": loose}, file)
+    torch.save({"states": states_by_name, "variables": loose}, file)
     return file.getvalue()
 
 
 def set_parameters(model: BaseAlgorithm, data: bytes) -> None:
-    """Put back what `parameters_bytes` took; only tensors are read, and no code is run."""
-    found = torch.load(io.BytesIO(data), weights_only=True)
-    model.set_parameters(found["states"], exact_match=True)
-    for name, value in found["variables"].items():
+    """Restore the output of `parameters_bytes`. Only tensors are read, and no code runs."""
+    saved = torch.load(io.BytesIO(data), weights_only=True)
+    model.set_parameters(saved["states"], exact_match=True)
+    for name, value in saved["variables"].items():
         recursive_setattr(model, f"{name}.data", value)
 
 
 def network_of(model: BaseAlgorithm) -> Network:
-    """The network that plays, without what only training needs."""
+    """Return the network that plays, without the parts that only training needs."""
     policy: Any = model.policy
     if isinstance(policy, HeadsPolicy):
         return _network_of_heads(policy)

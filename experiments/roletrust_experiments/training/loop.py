@@ -1,4 +1,4 @@
-"""Training an attacker: from a configuration to a saved attacker, by way of checkpoints."""
+"""Training of an attacker, from a configuration over checkpoints to a saved attacker."""
 
 import json
 import warnings
@@ -43,19 +43,19 @@ from roletrust_experiments.training.runs import Checkpoint, RunFolder
 from roletrust_experiments.training.settings import Algo, OnPolicySettings, make_settings
 
 _EVALUATIONS = 20
-"""How often the score is measured on the way."""
+"""Number of measurements of the score during training."""
 
 _GAMES, _LAST_GAMES = 16, 256
-"""Held-out games that a score on the way, by which the best is chosen, and the last one, is measured in."""
+"""Numbers of held-out games: for a score during training, which chooses the best network, and for the last score."""
 
 MANY = 1000
-"""Games of a learner that any memory holds."""
+"""Number of games of a learner that fits into any memory."""
 
-_FEW = 4  # games that a learner is made for, only to see what it keeps of them
+_FEW = 4  # games of a learner that is made to measure its memory
 
 
 class Run(BaseModel):
-    """All that decides what comes out of a training run, but for the software."""
+    """Everything that determines the result of a training run, except the software."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -69,10 +69,10 @@ class Run(BaseModel):
 
     @classmethod
     def read(cls, data: Any) -> "Run":
-        """A run of what `model_dump` made of it.
+        """Return a run from the output of `model_dump`.
 
         Raises:
-            ValueError: something is missing or not allowed.
+            ValueError: A field is missing or not allowed.
         """
         try:
             return cls.model_validate_json(json.dumps(data))  # strict, but for JSON's lists
@@ -84,10 +84,10 @@ class Point(NamedTuple):
     """A point of the learning curve.
 
     Attributes:
-        steps: rounds played so far.
-        seconds: of training so far, of all its parts if it was interrupted.
-        score: mean reward per round in held-out games, without exploration.
-        half_95: half the 95% confidence interval; NaN of one game.
+        steps: Number of rounds so far.
+        seconds: Training time so far, including the time before interruptions.
+        score: Mean reward per round in held-out games, without exploration.
+        half_95: Half the 95% confidence interval; NaN for one game.
     """
 
     steps: int
@@ -97,31 +97,31 @@ class Point(NamedTuple):
 
 
 class Report(NamedTuple):
-    """How far training is."""
+    """Progress of the training."""
 
     steps: int
     curve: list[Point]
 
 
-Tell = Callable[[Report], None]
+OnReport = Callable[[Report], None]
 
 
-def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[Point]]:
+def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[Point]]:
     """Train from the folder's last checkpoint, or from the beginning, to the end.
 
     Args:
-        run: what to train.
-        folder: for checkpoints and TensorBoard's log.
-        tell: is told how far it is after every rollout.
+        run: Run to train.
+        folder: Folder for checkpoints and the log of TensorBoard.
+        on_report: Called with the progress after every rollout.
 
     Returns:
-        The attacker that scored best on the way, with a score in games of their own luck; and the learning curve.
+        The attacker with the best score during training, measured again in new games, and the learning curve.
     """
     task = carded_task(run.task, run.trust_model, run.scenario)
     settings = make_settings(run.task.id, run.algo, run.settings)
     env = StaggeredGames(task, settings.games)
     model = make_model(run.algo, settings, env, run.seed)
-    watch = _Watch(run, task, folder, tell)
+    watch = _Watch(run, task, folder, on_report)
     last = folder.last()
     if last is not None:
         watch.take_up(last, model)
@@ -136,7 +136,7 @@ def train(run: Run, folder: RunFolder, tell: Tell) -> tuple[SavedAttacker, list[
 
 
 def game_memory(run: Run) -> float:
-    """The memory that each of the learner's games takes, bytes: to play, and twice what is kept of it for an update."""
+    """Return the memory of each game of the learner in bytes: to play, and twice the data that an update needs."""
     task = carded_task(run.task, run.trust_model, run.scenario)
     settings = make_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
 
@@ -155,23 +155,23 @@ def game_memory(run: Run) -> float:
 
 
 class _Watch(BaseCallback):
-    """Measures, tells and keeps checkpoints."""
+    """Callback that measures the score, reports progress and saves checkpoints."""
 
-    def __init__(self, run: Run, task: AttackTask, folder: RunFolder, tell: Tell) -> None:
+    def __init__(self, run: Run, task: AttackTask, folder: RunFolder, on_report: OnReport) -> None:
         super().__init__()
         self.curve: list[Point] = []
-        self._run, self._task, self._folder, self._tell = run, task, folder, tell
+        self._run, self._task, self._folder, self._on_report = run, task, folder, on_report
         self._best: Network | None = None
         self._seconds_before = 0.0
         self._began = perf_counter()
         self._every = max(1, run.steps // _EVALUATIONS)
 
     def best(self) -> Network:
-        """The network that scored best so far."""
+        """Return the network with the best score so far."""
         return self._best if self._best is not None else network_of(self.model)
 
     def take_up(self, checkpoint: Checkpoint, model: BaseAlgorithm) -> None:
-        """Go on from a checkpoint."""
+        """Continue from a checkpoint."""
         set_parameters(model, checkpoint.files["parameters.pt"])
         model.num_timesteps = checkpoint.steps
         model._n_updates = checkpoint.notes["updates"]
@@ -183,15 +183,15 @@ class _Watch(BaseCallback):
         self._best = Network(now.architecture, now.mean, now.variance, weights)
 
     def _on_rollout_start(self) -> None:
-        """The learner has just been updated, or has not begun."""
+        """Measure when it is time; the learner has just been updated, or has not begun."""
         if self.num_timesteps > 0 and self.num_timesteps >= self._due():
             self._measure()
-        self._tell(Report(self.num_timesteps, self.curve))
+        self._on_report(Report(self.num_timesteps, self.curve))
 
     def _on_training_end(self) -> None:
         if not self.curve or self.curve[-1].steps < self.num_timesteps:
             self._measure()
-        self._tell(Report(self.num_timesteps, self.curve))
+        self._on_report(Report(self.num_timesteps, self.curve))
 
     def _on_step(self) -> bool:
         return True
@@ -200,10 +200,10 @@ class _Watch(BaseCallback):
         return (self.curve[-1].steps if self.curve else 0) + self._every
 
     def _measure(self) -> None:
-        """Score the learner as it is now, and keep a checkpoint."""
+        """Measure the score of the current network, and save a checkpoint."""
         seconds = self._seconds_before + perf_counter() - self._began
         network = network_of(self.model)
-        scores = over_games(_play(self._task, network, games=_GAMES, luck=(self._run.seed, 1)))
+        scores = over_games(_play(self._task, network, games=_GAMES, key=(self._run.seed, 1)))
         point = Point(self.num_timesteps, seconds, float(scores.mean), float(scores.half))
         if not self.curve or point.score > max(point.score for point in self.curve):
             self._best = network
@@ -222,23 +222,23 @@ _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 
 def _fill(buffer: ReplayBuffer, checkpoint: Checkpoint) -> None:
-    """Put back what the learner remembers."""
+    """Restore the replay buffer."""
     buffer.pos, buffer.full = checkpoint.notes["position"], checkpoint.notes["full"]
     for name in _REPLAY:
         rows = getattr(buffer, name)
         rows[:] = np.frombuffer(checkpoint.files[f"replay.{name}"], rows.dtype).reshape(rows.shape)
 
 
-def _play(task: AttackTask, network: Network | None, *, games: int, luck: tuple[int, int]) -> Any:
-    """The scores of some games; `luck` keeps training, scores on the way and last scores apart."""
-    return play_task(task, network, games=games, seed=int(np.random.SeedSequence(luck).generate_state(1)[0]))
+def _play(task: AttackTask, network: Network | None, *, games: int, key: tuple[int, int]) -> Any:
+    """Return the scores of games; `key` separates training, scores during training and last scores."""
+    return play_task(task, network, games=games, seed=int(np.random.SeedSequence(key).generate_state(1)[0]))
 
 
 def _finish(run: Run, task: AttackTask, network: Network, curve: list[Point]) -> SavedAttacker:
-    """The attacker with its card, scored in games that nothing was chosen by."""
-    luck = (run.seed, 2)
-    scores = over_games(_play(task, network, games=_LAST_GAMES, luck=luck))
-    honest = over_games(_play(task, None, games=_LAST_GAMES, luck=luck))
+    """Return the attacker with its card, measured in games that chose nothing."""
+    key = (run.seed, 2)
+    scores = over_games(_play(task, network, games=_LAST_GAMES, key=key))
+    honest = over_games(_play(task, None, games=_LAST_GAMES, key=key))
     played = curve[-1].steps + len(curve) * _GAMES * run.scenario.max_cycles + normalising_rounds(task)
     card = Card(
         package_version=__version__,
@@ -266,7 +266,7 @@ def _finish(run: Run, task: AttackTask, network: Network, curve: list[Point]) ->
             mean=float(scores.mean),
             half_95=float(scores.half),
             games=_LAST_GAMES,
-            seed=int(np.random.SeedSequence(luck).generate_state(1)[0]),
+            seed=int(np.random.SeedSequence(key).generate_state(1)[0]),
             honest=float(honest.mean),
         ),
         weights_sha256=digest(weights_bytes(network)),
@@ -279,5 +279,5 @@ def _plain(value: Any) -> int | float | str:
 
 
 def versions() -> dict[str, str]:
-    """The packages that decide what is learned."""
+    """Return the versions of the packages that affect training."""
     return {name: version(name) for name in ("torch", "stable-baselines3", "sb3-contrib", "gymnasium", "numpy")}

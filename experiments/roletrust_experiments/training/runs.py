@@ -1,4 +1,4 @@
-"""The folder of a training run: what it is of, and checkpoints that outlive being killed at any moment."""
+"""The folder of a training run: its configuration, and checkpoints that survive a kill at any moment."""
 
 import hashlib
 import json
@@ -11,16 +11,16 @@ from typing import Any, NamedTuple
 from roletrust_env.storage.files import clear_unfinished, prepare_folder, replacing, unfinished, write_json
 
 _KEPT = 2
-"""Checkpoints that are kept: the last one, and the one to fall back to should it be damaged."""
+"""Number of checkpoints on disk: the last one, and one to fall back on if the last is damaged."""
 
 
 class Checkpoint(NamedTuple):
-    """What training goes on from.
+    """State from which training continues.
 
     Attributes:
-        steps: rounds played so far.
-        files: the contents of its files by their names.
-        notes: plain data.
+        steps: Number of rounds so far.
+        files: Contents of its files by name.
+        notes: Plain data.
     """
 
     steps: int
@@ -32,7 +32,7 @@ class RunFolder:
     """The files of one run.
 
     Args:
-        path: of the folder; it is made when something is written.
+        path: Path of the folder; it is created when something is written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,10 +40,10 @@ class RunFolder:
         self._checkpoints = path / "checkpoints"
 
     def config(self) -> dict[str, Any] | None:
-        """What the run is of; None in a new folder.
+        """Return the configuration of the run; None in a new folder.
 
         Raises:
-            ValueError: the file is broken.
+            ValueError: The file is broken.
         """
         file = self.path / "config.json"
         if not file.exists():
@@ -51,30 +51,30 @@ class RunFolder:
         try:
             config = json.loads(file.read_text(encoding="utf-8"))
         except ValueError as error:
-            raise ValueError(f"{file} is broken ({error}); begin anew with another --out") from None
+            raise ValueError(f"{file} is broken ({error}); start again with another --out") from None
         if not isinstance(config, dict):
-            raise ValueError(f"{file} holds no run; begin anew with another --out")
+            raise ValueError(f"{file} holds no run; start again with another --out")
         return config
 
     def prepare(self) -> None:
-        """See that the run can be written, and remove what a killed one left unfinished.
+        """Check that the run can be written, and remove unfinished files of a killed run.
 
         Raises:
-            OSError: it cannot.
+            OSError: The folder cannot be written.
         """
         prepare_folder(self.path)
         clear_unfinished(self._checkpoints)
 
     def begin(self, config: Mapping[str, Any]) -> None:
-        """Say what the run is of."""
+        """Write the configuration of the run."""
         write_json(self.path / "config.json", config)
 
     def save(self, checkpoint: Checkpoint) -> None:
-        """Add a checkpoint: whole under its name, or not there. Older ones than the last two are removed."""
+        """Add a checkpoint, either complete or not at all, and remove all but the last two."""
         self._checkpoints.mkdir(parents=True, exist_ok=True)
         final = self._checkpoints / f"{checkpoint.steps:012d}"
         new = unfinished(final)
-        shutil.rmtree(new, ignore_errors=True)  # of an attempt of ours that failed
+        shutil.rmtree(new, ignore_errors=True)  # of a failed attempt of this process
         new.mkdir()
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in checkpoint.files.items()}
         about = {"steps": checkpoint.steps, "sha256": digests, "notes": checkpoint.notes}
@@ -83,14 +83,14 @@ class RunFolder:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-        if final.exists():  # of these steps, but damaged: or training would have gone on from it
+        if final.exists():  # damaged, or training would have continued from it
             shutil.rmtree(final)
         os.replace(new, final)
         for old in self._found()[_KEPT:]:
             shutil.rmtree(old)
 
     def last(self) -> Checkpoint | None:
-        """The newest checkpoint that is not damaged; None if there is none."""
+        """Return the newest undamaged checkpoint; None if there is none."""
         return next((found for path in self._found() if (found := _read(path)) is not None), None)
 
     def _found(self) -> list[Path]:

@@ -1,4 +1,4 @@
-"""A learner of Stable-Baselines3 as a rung of the ladder: it learns now, for the budget that all have."""
+"""Learners of Stable-Baselines3 as search methods with a budget of rounds."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,17 +15,16 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
 _GAMES = 32
-"""That are played as one batch, at the most: a small budget leaves time for many updates of few games, and not for few
-of many."""
+"""Maximum number of games in a batch: a small budget is better spent on many updates with few games."""
 
 
 @dataclass(frozen=True)
 class Learner:
-    """Learns from what its agents see in life, and plays what it has learned at the end, without exploring.
+    """A learner that observes as a black-box attacker, and plays its final network without exploration.
 
     Attributes:
-        algo: how it learns.
-        name: in tables.
+        algo: Algorithm of the learner.
+        name: Name in tables.
     """
 
     algo: Algo
@@ -42,8 +41,8 @@ class Learner:
         settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
         budget.spend(normalising_rounds(task))
         model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)
-        kept: Any = settings
-        rollout = settings.games * getattr(kept, "n_steps", 1)
+        options: Any = settings
+        rollout = settings.games * getattr(options, "n_steps", 1)
         steps = budget.left // rollout * rollout
         if steps < 1:
             raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {self.name}")

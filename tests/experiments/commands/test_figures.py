@@ -100,7 +100,7 @@ def test_claims_that_do_not_apply_to_given_frames(clear):
 
 def test_help_says_how_much_footage_is_needed():
     said = " ".join(CliRunner().invoke(app, ["figures", "--help"]).output.replace("│", " ").split())
-    for words in ("120 s of video, or 240 images", "three cameras look at the same picture", "--set max_cycles=40"):
+    for words in ("120 s of video, or 240 images", "three cameras see the same picture", "--set max_cycles=40"):
         assert words in said
 
 

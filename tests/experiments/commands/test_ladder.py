@@ -89,7 +89,7 @@ def test_runs_are_the_ladders_of_their_seeds_side_by_side(tmp_path):
     honest, *_, planner = together["rungs"]
     assert planner["runs_above"]["honest play"] == 2
     assert honest["runs_above"]["white-box planner"] == 0
-    assert "In how many of 2 runs" in printed
+    assert "Number of the 2 runs" in printed
     with (tmp_path / "both" / "ladder.csv").open() as file:
         assert [row["run"] for row in csv.DictReader(file)] == ["7", "8"] * len(together["rungs"])
 
@@ -172,7 +172,7 @@ def test_names_of_tasks(text):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["Attack"], "unknown task 'Attack'; known: ProviderAttack"),
+        (["Attack"], "unknown task 'Attack'; did you mean 'DualAttack'? Known: ProviderAttack"),
         (["RaterAttack", "--set", "colour=blue"], "there is no field 'colour'"),
         (["RaterAttack", "--compromised", "sr_9"], "there is no 'sr_9'"),
         (["RaterAttack", "--learned", "/nowhere"], "/nowhere"),
@@ -182,7 +182,7 @@ def test_names_of_tasks(text):
         ),
         (
             ["RaterAttack", "--attack", "bad-mouthing:depth=3"],
-            "has no parameter 'depth'; did you mean",
+            "has no parameter 'depth'. It takes start, stop, lie",
         ),
         (["RaterAttack", "--attack", "bad-mouthing:level=3"], "level is 3: it must lie in [0, 1]"),
     ],

@@ -95,9 +95,7 @@ def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     for rates_raters, alarms in ((True, 3 / 5), (False, 1.0)):
         score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)["false alarms"]
         assert score.mean == pytest.approx(alarms)
-    assert "no trust in raters: mean: false alarms and recovery are those of providers alone" in " ".join(
-        printed.split()
-    )
+    assert "no trust in raters: mean: false alarms and recovery are of providers only" in " ".join(printed.split())
 
 
 def test_json_is_all_that_is_printed(tmp_path, monkeypatch):

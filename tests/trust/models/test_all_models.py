@@ -1,7 +1,5 @@
 """What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
 
-from typing import Any
-
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -12,24 +10,25 @@ from model_cases import (
     Round,
     assert_close,
     having,
-    leaves,
     named,
     play,
     random_rounds,
     read,
-    who_is_who,
 )
 
+from roletrust_env.testing.trust_models import (
+    check_batch,
+    check_full_rounds,
+    check_kinds,
+    check_masks,
+    check_permutation,
+    check_purity,
+)
 from roletrust_env.trust import Traits, make_trust_model
-from roletrust_env.trust.model import registry, start_model
+from roletrust_env.trust.model import registry
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (4, 1), (1, 1), (2, 5, 6), (4, 2, 3, 2)], ids=str)
 DTYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
-
-
-def kinds(state: Any) -> list[tuple[Any, ...]]:
-    """The shape and dtype of each array of a state, and the type of whatever else there is."""
-    return [(leaf.shape, leaf.dtype) if hasattr(leaf, "shape") else (type(leaf),) for leaf in leaves(state)]
 
 
 def in_range(trust: np.ndarray) -> bool:
@@ -43,15 +42,7 @@ def in_range(trust: np.ndarray) -> bool:
 @SHAPES
 @DTYPES
 def test_trust_and_state_keep_their_shapes_and_dtypes(name: str, shape: tuple[int, ...], dtype: type) -> None:
-    model, peers = named(name), who_is_who(shape)
-    state = start_model(model, np.full(shape, np.nan, dtype), peers)  # only its kind counts
-    before = kinds(state)
-    for ratings, mask in random_rounds(shape, dtype=dtype):
-        state = model.update(state, ratings, mask)
-        assert kinds(state) == before
-        for trust, count in zip(read(model, state), shape, strict=False):
-            assert (trust.shape, trust.dtype) == ((count, *shape[2:]), dtype)
-            assert in_range(trust)
+    check_kinds(named(name), shape, dtype)
 
 
 @st.composite
@@ -89,15 +80,12 @@ def test_trust_of_a_peer_whom_all_rate_0_is_in_range(name: str, dtype: type) -> 
 
 @EVERY_MODEL
 def test_update_leaves_its_inputs_alone(name: str) -> None:
-    model, shape = named(name), (3, 2, 4)
-    state = play(model, [], np.zeros(shape))
-    for ratings, mask in random_rounds(shape):
-        before = [np.copy(leaf) for leaf in leaves(state)]
-        given = ratings.copy(), mask.copy()
-        after = model.update(state, *given)
-        assert_close(leaves(state), before, 0)
-        assert_close(given, (ratings, mask), 0)
-        state = after
+    check_purity(named(name), (3, 2, 4))
+
+
+@EVERY_MODEL
+def test_ratings_outside_the_mask_have_no_effect(name: str) -> None:
+    check_masks(named(name), (3, 2, 4))
 
 
 # --- agents and games are alike -------------------------------------------------------------------
@@ -106,24 +94,13 @@ def test_update_leaves_its_inputs_alone(name: str) -> None:
 @EVERY_MODEL
 @pytest.mark.parametrize("shape", [(5, 3, 4), (1, 3, 2), (3, 1, 2, 2)], ids=str)
 def test_a_batch_is_its_games_one_by_one(name: str, shape: tuple[int, ...]) -> None:
-    model, rounds = named(name), random_rounds(shape)
-    together = read(model, play(model, rounds, np.zeros(shape)))
-    for index in np.ndindex(shape[2:]):
-        single = [Round(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
-        alone = read(model, play(model, single, np.zeros(shape[:2])))
-        assert_close(alone, [trust[..., *index] for trust in together], 1e-12)
+    check_batch(named(name), shape)
 
 
 @EVERY_MODEL
 @pytest.mark.parametrize("seed", range(3))
 def test_permuting_agents_permutes_their_trust(name: str, seed: int) -> None:
-    model, rng, shape = named(name), np.random.default_rng(seed), (5, 4, 3)
-    rounds, peers = random_rounds(shape, seed=seed), who_is_who(shape)
-    raters, providers = read(model, play(model, rounds, np.zeros(shape), peers))
-    i, j = rng.permutation(shape[0]), rng.permutation(shape[1])
-    permuted = [Round(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
-    found = read(model, play(model, permuted, np.zeros(shape), peers[i][:, j]))
-    assert_close(found, (raters[i], providers[j]), 1e-9)
+    check_permutation(named(name), seed)
 
 
 # --- what there is to say before, without and after ratings -----------------------------------------
@@ -179,14 +156,7 @@ def test_the_family_is_the_folder(name: str) -> None:
 @pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, ...]) -> None:
     """In any order of full and partial rounds, so that the time since a rating is 1 here and more there."""
-    model, rng = named(name), np.random.default_rng(1)
-    state = masked = play(model, [], np.zeros(shape))
-    for ratings, mask in random_rounds(shape, 30):
-        if rng.random() < 0.6:
-            ratings, mask = rng.random(shape), np.ones(shape, bool)
-        state = model.update(state, ratings, None if mask.all() else mask)
-        masked = model.update(masked, ratings, mask)
-        assert_close(read(model, state), read(model, masked), 1e-12)
+    check_full_rounds(named(name), shape)
 
 
 # --- parameters ---------------------------------------------------------------------------------------

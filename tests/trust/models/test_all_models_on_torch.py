@@ -8,6 +8,8 @@ import torch
 from model_cases import EVERY_MODEL, Round, assert_close, having, leaves, named, play, random_rounds, read
 from roletrust_agents.planning.planner import SmoothRoleTrust
 
+from roletrust_env.testing.trust_models import check_torch
+
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 
 
@@ -22,9 +24,7 @@ def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[Round]:
 @EVERY_MODEL
 @SHAPES
 def test_torch_computes_what_numpy_does(name: str, shape: tuple[int, ...]) -> None:
-    model, rounds = named(name), random_rounds(shape)
-    state = play(model, rounds, torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray)
-    assert_close(read(model, state), read(model, play(model, rounds, np.zeros(shape))), 1e-9)
+    check_torch(named(name), shape)
 
 
 @EVERY_MODEL

@@ -1,0 +1,62 @@
+"""Typeset formulas: LaTeX becomes MathML, which browsers show without a script or a font from elsewhere."""
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from docutils import nodes
+from latex2mathml.converter import convert
+from sphinx.application import Sphinx
+
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.trust.model import registry as models
+
+
+def setup(app: Sphinx) -> None:
+    """Register the renderer as `mathml`; `html_math_renderer` in `docs/conf.py` chooses it."""
+    app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
+
+
+@cache
+def formulas() -> dict[str, dict[str, str]]:
+    """Return the LaTeX of each trust model and each attack, by `models` or `attacks` and by name."""
+    return tomllib.loads(files("roletrust_experiments.site").joinpath("formulas.toml").read_text(encoding="utf-8"))
+
+
+def formula_of(thing: object) -> list[str]:
+    r"""Return the rows of LaTeX of a registered class, none where there is no formula.
+
+    Example:
+        >>> from roletrust_baselines import Pessimistic
+        >>> formula_of(Pessimistic)
+        ['y_j &= \\frac{x_j}{2}, \\quad j \\in \\textit{targets}']
+    """
+    for kind, registry in (("models", models), ("attacks", attackers)):
+        for name, latex in formulas()[kind].items():
+            if name in registry.names() and registry.factory(name) is thing:
+                return latex.strip().splitlines()
+    return []
+
+
+def typeset(rows: list[str]) -> list[str]:
+    """Return the lines of a math directive of reStructuredText, one aligned row for each formula."""
+    return [
+        ".. math::",
+        "",
+        r"   \begin{align*}",
+        *(f"   {row} \\\\" for row in rows[:-1]),
+        f"   {rows[-1]}",
+        r"   \end{align*}",
+    ]
+
+
+def _inline(translator: Any, node: nodes.math) -> None:
+    translator.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(translator: Any, node: nodes.math_block) -> None:
+    latex = node.astext()
+    translator.body.append(f'<div class="math">{convert(latex, display="block")}</div>\n')
+    raise nodes.SkipNode
