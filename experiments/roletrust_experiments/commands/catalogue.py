@@ -1,4 +1,4 @@
-"""Catalogue of scenarios, trust models and attackers with their parameters, for people and scripts.
+"""Catalogue of scenarios, trust models, attackers and learners with their parameters, for people and scripts.
 
 A plug-in that cannot be loaded or read gets an entry with the reason, and does not affect the others.
 """
@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
+from roletrust_env.benchmark.learners.learner import registry as learners
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, SearchRange, allowed
@@ -18,7 +19,17 @@ from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 
 Entry = dict[str, Any]
-"""A scenario, trust model or attacker as plain data; only its `error` if it cannot be loaded or read."""
+"""A scenario, trust model, attacker or learner as plain data; only its `error` if it cannot be loaded or read."""
+
+_BUILT_IN = {
+    "PPO": "Proximal policy optimization of Stable-Baselines3",
+    "recurrent PPO": "Proximal policy optimization with a memory, of sb3-contrib",
+    "SAC": "Soft actor-critic of Stable-Baselines3",
+    "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
+    "random search": "Random search over the parameters of scripted attacks",
+    "white-box planner": "Planner that follows the gradients of the game",
+}
+"""Learners of this project."""
 
 
 class Parameter(NamedTuple):
@@ -73,6 +84,21 @@ def all_attackers() -> dict[str, Entry]:
         return {"description": summary(factory), "channels": on, "parameters": parameters}
 
     return _entries(attackers, entry)
+
+
+def all_learners() -> dict[str, Entry]:
+    """Return every learner by name: its description and its parameters.
+
+    The built-in learners come first. They are not loaded, because the libraries that they need are large.
+    """
+
+    def entry(name: str) -> Entry:
+        factory = learners.factory(name)
+        parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
+        return {"description": summary(factory), "parameters": parameters}
+
+    built_in = {name: {"description": described, "parameters": {}} for name, described in _BUILT_IN.items()}
+    return {**built_in, **_entries(learners, entry)}
 
 
 def unfit(entry: Entry) -> list[str]:

@@ -1,4 +1,4 @@
-"""`roletrust list`: the available scenarios, trust models and attackers."""
+"""`roletrust list`: the available scenarios, trust models, attackers and learners."""
 
 from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
@@ -10,6 +10,7 @@ from rich.markup import escape
 from roletrust_experiments.commands.catalogue import (
     Entry,
     all_attackers,
+    all_learners,
     all_models,
     all_scenarios,
     unfit,
@@ -24,6 +25,7 @@ class Kind(StrEnum):
     SCENARIOS = "scenarios"
     MODELS = "models"
     ATTACKERS = "attackers"
+    LEARNERS = "learners"
 
 
 def list_command(
@@ -34,7 +36,7 @@ def list_command(
         bool, typer.Option("--json", help="Print one JSON document with all details, and nothing else.")
     ] = False,
 ) -> None:
-    """List the [bold]scenarios, trust models and attackers[/] that can be played, including those of other packages.
+    """List the [bold]scenarios, trust models, attackers and learners[/], including those of other packages.
 
     For trust models, the list shows parameters and limitations. For attackers, it shows parameters and the ranges in
     which searches look for their best values.
@@ -106,6 +108,14 @@ def _attacker_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
+def _learner_table(entries: Mapping[str, Entry]) -> FittedTable:
+    table = _table("Learners", "parameters = defaults")
+    for name, entry in _readable(entries, table):
+        lines = [_given(key, parameter) for key, parameter in entry["parameters"].items()]
+        table.add_row(name, _described(entry), "\n".join(lines))
+    return table
+
+
 def _readable(entries: Mapping[str, Entry], table: FittedTable) -> Iterator[tuple[str, Entry]]:
     """Yield the entries that can be read; add a row with the reason for each other entry."""
     for name, entry in entries.items():
@@ -137,6 +147,7 @@ def _table(title: str, *columns: str) -> FittedTable:
 _NEXT: dict[Kind | None, tuple[str, ...]] = {
     Kind.SCENARIOS: ("play", "crowd-10x10"),
     Kind.MODELS: ("models",),
+    Kind.LEARNERS: ("benchmark", "--suite", "learners-quick", "--learner", "PPO"),
     None: ("play", "--attack", "sr_2=bad-mouthing"),
 }
 
@@ -144,4 +155,5 @@ _KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, 
     Kind.SCENARIOS: (all_scenarios, _scenario_table),
     Kind.MODELS: (all_models, _model_table),
     Kind.ATTACKERS: (all_attackers, _attacker_table),
+    Kind.LEARNERS: (all_learners, _learner_table),
 }

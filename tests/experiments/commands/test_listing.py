@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 import roletrust_env
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
+from roletrust_env.benchmark import register_learner
+from roletrust_env.benchmark.attackers import SEARCHING
 from roletrust_env.trust import Mean, register_trust_model
 
 
@@ -23,6 +25,27 @@ def test_list(arguments):
     assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
     assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
     assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
+
+
+class Steady:
+    """Plays one quality in every round."""
+
+    def __init__(self, quality: float = 0.4) -> None:
+        self.quality = quality
+
+    def learn(self, env, budget, seed):
+        return lambda seen: seen[:, :1] * 0 + self.quality
+
+
+def test_learners_are_listed_with_those_of_others():
+    register_learner("steady", Steady)
+    printed = " ".join(run("learners").output.split())
+    assert all(name in printed for name in SEARCHING)
+    assert "steady Plays one quality in every round. quality=0.4" in printed
+    assert "steady" in run().output
+    learners = json.loads(run("learners", "--json").output)["learners"]
+    assert list(learners) == [*SEARCHING, "steady"]
+    assert learners["steady"]["parameters"]["quality"]["default"] == 0.4
 
 
 def test_list_of_nothing_known():
@@ -115,6 +138,7 @@ def test_json_holds_all_there_is():
         "scenarios": set(scenarios()),
         "models": set(trust_models()),
         "attackers": set(roletrust_env.attackers()),
+        "learners": set(SEARCHING),
     }
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
