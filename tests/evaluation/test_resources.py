@@ -68,10 +68,14 @@ def test_measured_attackers_take_what_was_foreseen():
 @pytest.mark.parametrize(
     ("command", "option", "work"),
     [
-        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "commands.play.play_games"),
-        (["zoo", "provider-3x3"], "--games ", "commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--games ", "commands.ladder.climb"),
-        (["train", "RaterAttack", "--set", "max_cycles=10"], "--learner games=", "training.loop.train"),
+        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "roletrust_experiments.commands.play.play_games"),
+        (["zoo", "provider-3x3"], "--games ", "roletrust_experiments.commands.zoo.measure"),
+        (["ladder", "RaterAttack"], "--games ", "roletrust_experiments.commands.ladder.climb"),
+        (
+            ["train", "RaterAttack", "--set", "max_cycles=10"],
+            "--learner PPO:games=",
+            "roletrust_agents.training.loop.train",
+        ),
     ],
     ids=["play", "zoo", "ladder", "train"],
 )
@@ -82,8 +86,8 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
     def begin(*_, **__):
         raise BegunError("it has begun")
 
-    monkeypatch.setattr(f"roletrust_experiments.{work}", begin)
-    monkeypatch.setattr("roletrust_experiments.training.loop.MANY", 50)  # quickly tried
+    monkeypatch.setattr(work, begin)
+    monkeypatch.setattr("roletrust_agents.training.loop.MANY", 50)  # quickly tried
     monkeypatch.setattr(resources, "available", lambda: 1e9)
     monkeypatch.chdir(tmp_path)
 
@@ -93,7 +97,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
         return " ".join(result.stderr.split())
 
     said = attempt(9_000_000)
-    name = option.strip("= ")
+    name = option.strip("= ").replace("PPO:", "")
     pattern = (
         rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "
     )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from roletrust_agents.training.runs import RunFolder, write_bytes
 
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.tasks import TASKS
@@ -29,13 +30,11 @@ from roletrust_experiments.commands.options import (
     task_options,
 )
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.training.runs import RunFolder, write_bytes
 
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.learned.saved import SavedAttacker
-
-    from roletrust_experiments.training.loop import Point, Report, Run
+    from roletrust_agents.training.loop import Point, Report, Run
 
 _ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
 """Names of the learners, and of their algorithms in configurations and saved attackers."""
@@ -143,9 +142,8 @@ def train(
     require("training", "train", "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard")
     import torch
     from roletrust_agents.learned.cards import Price, TaskCard
-
-    from roletrust_experiments.training.loop import Run
-    from roletrust_experiments.training.settings import make_settings
+    from roletrust_agents.training.loop import Run
+    from roletrust_agents.training.settings import make_settings
 
     torch.set_num_threads(threads)
     run = None
@@ -199,7 +197,7 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
     Raises:
         ValueError: There is neither, or the folder holds a run that must not be continued.
     """
-    from roletrust_experiments.training.loop import Run
+    from roletrust_agents.training.loop import Run
 
     config, out = folder.config(), folder.path
     if config is None:
@@ -219,9 +217,8 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned.saved import task_from_card
-
-    from roletrust_experiments.training.loop import MANY, game_memory, versions
-    from roletrust_experiments.training.loop import train as learn
+    from roletrust_agents.training.loop import MANY, game_memory, versions
+    from roletrust_agents.training.loop import train as learn
 
     games = run.settings["games"]
     if games > MANY:

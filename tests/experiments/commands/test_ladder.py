@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from roletrust_agents.learned.methods import Learned, learned_methods
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
+from roletrust_agents.training.runs import write_bytes
 from roletrust_baselines.search import PaperAttacks
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands.options import find_task
 from roletrust_experiments.plots.trajectory import watch
-from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario

@@ -84,7 +84,7 @@ def test_what_is_searched_is_what_attacks_declare():
 
 def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkeypatch):
     learned = all_attackers()["learned"]
-    assert learned["description"].startswith("A trained attacker")
+    assert learned["description"].startswith("Trained attacker")
     assert learned["channels"] is None  # only what it makes has some
     about = tmp_path / "broken-1.0.dist-info"
     about.mkdir()

@@ -16,11 +16,11 @@ pytest.importorskip("sb3_contrib")
 from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
+from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.settings import make_settings
 from roletrust_experiments.cli import app
 from roletrust_experiments.timing.ppo_speed import ppo_speed
-from roletrust_experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
-from roletrust_experiments.training.runs import Checkpoint, RunFolder
-from roletrust_experiments.training.settings import make_settings
 from typer.testing import CliRunner
 
 from roletrust_env.envs.sb3 import AttackVecEnv
@@ -282,7 +282,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("roletrust_experiments.training.loop.train", interrupted)
+    monkeypatch.setattr("roletrust_agents.training.loop.train", interrupted)
     stopped = run("ProviderAttack", *PPO, "--out", tmp_path)
     assert stopped.exit_code == 130
     assert f"--resume --out {tmp_path}" in " ".join(stopped.output.split()).replace(" /", " /")

@@ -7,10 +7,10 @@ import torch
 pytest.importorskip("sb3_contrib")
 
 from roletrust_agents.learned.cards import observation_fields
-from roletrust_experiments.training.experience import StaggeredGames
-from roletrust_experiments.training.heads import heads_of
-from roletrust_experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
-from roletrust_experiments.training.settings import make_settings
+from roletrust_agents.training.experience import StaggeredGames
+from roletrust_agents.training.heads import heads_of
+from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_agents.training.settings import make_settings
 
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.game.attack_task import make_task

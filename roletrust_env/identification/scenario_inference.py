@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env import Scenario
+from roletrust_env.identification.perception_estimates import PerceptionEstimates, estimate_perception
+from roletrust_env.identification.team_observation import Floats, Mask, TeamObservation
 from roletrust_env.metrics.confidence import Interval, over_games
 from roletrust_env.world.scenario import read_scenario
-from roletrust_experiments.identification.perception_estimates import PerceptionEstimates, estimate_perception
-from roletrust_experiments.identification.team_observation import Floats, Mask, TeamObservation
 
 _MIN_SILENCE = 3  # rounds; silences up to this length never count as an absence
 _UNLIKELY = 1e-3  # a silence that is less likely by loss alone counts as an absence

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from roletrust_agents.learned.network_attacker import NetworkAttacker
 
+from roletrust_agents.learned.network_attacker import NetworkAttacker
+from roletrust_agents.training.settings import Algo
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import make_task
-from roletrust_experiments.training.settings import Algo
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -32,9 +32,9 @@ class Learner:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
-        from roletrust_experiments.training.experience import StaggeredGames
-        from roletrust_experiments.training.learners import make_model, network_of, normalising_rounds
-        from roletrust_experiments.training.settings import make_settings
+        from roletrust_agents.training.experience import StaggeredGames
+        from roletrust_agents.training.learners import make_model, network_of, normalising_rounds
+        from roletrust_agents.training.settings import make_settings
 
         task = make_task(**arguments, like=np.zeros((), np.float32))
         settings = make_settings("", self.algo, {})

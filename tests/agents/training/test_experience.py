@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from roletrust_experiments.training.experience import Narrowing, StaggeredGames
-from roletrust_experiments.training.learners import make_model
-from roletrust_experiments.training.settings import make_settings
+from roletrust_agents.training.experience import Narrowing, StaggeredGames
+from roletrust_agents.training.learners import make_model
+from roletrust_agents.training.settings import make_settings
 
 from roletrust_env.game.attack_task import make_task
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium.spaces import Box
-from roletrust_agents.learned.network import Architecture, Floats, Network
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -15,10 +14,11 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.utils import LinearSchedule
 from torch import nn
 
+from roletrust_agents.learned.network import Architecture, Floats, Network
+from roletrust_agents.training.heads import HeadsPolicy, heads_of
+from roletrust_agents.training.settings import Algo, RecurrentPPOSettings, SACSettings, Settings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_experiments.training.heads import HeadsPolicy, heads_of
-from roletrust_experiments.training.settings import Algo, RecurrentPPOSettings, SACSettings, Settings
 
 _NORMALISING_GAMES = 16
 

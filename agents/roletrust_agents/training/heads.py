@@ -9,11 +9,11 @@ from itertools import pairwise
 from typing import Any
 
 import torch
-from roletrust_agents.learned.cards import InputField, observation_fields
-from roletrust_agents.learned.network import Head
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
+from roletrust_agents.learned.cards import InputField, observation_fields
+from roletrust_agents.learned.network import Head
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.world.roster import Roster
 

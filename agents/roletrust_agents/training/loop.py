@@ -9,6 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+
 from roletrust_agents.learned.cards import (
     Card,
     InputCard,
@@ -21,26 +26,21 @@ from roletrust_agents.learned.cards import (
 from roletrust_agents.learned.network import Network
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import SavedAttacker, digest, read_weights, task_from_card, weights_bytes
-from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
-
-from roletrust_env import Scenario, __version__
-from roletrust_env.errors import explain
-from roletrust_env.evaluation.resources import some, try_out
-from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.metrics.confidence import over_games
-from roletrust_experiments.training.experience import Narrowing, StaggeredGames
-from roletrust_experiments.training.learners import (
+from roletrust_agents.training.experience import Narrowing, StaggeredGames
+from roletrust_agents.training.learners import (
     make_model,
     network_of,
     normalising_rounds,
     parameters_bytes,
     set_parameters,
 )
-from roletrust_experiments.training.runs import Checkpoint, RunFolder
-from roletrust_experiments.training.settings import Algo, OnPolicySettings, make_settings
+from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.settings import Algo, OnPolicySettings, make_settings
+from roletrust_env import Scenario, __version__
+from roletrust_env.errors import explain
+from roletrust_env.evaluation.resources import some, try_out
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.metrics.confidence import over_games
 
 _EVALUATIONS = 20
 """Number of measurements of the score during training."""

@@ -50,7 +50,7 @@ class PPOSettings(OnPolicySettings):
     games: Natural = 256
     batch_size: Natural = 1600
     heads: Annotated[tuple[Natural, ...], Field(max_length=8)] = ()
-    """Number of units in each hidden layer of the actor's heads, see `roletrust_experiments.training.heads`."""
+    """Number of units in each hidden layer of the actor's heads, see `roletrust_agents.training.heads`."""
 
 
 class RecurrentPPOSettings(OnPolicySettings):
