@@ -1,4 +1,4 @@
-"""Settings of the site, which `make docs` builds. Nothing is fetched; `roletrust_experiments.site` writes `reference/`."""
+"""Settings of the site, which `make docs` builds offline. `roletrust_experiments.site` writes its reference."""
 
 from pathlib import Path
 

@@ -91,10 +91,11 @@ def __getattr__(name: str) -> Any:
     try:
         from roletrust_env.envs import sb3
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in ("stable_baselines3", "torch"):
+        missing = (error.name or "").partition(".")[0]
+        if missing not in ("stable_baselines3", "torch"):
             raise
         raise DependencyNotInstalled(
-            f"{name} needs Stable-Baselines3, and {error.name} is not installed: pip install 'roletrust-env[train]'"
+            f"{name} needs Stable-Baselines3, and {missing} is not installed: pip install 'roletrust-env[train]'"
         ) from None
     return getattr(sb3, name)
 

@@ -1,4 +1,4 @@
-"""What the core needs to know of the array library that its inputs come from."""
+"""Functions that NumPy and torch do not share under one name, chosen by the array library of the input."""
 
 from functools import lru_cache
 from types import ModuleType
@@ -13,25 +13,27 @@ Array: TypeAlias = Any
 
 _NUMPY = (np.ndarray, np.generic)
 _NAMESPACES: dict[type, ModuleType] = {}
-"""By type of array, as far as they were asked for: a compiler can see through a look-up, but not through a cache."""
+"""Array namespace of each type of array seen so far. A compiler can trace a look-up in a dict, but not a cache."""
 
 
 def namespace(array: Array) -> ModuleType:
-    """Return the array namespace of `array`, which the same lines of code run on.
+    """Return the array namespace of an array, so that the same code runs on every array library.
+
+    NumPy 2 follows the array API standard. It is returned as it is, because a wrapper would double the time of a small
+    game.
 
     Args:
-        array: a NumPy array or scalar, or an array of any library that array-api-compat knows (torch, ...).
+        array: NumPy array or scalar, or an array of any library that array-api-compat supports (torch, ...).
 
     Returns:
-        `numpy` itself (NumPy 2 follows the standard, and a wrapper would double the time of a small game), or the
-        namespace that array-api-compat gives.
+        `numpy` itself, or the namespace that array-api-compat gives.
     """
     if isinstance(array, _NUMPY):
         return np
-    kind = type(array)
-    if kind not in _NAMESPACES:
-        _NAMESPACES[kind] = array_namespace(array)
-    return _NAMESPACES[kind]
+    array_type = type(array)
+    if array_type not in _NAMESPACES:
+        _NAMESPACES[array_type] = array_namespace(array)
+    return _NAMESPACES[array_type]
 
 
 def library_of(like: Array) -> str:
@@ -40,32 +42,40 @@ def library_of(like: Array) -> str:
 
 
 def largest(array: Array) -> Array:
-    """The largest along the first axis, see `total`."""
+    """Return the maximum along the first axis, see `total`."""
     return np.maximum.reduce(array) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
 
 
 def total(array: Array, axis: int) -> Array:
-    """The sum along an axis: for small arrays of NumPy, what its method calls takes half the time of the method."""
+    """Return the sum along an axis.
+
+    For small NumPy arrays, `np.add.reduce` takes half the time of the method `sum`, which calls it.
+    """
     return np.add.reduce(array, axis) if isinstance(array, np.ndarray) else array.sum(axis=axis)
 
 
-def copied(array: Array) -> Array:
-    """A copy of an array, also for a compiler, which takes none from `asarray`."""
+def copy(array: Array) -> Array:
+    """Return a copy of an array. A compiler does not support the copies of `asarray`."""
     return array.copy() if isinstance(array, np.ndarray) else array + 0
 
 
 def cast(array: Array, dtype: Any) -> Array:
-    """An array in another dtype; also a single number of NumPy, which `astype` of the standard refuses."""
+    """Return an array in another dtype. NumPy scalars are allowed, unlike in `astype` of the array API standard."""
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)
 
 
-def mean_where(values: Array, there: Array) -> Array:
-    """The mean along the first axis of the values that are there, of the same shape; 0 where none is."""
-    return (values * there).sum(axis=0) / (there.sum(axis=0, dtype=values.dtype) + 1e-30)
+def mean_or_zero(values: Array, mask: Array) -> Array:
+    """Return the mean along the first axis over the entries where the mask is true, and 0 where it never is.
+
+    Args:
+        values: Finite values, shape (n, ...).
+        mask: Boolean mask of the same shape.
+    """
+    return (values * mask).sum(axis=0) / (mask.sum(axis=0, dtype=values.dtype) + 1e-30)
 
 
-def compiling(array: Array) -> bool:
-    """Whether a compiler is looking, to which arithmetic is cheaper than calls of functions and look-ups in tables."""
+def is_compiling(array: Array) -> bool:
+    """Return whether a compiler is tracing: there, arithmetic costs less than function calls and table look-ups."""
     if isinstance(array, _NUMPY):
         return False
     compiler = getattr(namespace(array), "compiler", None)  # torch has one
@@ -73,7 +83,10 @@ def compiling(array: Array) -> bool:
 
 
 def ones(like: Array) -> Array:
-    """An array of ones like another, for reading only: one that is kept for NumPy, a view of a single 1 elsewhere."""
+    """Return a read-only array of ones of the shape and dtype of another.
+
+    On NumPy the array is cached. On other libraries it is a view of a single 1.
+    """
     if isinstance(like, np.ndarray):
         return _ones(like.shape, like.dtype)
     xp = namespace(like)
@@ -82,6 +95,6 @@ def ones(like: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _ones(shape: tuple[int, ...], dtype: "np.dtype[np.generic]") -> Array:
-    made = np.ones(shape, dtype)
-    made.flags.writeable = False
-    return made
+    array = np.ones(shape, dtype)
+    array.flags.writeable = False
+    return array

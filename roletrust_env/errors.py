@@ -1,17 +1,37 @@
-"""Validation errors of pydantic, told in one line."""
+"""Error messages in one line: what pydantic refuses, and which names are known."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
 
-_MOST, _LONGEST = 10, 300  # wrong fields that are named, letters of a value that are shown: a file may have millions
+_MAX_FIELDS, _MAX_LENGTH = 10, 300  # limits on the wrong fields listed and on the characters shown of a value
+
+
+def suggest(name: object, known: Iterable[str], label: str = "Known:") -> str:
+    """Return the end of a message about an unknown name: the nearest known name, and all of them.
+
+    Args:
+        name: Unknown name.
+        known: Names that exist.
+        label: Words in front of the known names.
+
+    Example:
+        >>> "unknown suite 'quik'" + suggest("quik", ["quick", "full"])
+        "unknown suite 'quik'; did you mean 'quick'? Known: quick, full"
+    """
+    names = {one.casefold(): one for one in known}
+    near = get_close_matches(str(name).casefold(), names, 1)
+    hint = f"; did you mean {names[near[0]]!r}?" if near else "."
+    return f"{hint} {label} {', '.join(names.values()) or 'none'}"
 
 
 def explain(error: ValidationError) -> str:
-    """Name each wrong field, its value and what is allowed, in one line; of very many, the first ones."""
+    """Return one line with each wrong field, its value and the values allowed; of many fields, the first ones."""
     details = error.errors(include_url=False)
-    more = f"; and {len(details) - _MOST} more" if len(details) > _MOST else ""
-    return "; ".join(map(_explain, details[:_MOST])) + more
+    more = f"; and {len(details) - _MAX_FIELDS} more" if len(details) > _MAX_FIELDS else ""
+    return "; ".join(map(_explain, details[:_MAX_FIELDS])) + more
 
 
 def _explain(detail: Any) -> str:
@@ -25,4 +45,4 @@ def _explain(detail: Any) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _MAX_LENGTH else f"{text[:_MAX_LENGTH]}..."

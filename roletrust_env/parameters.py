@@ -4,11 +4,12 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 from typing import Any, TypeVar, dataclass_transform, overload
 
 import pydantic
 import pydantic.dataclasses
+
+from roletrust_env.errors import suggest
 
 Class = TypeVar("Class", bound=type)
 
@@ -29,12 +30,9 @@ def unknown_parameter(owner: str, name: str, known: Iterable[str]) -> str:
         >>> unknown_parameter("RoleTrust", "lamb", ["lam", "initial"])
         "RoleTrust has no parameter 'lamb'; did you mean 'lam'? It takes lam, initial"
         >>> unknown_parameter("Median", "cut", [])
-        "Median has no parameter 'cut'; it takes none"
+        "Median has no parameter 'cut'. It takes none"
     """
-    known = list(known)
-    near = get_close_matches(name, known, 1)
-    hint = f"did you mean {near[0]!r}? It" if near else "it"
-    return f"{owner} has no parameter {name!r}; {hint} takes {', '.join(known) or 'none'}"
+    return f"{owner} has no parameter {name!r}{suggest(name, known, 'It takes')}"
 
 
 def refuse_unknown(cls: Class) -> Class:

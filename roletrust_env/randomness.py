@@ -1,4 +1,4 @@
-"""Random numbers, drawn outside the pure core and handed to it."""
+"""Source of random numbers, which are drawn outside the pure core and passed to it."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,46 +10,46 @@ import numpy.typing as npt
 from roletrust_env import counter_rng
 from roletrust_env.arrays import Array, namespace
 
-Dealt = TypeVar("Dealt", covariant=True)
+NoiseT = TypeVar("NoiseT", covariant=True)
 Keys = npt.NDArray[np.uint32]
 
 STREAMS = 12
-"""Kinds of luck in a round, each with a key of its own, but for the one that is never dealt: `POLICIES`."""
+"""Number of random streams of a round, each with its own key. One of them, `POLICIES`, is not part of the noise."""
 
 POLICIES = 8
-"""The stream of the numbers that policies draw. It lies among the others, since those behind it came later."""
+"""Stream of the numbers that policies draw. Streams that were added later have higher numbers."""
 
-_AHEAD = 64
-"""Rounds whose keys are made at once."""
+_KEYS_AT_ONCE = 64
+"""Number of rounds whose keys are made at once."""
 
 
-class Dealer(Protocol[Dealt]):
-    """What makes the luck of rounds of their keys, which are (STREAMS, 4) each."""
+class NoiseMaker(Protocol[NoiseT]):
+    """Maker of the noise of rounds. The key of a round has the shape (STREAMS, 4)."""
 
-    def ahead(self, batch: tuple[int, ...]) -> int:
-        """Of how many rounds it is best made at once."""
+    def rounds_at_once(self, batch: tuple[int, ...]) -> int:
+        """Return the number of rounds whose noise is best made at once."""
         ...
 
-    def of_round(self, key: Keys, batch: tuple[int, ...]) -> Dealt:
-        """The luck of a round for a batch of this shape."""
+    def make_round(self, key: Keys, batch: tuple[int, ...]) -> NoiseT:
+        """Return the noise of one round for a batch of this shape."""
         ...
 
-    def of_rounds(self, keys: Keys, batch: tuple[int, ...]) -> Sequence[Dealt]:
-        """The luck of R rounds, whose keys are (R, STREAMS, 4), for a batch of this shape."""
+    def make_rounds(self, keys: Keys, batch: tuple[int, ...]) -> Sequence[NoiseT]:
+        """Return the noise of R rounds for a batch of this shape. The keys have the shape (R, STREAMS, 4)."""
         ...
 
 
 class Random:
-    """A source of luck, for NumPy or for torch: keys drawn one after the other, and numbers made of them.
+    """Source of random numbers for NumPy or torch: it draws one key after the other and makes numbers from each.
 
     The same seed gives the same numbers on both libraries, up to the rounding of float32.
 
     Args:
-        generator: of the keys.
-        like: an array of the library, dtype and device that numbers are made with; by default NumPy's float64.
+        generator: Generator of the keys.
+        like: Array of the library, dtype and device of the numbers; by default NumPy's float64.
 
     Raises:
-        ValueError: the generator is no `numpy.random.Generator`. `Game.random(seed)` makes one that fits a game.
+        ValueError: The generator is not a `numpy.random.Generator`. `Game.random(seed)` makes a source for a game.
     """
 
     def __init__(self, generator: np.random.Generator, like: Array | None = None) -> None:
@@ -59,51 +59,62 @@ class Random:
         self._key = generator.integers(0, 2**32, 4, dtype=np.uint32)
         self._rounds = self._calls = 0
         self._keys: tuple[int, Keys] = (0, np.empty((0, STREAMS, 4), np.uint32))
-        self._hand: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
+        # Noise made ahead: its first round, the maker and the batch that it was made for, and the noise of each round.
+        self._stock: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
 
     def round_key(self) -> Array:
-        """The key of the next round, which `Game.luck` turns into its luck: words, (STREAMS, 4)."""
+        """Return the key of the next round, words of shape (STREAMS, 4). `Game.luck` turns it into noise."""
         first, keys = self._keys
         if not 0 <= self._rounds - first < len(keys):
-            self._keys = first, keys = self._rounds, self._round_keys(self._rounds, _AHEAD)
+            self._keys = first, keys = self._rounds, self._round_keys(self._rounds, _KEYS_AT_ONCE)
         key = keys[self._rounds - first]
         self._rounds += 1
         return self._on_device(key)
 
-    def deal(self, luck: "Dealer[Dealt]", batch: tuple[int, ...]) -> Dealt:
-        """The luck of the next round, on NumPy, where arrays may be so small that many rounds are best made at once."""
-        first, whose, hand = self._hand
+    def draw_noise(self, maker: "NoiseMaker[NoiseT]", batch: tuple[int, ...]) -> NoiseT:
+        """Return the noise of the next round, on NumPy.
+
+        If the arrays are small, the noise of many rounds is made at once, which is faster.
+
+        Args:
+            maker: Maker of the noise of a game.
+            batch: Shape of the batch.
+        """
+        first, made_for, stock = self._stock
         at = self._rounds - first
-        if whose[0] is not luck or whose[1] != batch or not 0 <= at < len(hand):
-            ahead = min(luck.ahead(batch), 16 + self._rounds)  # fewer at first, since many a game is short
-            if ahead == 1:
-                return luck.of_round(self.round_key(), batch)
-            hand = luck.of_rounds(self._round_keys(self._rounds, ahead), batch)
-            self._hand, at = (self._rounds, (luck, batch), hand), 0
+        if made_for[0] is not maker or made_for[1] != batch or not 0 <= at < len(stock):
+            count = min(maker.rounds_at_once(batch), 16 + self._rounds)  # fewer at first, as many games are short
+            if count == 1:
+                return maker.make_round(self.round_key(), batch)
+            stock = maker.make_rounds(self._round_keys(self._rounds, count), batch)
+            self._stock, at = (self._rounds, (maker, batch), stock), 0
         self._rounds += 1
-        dealt: Dealt = hand[at]
-        return dealt
+        noise: NoiseT = stock[at]
+        return noise
 
     def uniform(self, shape: Sequence[int]) -> Array:
-        """Numbers from U[0, 1), of a shape (n, ...): n in each game, with more axes for the batch, as policies have it.
+        """Return random numbers from U[0, 1).
 
-        A game's numbers do not depend on how many others there are.
+        The numbers of a game do not depend on the number of games in the batch.
+
+        Args:
+            shape: Shape (n, ...): n numbers in each game, then the axes of the batch, as in policies.
         """
         return self._numbers(counter_rng.uniform, shape)
 
     def normal(self, shape: Sequence[int]) -> Array:
-        """Numbers from N(0, 1), see `uniform`."""
+        """Return random numbers from N(0, 1), see `uniform`."""
         return self._numbers(counter_rng.normal, shape)
 
-    def _numbers(self, made: Callable[..., Array], shape: Sequence[int]) -> Array:
+    def _numbers(self, distribution: Callable[..., Array], shape: Sequence[int]) -> Array:
         index = np.asarray([self._calls], np.uint32)
         key = self._on_device(np.stack(self._subkey(POLICIES, index)))
         self._calls += 1
-        games = counter_rng.whole(self.like, math.prod(shape[1:]))
-        return made(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))
+        games = counter_rng.counters(self.like, math.prod(shape[1:]))
+        return distribution(self.like, math.prod(shape[:1]), games, key).reshape(tuple(shape))
 
     def _round_keys(self, first: int, rounds: int) -> Keys:
-        """The keys of some rounds, (rounds, STREAMS, 4)."""
+        """Return the keys of consecutive rounds, shape (rounds, STREAMS, 4)."""
         index = np.arange(first, first + rounds, dtype=np.uint32)[:, None]
         return np.stack(self._subkey(np.arange(STREAMS, dtype=np.uint32), index), axis=-1)
 

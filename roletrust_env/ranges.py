@@ -1,4 +1,4 @@
-"""Ranges that values of scenarios, trust models and policies are kept to, and those on which attacks are searched."""
+"""Ranges of the values that scenarios, trust models and policies allow, and ranges that searches for attacks cover."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from pydantic_core import PydanticCustomError
 
 @dataclass(frozen=True)
 class _Allowed(AfterValidator):
-    """A validator that can tell what it lets pass."""
+    """Validator with a description of the values that it allows."""
 
     allowed: str
 
 
 def _within(allowed: str, holds: Callable[[float], bool]) -> _Allowed:
-    """A validator that refuses NaN, too, and says what is allowed."""
+    """Return a validator whose error message gives the allowed range. It also refuses NaN."""
 
     def check(value: float) -> float:
         if not holds(value):
@@ -29,11 +29,11 @@ def _within(allowed: str, holds: Callable[[float], bool]) -> _Allowed:
 
 
 @dataclass(frozen=True)
-class Searched:
-    """Annotated to a number's type: the range, both ends included, on which searches look for its best value.
+class SearchRange:
+    """Annotation of a number: the range, both ends included, in which searches look for its best value.
 
     Raises:
-        ValueError: the range is empty, or an end is not finite.
+        ValueError: The range is empty, or an end is not finite.
     """
 
     low: float
@@ -41,90 +41,90 @@ class Searched:
 
     def __post_init__(self) -> None:
         if not -inf < self.low <= self.high < inf:
-            raise ValueError(f"{self} is no range; low must not be above high, and both must be finite")
+            raise ValueError(f"{self} is not a range; low must not be above high, and both must be finite")
 
 
-class Tried:
-    """Annotated to a parameter's type: the few values that a grid tries; by default both ends and the middle."""
+class GridValues:
+    """Annotation of a parameter: the few values that a grid search tries; by default both ends and the middle."""
 
     def __init__(self, *values: Any) -> None:
         self.values = values
 
 
-class Kept:
-    """Annotated to a parameter's type: searches leave it at its default, whatever its range."""
+class NotSearched:
+    """Annotation of a parameter: searches leave it at its default, whatever its range."""
 
 
 class Victims:
-    """Annotated to a tuple of places on the provider axis: searches pick how many honest providers it names."""
+    """Annotation of a tuple of provider indices: searches choose how many honest providers it holds."""
 
 
 class Identities:
-    """Annotated to a number of identities in reserve: searches try from 1 to as many as the attacker has."""
+    """Annotation of a number of identities in reserve: searches try from 1 to the number that the attacker has."""
 
 
 class Accomplices:
-    """Annotated to a tuple of places on the provider axis: the attacker's own providers, told where they are known."""
+    """Annotation of a tuple of provider indices: searches and the command line fill in the attacker's own providers."""
 
 
-class Length:
-    """Annotated to a number of rounds: the length of the game, told where it is known."""
+class GameLength:
+    """Annotation of a number of rounds: searches and the command line fill in the length of the game."""
 
 
-def _drawn(allowed: str, holds: Callable[[float], bool]) -> WrapValidator:
-    """A validator of a number, or of a range from which one is drawn."""
+def _number_or_range(allowed: str, holds: Callable[[float], bool]) -> WrapValidator:
+    """Return a validator of a number, or of a range from which a number is drawn."""
 
     def check(value: Any, read: ValidatorFunctionWrapHandler) -> Any:
         try:
-            found = read(value)
+            parsed = read(value)
         except ValidationError:
-            found = None
-        low, high = found if isinstance(found, tuple) else (found, found)
-        flags = isinstance(value, list | tuple) and any(isinstance(bound, bool) for bound in value)
-        if found is None or flags or not (holds(low) and holds(high) and low <= high):
+            parsed = None
+        low, high = parsed if isinstance(parsed, tuple) else (parsed, parsed)
+        has_bool = isinstance(value, list | tuple) and any(isinstance(bound, bool) for bound in value)
+        if parsed is None or has_bool or not (holds(low) and holds(high) and low <= high):
             message = "it must be a number in {allowed}, or a range (low, high) of two such numbers"
-            raise PydanticCustomError("drawn", message, {"allowed": allowed})
-        return found
+            raise PydanticCustomError("number_or_range", message, {"allowed": allowed})
+        return parsed
 
     return WrapValidator(check)
 
 
-Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1), Searched(0, 1)]
-"""A trust, a quality, a rating, a probability."""
+Share = Annotated[float, _within("[0, 1]", lambda x: 0 <= x <= 1), SearchRange(0, 1)]
+"""Number in [0, 1], such as a trust, a quality, a rating or a probability."""
 
 Lam = Annotated[float, _within("[0.5, 1)", lambda x: 0.5 <= x < 1)]
 """Weight of the newest round in every trust."""
 
 Inside = Annotated[float, _within("[0.001, 0.999]", lambda x: 0.001 <= x <= 0.999)]
-"""A share that is neither 0 nor 1, nor so near that it is lost in rounding."""
+"""Share strictly between 0 and 1, far enough from both that rounding does not matter."""
 
 Ridge = Annotated[float, _within("[0.001, inf)", lambda x: 0.001 <= x < float("inf"))]
-"""How strongly a regression is drawn to where it is when nothing is known; with less, rounding decides."""
+"""Strength with which a regression is drawn to its prior. With a smaller one, rounding would decide."""
 
 Factor = Annotated[float, _within("(0, 1]", lambda x: 0 < x <= 1)]
-"""What is left of something each time."""
+"""Factor of a geometric decay."""
 
 LessThanHalf = Annotated[float, _within("[0, 0.5)", lambda x: 0 <= x < 0.5)]
-"""A share that is cut from both ends."""
+"""Share that is cut off at both ends."""
 
 Tail = Annotated[float, _within("[1e-6, 0.5)", lambda x: 1e-6 <= x < 0.5)]
-"""The probability that is cut off at either end of a distribution."""
+"""Probability that is cut off at either end of a distribution."""
 
 Power = Annotated[float, _within("[0, 8]", lambda x: 0 <= x <= 8)]
-"""A power of a share, such as of trust in a weight; 0 makes all alike."""
+"""Exponent of a share, for example of trust in a weight. With 0 all weights are equal."""
 
-DrawnShare = Annotated[float | tuple[float, float], _drawn("[0, 1]", lambda x: 0 <= x <= 1)]
-"""A share, or a range of them from which one is drawn."""
+ShareOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, 1]", lambda x: 0 <= x <= 1)]
+"""Share, or a range from which it is drawn."""
 
-DrawnBias = Annotated[float | tuple[float, float], _drawn("[-1, 1]", lambda x: -1 <= x <= 1)]
-"""What is added to a quality, or a range to draw it from."""
+BiasOrRange = Annotated[float | tuple[float, float], _number_or_range("[-1, 1]", lambda x: -1 <= x <= 1)]
+"""Number added to a quality, or a range from which it is drawn."""
 
-DrawnScale = Annotated[float | tuple[float, float], _drawn("[0, inf)", lambda x: 0 <= x < inf)]
-"""What a quality is multiplied by, or a range to draw it from."""
+ScaleOrRange = Annotated[float | tuple[float, float], _number_or_range("[0, inf)", lambda x: 0 <= x < inf)]
+"""Factor of a quality, or a range from which it is drawn."""
 
 
 def allowed(hint: Any) -> str:
-    """What values a type allows, in words.
+    """Return the values that a type allows, in words.
 
     Example:
         >>> from pydantic import PositiveInt
@@ -132,8 +132,8 @@ def allowed(hint: Any) -> str:
         ['[0.5, 1)', 'whole [1, inf)', 'power | linear', 'whole [1, inf) | None', 'number']
     """
     kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    if said := [mark.allowed for mark in marks if isinstance(mark, _Allowed)]:
-        return str(said[-1])
+    if descriptions := [mark.allowed for mark in marks if isinstance(mark, _Allowed)]:
+        return str(descriptions[-1])
     if get_origin(kind) is Literal:
         return " | ".join(map(str, get_args(kind)))
     if get_origin(kind) in (Union, UnionType):
@@ -147,7 +147,7 @@ def allowed(hint: Any) -> str:
 
 
 def _interval(marks: list[Any], whole: bool) -> str:
-    """The interval that bounds such as pydantic's `Gt` leave, as closed as can be; empty if there are none."""
+    """Return the interval between bounds such as pydantic's `Gt`, closed where possible; empty without bounds."""
     ends: dict[str, Any] = {}
     for bound in (part for mark in marks for part in (mark, *getattr(mark, "metadata", ()))):
         ends |= {name: getattr(bound, name) for name in ("gt", "ge", "lt", "le") if hasattr(bound, name)}

@@ -1,52 +1,53 @@
-"""A table of named things (trust models, scenarios, attackers) that other packages can add to."""
+"""Registry of named objects (trust models, scenarios, attackers) that other packages can add to."""
 
 import inspect
 import warnings
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 from roletrust_env.parameters import UnknownParameterError, unknown_parameter
 
-Thing = TypeVar("Thing")
+T = TypeVar("T")
 
 
-class Registry(Generic[Thing]):
-    """Names and the factories that make the things they name.
+class Registry(Generic[T]):
+    """Names, and the factory of the object that each of them stands for.
 
-    A name is looked up in the table and then among the entry points that installed packages declare under `group`. A
-    package with many things may instead name a module in the group `roletrust_env.plugins`: the module is imported
-    before the first look-up in any registry, and registers them. An entry point is loaded only when its name is asked
-    for, so a broken package harms nobody else. A registered or installed factory may be a function, and what it makes
-    is checked. A class that is named by hand is checked before anything of it is called, see `own`.
+    A name is looked up among the registered factories, and then among the entry points that installed packages declare
+    under `group`. A package with many objects can instead declare a module in the group `roletrust_env.plugins`. That
+    module is imported before the first look-up in any registry, and registers the objects.
+
+    An entry point is loaded only when its name is looked up, so a broken package affects only its own names. A
+    registered or installed factory can be a function; the objects that it makes are checked. A class given by module
+    and name is checked before it is called, see `for_class`.
 
     Args:
-        kind: what the things are called in error messages, for example `"trust model"`.
-        group: the entry-point group, for example `"roletrust_env.trust_models"`.
-        base: the class or the runtime-checkable protocol of the things.
+        kind: Name of such objects in error messages, for example `"trust model"`.
+        group: Entry-point group, for example `"roletrust_env.trust_models"`.
+        base: Class or runtime-checkable protocol of the objects.
     """
 
     def __init__(self, kind: str, group: str, base: type[Any]) -> None:
         self.kind = kind
         self.group = group
         self.base = base
-        self._factories: dict[str, Callable[..., Thing]] = {}
+        self._factories: dict[str, Callable[..., T]] = {}
 
-    def register(self, name: str, factory: Callable[..., Thing]) -> None:
+    def register(self, name: str, factory: Callable[..., T]) -> None:
         """Add a factory under a new name.
 
         Raises:
-            ValueError: the name is taken, or is not a word of letters, digits, `-`, `_` and `.`.
+            ValueError: The name is taken, or is not a word of letters, digits, `-`, `_` and `.`.
         """
         if not name or not all(c.isalnum() or c in "-_." for c in name):
-            raise ValueError(f"{name!r} is no name for a {self.kind}; use letters, digits, '-', '_' and '.'")
+            raise ValueError(f"{name!r} is not a valid name of a {self.kind}; use letters, digits, '-', '_' and '.'")
         if name in self._factories:
-            raise ValueError(f"{self.kind} {name!r} is registered already")
+            raise ValueError(f"{self.kind} {name!r} is already registered")
         self._factories[name] = factory
 
     def unregister(self, name: str) -> None:
@@ -54,79 +55,83 @@ class Registry(Generic[Thing]):
         del self._factories[name]
 
     def __contains__(self, name: str) -> bool:
-        """Whether a name is known; what is installed is looked through only for those not registered here."""
+        """Return whether a name is known. Installed packages are searched only if it is not registered here."""
         load_plugins()
         return name in self._factories or name in self._plugins()
 
     def names(self) -> list[str]:
-        """All known names: those registered here, then those that installed packages bring."""
+        """Return all known names: first those registered here, then those of installed packages."""
         load_plugins()
         return list(dict.fromkeys([*self._factories, *self._plugins()]))
 
-    def factory(self, name: str) -> Callable[..., Thing]:
-        """The factory of one name.
+    def factory(self, name: str) -> Callable[..., T]:
+        """Return the factory of a name.
 
         Raises:
-            ValueError: nobody knows the name (the message lists the known ones), or its plug-in cannot be loaded.
+            ValueError: The name is unknown (the message lists the known names), or its plug-in cannot be loaded.
         """
         load_plugins()
         if name in self._factories:
             return self._factories[name]
         plugins = self._plugins()
         if name not in plugins:
-            near = get_close_matches(str(name), self.names(), 1)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise ValueError(f"unknown {self.kind} {name!r}{hint} Known: {', '.join(self.names())}")
+            raise ValueError(f"unknown {self.kind} {name!r}{suggest(name, self.names())}")
         try:
             factory = plugins[name].load()
-        except (Exception, SystemExit) as error:  # whatever a foreign package raises on import
-            raise ValueError(f"{self.kind} {name!r} comes from {_trouble(plugins[name], error)}") from error
+        except (Exception, SystemExit) as error:  # a foreign package can raise anything on import
+            raise ValueError(f"{self.kind} {name!r} comes from {_describe_failure(plugins[name], error)}") from error
         if not callable(factory):
             raise ValueError(f"{self.kind} {name!r} comes from {plugins[name].value!r}, which cannot be called")
-        made: Callable[..., Thing] = factory
-        return made
+        loaded: Callable[..., T] = factory
+        return loaded
 
-    def own(self, module: str, name: str) -> "Registry[Thing]":
-        """A registry of one class, named by hand by the module that has it.
+    def for_class(self, module: str, name: str) -> "Registry[T]":
+        """Return a registry with a single class, given by its module and its name.
 
-        Importing the module runs what stands in it. Nothing in it is called here.
+        The module is imported, which executes its code. The class is not called.
+
+        Args:
+            module: Module of the class.
+            name: Name of the class.
 
         Raises:
-            ValueError: it cannot be loaded, or is not a class of the things of this registry.
+            ValueError: The class cannot be loaded, or its objects do not belong into this registry.
         """
         text = f"{module}:{name}"
         try:
-            found = EntryPoint(name, text, self.group).load()
-        except (Exception, SystemExit) as error:  # whatever a foreign module raises on import
-            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {_said(error)}") from error
-        if lacking := _lacking(found, self.base):
-            raise ValueError(f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {lacking}")
-        own: Registry[Thing] = Registry(self.kind, self.group, self.base)
-        own.register(name, found)
-        return own
+            cls = EntryPoint(name, text, self.group).load()
+        except (Exception, SystemExit) as error:  # a foreign module can raise anything on import
+            raise ValueError(f"{self.kind} {text!r} cannot be loaded: {_describe_import_error(error)}") from error
+        if requirement := _unmet_requirement(cls, self.base):
+            raise ValueError(
+                f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {requirement}"
+            )
+        single: Registry[T] = Registry(self.kind, self.group, self.base)
+        single.register(name, cls)
+        return single
 
-    def taken(self, name: str, offered: Mapping[str, Any]) -> dict[str, Any]:
-        """Of some parameters that are offered, those that the factory of that name takes.
+    def accepted_parameters(self, name: str, offered: Mapping[str, Any]) -> dict[str, Any]:
+        """Return those of the offered parameters that the factory of a name accepts.
 
         Raises:
-            ValueError: the name is unknown.
+            ValueError: The name is unknown.
         """
         known = inspect.signature(self.factory(name)).parameters
-        everything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
-        return {key: value for key, value in offered.items() if everything or key in known}
+        accepts_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
+        return {key: value for key, value in offered.items() if accepts_all or key in known}
 
-    def make(self, name: str, **parameters: Any) -> Thing:
-        """Make the thing of that name, with these parameters.
+    def make(self, name: str, **parameters: Any) -> T:
+        """Make the object of a name, with these parameters.
 
         Raises:
-            ValueError: the name is unknown, the thing does not take these parameters, or what its factory makes is
-                something else.
+            ValueError: The name is unknown, the factory does not accept these parameters, or it makes an object that
+                does not belong into this registry.
         """
         factory = self.factory(name)
         signature = inspect.signature(factory)
-        taken = self.taken(name, parameters)
+        accepted = self.accepted_parameters(name, parameters)
         for parameter in parameters:
-            if parameter not in taken:
+            if parameter not in accepted:
                 raise ValueError(unknown_parameter(f"{self.kind} {name!r}", parameter, signature.parameters))
         try:
             signature.bind(**parameters)
@@ -134,7 +139,7 @@ class Registry(Generic[Thing]):
             raise ValueError(f"{self.kind} {name!r}: {error}; it takes {', '.join(signature.parameters)}") from None
         try:
             made = factory(**parameters)
-        except UnknownParameterError as error:  # of a factory that passes on all that it is given
+        except UnknownParameterError as error:  # the factory passed an unknown parameter on
             raise ValueError(f"{self.kind} {name!r}: {error}") from None
         except ValidationError as error:
             raise ValueError(f"{self.kind} {name!r}: {explain(error)}") from None
@@ -143,7 +148,7 @@ class Registry(Generic[Thing]):
         return made
 
     def describe(self) -> dict[str, str]:
-        """Each name with the first line of its factory's docstring; a plug-in not yet loaded says whence it comes."""
+        """Return the summary of each name: the first line of its docstring, or the source of an unloaded plug-in."""
         load_plugins()
         described = {name: summary(factory) for name, factory in self._factories.items()}
         for name, plugin in self._plugins().items():
@@ -160,35 +165,35 @@ def load_plugins() -> None:
     for plugin in entry_points(group="roletrust_env.plugins"):
         try:
             plugin.load()
-        except (Exception, SystemExit) as error:  # whatever a foreign package raises on import
-            warnings.warn(f"plug-in {plugin.name!r} comes from {_trouble(plugin, error)}", stacklevel=2)
+        except (Exception, SystemExit) as error:  # a foreign package can raise anything on import
+            warnings.warn(f"plug-in {plugin.name!r} comes from {_describe_failure(plugin, error)}", stacklevel=2)
 
 
 def summary(factory: Any) -> str:
-    """The first line of a factory's docstring; empty without one."""
+    """Return the first line of the docstring of a factory; empty without a docstring."""
     return (inspect.getdoc(factory) or "").partition("\n")[0]
 
 
-def _trouble(plugin: EntryPoint, error: BaseException) -> str:
-    """Why a plug-in cannot be loaded, and what to install where it says so, as in `package.module:name [extra]`."""
-    whence = plugin.value.partition(" ")[0]
+def _describe_failure(plugin: EntryPoint, error: BaseException) -> str:
+    """Return why a plug-in cannot be loaded, and the extra to install if the entry point declares one."""
+    target = plugin.value.partition(" ")[0]
     if isinstance(error, ModuleNotFoundError) and plugin.extras and plugin.dist:
-        wanted = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
-        return f"{whence!r}, which needs {error.name}: pip install {wanted!r}"
-    return f"{whence!r}, which cannot be loaded: {error!r}"
+        requirement = f"{plugin.dist.name}[{','.join(plugin.extras)}]"
+        return f"{target!r}, which needs {error.name}: pip install {requirement!r}"
+    return f"{target!r}, which cannot be loaded: {error!r}"
 
 
-def _said(error: BaseException) -> str:
-    """What an import came to, in words; a script that is no module may end Python, and says nothing of it."""
+def _describe_import_error(error: BaseException) -> str:
+    """Return the reason in words. A script without an import guard can exit, and then has no message."""
     return "importing it ends Python" if isinstance(error, SystemExit) else str(error) or type(error).__name__
 
 
-def _lacking(found: Any, base: type[Any]) -> str:
-    """What something lacks to be a class of such things, in words; empty if nothing."""
-    kind = found if isinstance(found, type) else object
+def _unmet_requirement(candidate: Any, base: type[Any]) -> str:
+    """Return what a class must have to belong to a base class or protocol, in words; empty if it has it."""
+    cls = candidate if isinstance(candidate, type) else object
     if not getattr(base, "_is_protocol", False):
-        return "" if issubclass(kind, base) else f"derived from {base.__name__}"
-    # Of a protocol's attributes an instance may have what its class has not, so its methods alone count here.
+        return "" if issubclass(cls, base) else f"derived from {base.__name__}"
+    # An instance can have attributes of the protocol that its class does not have, so only methods are checked.
     methods = [name for name, part in vars(base).items() if inspect.isfunction(part) and name[0] != "_"]
-    fits = all(callable(getattr(kind, name, None)) for name in methods)
+    fits = all(callable(getattr(cls, name, None)) for name in methods)
     return "" if fits else f"with the method{'s' * (len(methods) > 1)} {', '.join(methods)}"

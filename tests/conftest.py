@@ -11,6 +11,7 @@ import shutil
 import hypothesis
 import pytest
 
+from roletrust_env.benchmark.learners.learner import registry as learners
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
@@ -40,7 +41,7 @@ def pytest_collection_modifyitems(config, items):
 def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
     load_plugins()
-    for registry in (trust_models, scenarios, attackers):
+    for registry in (trust_models, scenarios, attackers, learners):
         monkeypatch.setattr(registry, "_factories", dict(registry._factories))
 
 

@@ -91,7 +91,6 @@ def _refused_by_us(words: list[str]) -> str:
     except Exception as error:  # whatever the parser raises
         return f"{type(error).__name__}: {error}"
     known = {
-        "trust_model": trust_models.names(),
         "model": [*trust_models.names(), "all"],
         "attack": attackers.names(),
         "scenario": list(scenarios()),

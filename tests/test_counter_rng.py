@@ -35,7 +35,7 @@ def rounds(seed: int, made: Callable[..., np.ndarray], cells: int, games: int, n
     random, like = Random(np.random.default_rng(seed)), np.zeros(())
     keys = [random.round_key() for _ in range(number)]
     return np.stack(
-        [made(like, cells, counter_rng.whole(like, games), [k[0, i : i + 1] for i in range(4)]) for k in keys]
+        [made(like, cells, counter_rng.counters(like, games), [k[0, i : i + 1] for i in range(4)]) for k in keys]
     )
 
 
@@ -66,8 +66,8 @@ def test_the_hash_is_pcg4d() -> None:
 @pytest.mark.parametrize("made", [counter_rng.normal, counter_rng.uniform])
 def test_every_library_makes_the_same_numbers(like: object, made: Callable) -> None:
     found = key(1, 2**31 + 5, 2**32 - 1, 77)
-    expected = made(np.zeros(()), 10, counter_rng.whole(np.zeros(()), 33), found)
-    numbers = made(like, 10, counter_rng.whole(like, 33), words_of(like, found))
+    expected = made(np.zeros(()), 10, counter_rng.counters(np.zeros(()), 33), found)
+    numbers = made(like, 10, counter_rng.counters(like, 33), words_of(like, found))
     assert numbers.shape == (10, 33)
     assert numbers.dtype == like.dtype
     np.testing.assert_allclose(np.asarray(numbers), expected, rtol=0, atol=1e-13 if "64" in str(like.dtype) else 1e-5)
@@ -76,9 +76,9 @@ def test_every_library_makes_the_same_numbers(like: object, made: Callable) -> N
 @pytest.mark.parametrize("made", [counter_rng.normal, counter_rng.uniform])
 def test_a_games_numbers_do_not_depend_on_its_company(made: Callable) -> None:
     like, found = np.zeros((), np.float32), key(4, 3, 2, 1)
-    crowd = made(like, 7, counter_rng.whole(like, 5000), found)
+    crowd = made(like, 7, counter_rng.counters(like, 5000), found)
     for e in (0, 1, 2047, 2048, 4999):
-        alone = made(like, 7, counter_rng.whole(like, 5000)[e : e + 1], found)
+        alone = made(like, 7, counter_rng.counters(like, 5000)[e : e + 1], found)
         np.testing.assert_allclose(crowd[:, e], alone[:, 0], rtol=0, atol=1e-6)
 
 
@@ -184,7 +184,7 @@ def test_words_repeat_as_seldom_as_those_of_chance() -> None:
 def test_streams_of_a_round_have_nothing_in_common() -> None:
     random, like = Random(np.random.default_rng(0)), np.zeros(())
     found = random.round_key()
-    games = counter_rng.whole(like, 20_000)
+    games = counter_rng.counters(like, 20_000)
     a, b = (counter_rng.uniform(like, 4, games, [found[k, i : i + 1] for i in range(4)]) for k in (0, 1))
     assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 5 / np.sqrt(a.size)
 

@@ -45,3 +45,11 @@ def test_import_takes_little_beside_what_it_imports() -> None:
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=True) for _ in range(5)]
     theirs, ours = (min(times) for times in zip(*(map(float, run.stdout.split()) for run in runs), strict=True))
     assert ours < 2 * theirs  # it is 1.2 times as much
+
+
+def test_dir_shows_the_public_names_and_no_others() -> None:
+    import roletrust_env
+
+    assert sorted(dir(roletrust_env)) == sorted([*roletrust_env.__all__, "__version__"])
+    assert {"TrustModel", "History", "AttackTask", "WindowedAttack", "metrics"} <= set(dir(roletrust_env))
+    assert all(hasattr(roletrust_env, name) for name in dir(roletrust_env))

@@ -40,7 +40,7 @@ class Grudge:
     initial: Share = 0.5
     rates_raters = False
     source = "Nobody (2030)"
-    smooth = False
+    differentiable = False
 
     def start(self, like):
         return GrudgeState(0 * like[0] + self.initial, 0 * like[:, 0] + 1)
@@ -63,7 +63,7 @@ from typing import Annotated, ClassVar
 from pydantic.dataclasses import dataclass
 
 from roletrust_env import Policy
-from roletrust_env.ranges import Searched, Share
+from roletrust_env.ranges import SearchRange, Share
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Gossip(Policy):
     """Rates everybody a little lower, from some round on."""
 
     harm: Share = 0.5
-    since: Annotated[int, Searched(0, 4)] = 2
+    since: Annotated[int, SearchRange(0, 4)] = 2
     attacks: ClassVar = frozenset({"ratings"})
 
     def ratings(self, view, memory, random):
@@ -130,7 +130,7 @@ def test_they_are_listed(command: Callable) -> None:
 
 def test_they_play(command: Callable) -> None:
     model, attack = "grudge:rise=0.5", "sr_2=gossip:harm=0.9"
-    out, printed = command("play", "--trust-model", model, "--attack", attack, *SHORT, "--games", 2)
+    out, printed = command("play", "--model", model, "--attack", attack, *SHORT, "--games", 2)
     results = json.loads((out / "results.json").read_text())
     assert results["trust_models"][model]["parameters"] == {"rise": 0.5, "initial": 0.5}
     assert results["attackers"]["sr_2"]["parameters"] == {"harm": 0.9, "since": 2}
@@ -140,7 +140,7 @@ def test_they_play(command: Callable) -> None:
 
 def test_the_attack_is_searched_under_the_model(command: Callable) -> None:
     out, printed = command(
-        *("ladder", "RaterAttack", "--trust-model", "grudge", "--attack", "gossip"),
+        *("ladder", "RaterAttack", "--model", "grudge", "--attack", "gossip"),
         *(*CERTAIN, "--budget", 1000, "--games", 2),
     )
     with (out / "ladder.csv").open() as file:
@@ -152,8 +152,8 @@ def test_the_attack_is_searched_under_the_model(command: Callable) -> None:
 
 def test_an_attacker_learns_against_the_model(command: Callable) -> None:
     pytest.importorskip("sb3_contrib")
-    small = [f"--learner={setting}" for setting in ("games=8", "n_steps=8", "batch_size=32", "n_epochs=1")]
-    out, _ = command("train", "RaterAttack", "--trust-model", "grudge", *CERTAIN, *small, "--steps", 64)
+    small = ["--learner", "PPO:games=8,n_steps=8,batch_size=32,n_epochs=1"]
+    out, _ = command("train", "RaterAttack", "--model", "grudge", *CERTAIN, *small, "--steps", 64)
     card = json.loads((out / "attacker.json").read_text())
     assert card["trust_model"] == {"name": "grudge", "parameters": {"initial": 0.5}}
 

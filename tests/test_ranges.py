@@ -1,21 +1,21 @@
-"""What a type allows, in words."""
+"""Ranges: the values that they allow, and their description in words."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pytest
-from pydantic import Field, NonNegativeInt, PositiveFloat
+from pydantic import Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
 
-from roletrust_env import Policy
-from roletrust_env.ranges import Kept, Lam, Searched, Share, Tail, Tried, allowed
+from roletrust_env import Policy, ranges
+from roletrust_env.ranges import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
 
 
 @pytest.mark.parametrize(
-    ("hint", "said"),
+    ("hint", "description"),
     [
         (Share, "[0, 1]"),
         (Lam, "[0.5, 1)"),
-        (Annotated[Tail, Kept()], "[1e-6, 0.5)"),
-        (Annotated[Share, Searched(0, 0.5), Tried(0.1)], "[0, 1]"),
+        (Annotated[Tail, NotSearched()], "[1e-6, 0.5)"),
+        (Annotated[Share, SearchRange(0, 0.5), GridValues(0.1)], "[0, 1]"),
         (PositiveFloat, "(0, inf)"),
         (NonNegativeInt, "whole [0, inf)"),
         (Annotated[int, Field(gt=2, lt=7)], "whole [3, 6]"),
@@ -25,9 +25,41 @@ from roletrust_env.ranges import Kept, Lam, Searched, Share, Tail, Tried, allowe
         (bool, "True | False"),
         (str, "text"),
         (Policy, "Policy"),
-        (Annotated[Literal["a", "b"], Tried("a")], "a | b"),
+        (Annotated[Literal["a", "b"], GridValues("a")], "a | b"),
         (Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)] | None, "some of whole [0, inf) | None"),
     ],
 )
-def test_what_is_allowed(hint, said):
-    assert allowed(hint) == said
+def test_what_is_allowed(hint, description):
+    assert allowed(hint) == description
+
+
+LIMITS = [
+    (ranges.Share, [0, 1], [-1e-9, 1 + 1e-9]),
+    (ranges.Lam, [0.5, 1 - 1e-9], [0.5 - 1e-9, 1]),
+    (ranges.Inside, [0.001, 0.999], [0.000999, 0.999001]),
+    (ranges.Ridge, [0.001, 1e300], [0.000999, float("inf")]),
+    (ranges.Factor, [1e-300, 1], [0, 1 + 1e-9]),
+    (ranges.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
+    (ranges.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
+    (ranges.Power, [0, 8], [-1e-9, 8 + 1e-9]),
+    (ranges.ShareOrRange, [0, 1, (0, 1), (0.5, 0.5)], [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)]),
+    (ranges.BiasOrRange, [-1, 1, (-1, 1)], [-1 - 1e-9, 1 + 1e-9, (1, -1)]),
+    (ranges.ScaleOrRange, [0, 1e300, (0, 2)], [-1e-9, float("inf"), (2, 1)]),
+]
+
+
+@pytest.mark.parametrize(("hint", "allowed_values", "refused_values"), LIMITS)
+def test_the_limits_of_each_range(hint: Any, allowed_values: list[Any], refused_values: list[Any]) -> None:
+    reader = TypeAdapter(hint)
+    for value in allowed_values:
+        assert reader.validate_python(value) == value
+    for value in [*refused_values, float("nan")]:
+        with pytest.raises(ValidationError, match="it must"):
+            reader.validate_python(value)
+
+
+@pytest.mark.parametrize(("low", "high"), [(1, 0), (float("-inf"), 0), (0, float("inf")), (float("nan"), 1)])
+def test_a_search_range_is_finite_and_in_order(low: float, high: float) -> None:
+    assert SearchRange(1, 1).high == 1
+    with pytest.raises(ValueError, match="is not a range"):
+        SearchRange(low, high)

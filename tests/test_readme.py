@@ -1,5 +1,8 @@
 """The README in particular, and that it is short."""
 
+import importlib.util
+import re
+
 import pytest
 from pages import HOUSE, run
 
@@ -38,6 +41,28 @@ def test_it_begins_with_a_moving_picture_pip_and_a_loop():
 
 def test_the_moving_picture_is_small():
     assert (HOUSE / "docs/game.gif").stat().st_size <= 1_000_000
+
+
+@pytest.fixture
+def absolute():
+    """The function of `hatch_build.py`, which is not installed."""
+    pytest.importorskip("hatchling", reason="it is needed to build the package only")
+    spec = importlib.util.spec_from_file_location("hatch_build", HOUSE / "hatch_build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.absolute
+
+
+def test_on_a_package_index_links_are_absolute(absolute):
+    text = README.read_text(encoding="utf-8")
+    shown = absolute(text, "https://example.org/team/roletrust/")
+    assert "(https://example.org/team/roletrust/raw/HEAD/docs/game.gif)" in shown
+    assert "(https://example.org/team/roletrust/blob/HEAD/docs/guide/install.md)" in shown
+    assert re.findall(r"\]\((?!https://)[^)#]*\)", shown) == []
+    without = absolute(text, None)
+    assert "game.gif" not in without
+    assert "| Tutorials |" in without
+    assert re.findall(r"\]\((?!https://)[^)#]*\)", without) == []
 
 
 def test_it_is_short():

@@ -61,12 +61,12 @@ def test_a_thing_is_made_by_name(registry: Registry) -> None:
 
 @pytest.mark.parametrize("name", ["", "two words", "a/b", "box\n", "a,b"])
 def test_a_name_is_a_word(registry: Registry, name: str) -> None:
-    with pytest.raises(ValueError, match="no name for a thing"):
+    with pytest.raises(ValueError, match="is not a valid name of a thing"):
         registry.register(name, box)
 
 
 def test_a_name_is_given_once(registry: Registry) -> None:
-    with pytest.raises(ValueError, match="'box' is registered already"):
+    with pytest.raises(ValueError, match="'box' is already registered"):
         registry.register("box", lambda: None)
     assert registry.make("box") == ("box", 1)
 
@@ -129,17 +129,17 @@ def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(registry: Registry, 
 
 
 def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:
-    own = registry.own(__name__, "Crate")
+    own = registry.for_class(__name__, "Crate")
     assert own.make("Crate", items=(1, 2)) == (1, 2)
     for name in ("box", "OnOff", "Path"):
         with pytest.raises(ValueError, match=f":{name}' must make a tuple, so it must be a class derived from tuple"):
-            registry.own(__name__, name)
+            registry.for_class(__name__, name)
 
 
 def test_a_script_that_ends_python_does_not_end_the_command(registry: Registry, install: Callable) -> None:
     install("script", "nobody", "import sys\nsys.exit(0)")
     with pytest.raises(ValueError, match="thing 'script:made' cannot be loaded: importing it ends Python"):
-        registry.own("script", "made")
+        registry.for_class("script", "made")
 
 
 def test_a_scenario_from_user_code_is_known_by_name() -> None:

@@ -1,4 +1,4 @@
-"""Scripted attackers; importing this registers them."""
+"""Scripted attackers. Importing this package registers them."""
 
 from roletrust_baselines.coalition.collusion import Collusion
 from roletrust_baselines.coalition.orchestrated import Orchestrated

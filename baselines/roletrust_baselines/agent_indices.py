@@ -1,4 +1,4 @@
-"""Whom an attack is about: agents by their places on the rater or the provider axis."""
+"""Agents that an attack refers to, by their indices among the raters or the providers."""
 
 from typing import Annotated
 
@@ -6,27 +6,27 @@ from pydantic import Field, NonNegativeInt
 
 from roletrust_env.arrays import Array, namespace
 
-Places = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
-"""Of providers or of raters, on their axis; at least one."""
+AgentIndices = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
+"""Indices of providers or of raters, at least one."""
 
 
-def among(places: tuple[int, ...], rows: Array, what: str, axis: str = "provider") -> Array:
-    """Whether each provider, or each rater, is among some places.
+def index_mask(indices: tuple[int, ...], rows: Array, parameter: str, axis: str = "provider") -> Array:
+    """Return a mask over the providers or the raters that is true at some indices.
 
     Args:
-        places: on the axis of the providers, or of the raters.
-        rows: an array with one row for each, (P, ...) or (S, ...).
-        what: the places are, for error messages.
-        axis: who the rows are, for error messages.
+        indices: Indices of providers or of raters.
+        rows: Array with a row for each provider, shape (P, ...), or for each rater, shape (S, ...).
+        parameter: Name of the parameter with the indices, for error messages.
+        axis: Name of the agents in the rows, for error messages.
 
     Returns:
-        Boolean, shape (P, 1 ...) or (S, 1 ...).
+        Boolean array of shape (P, 1 ...) or (S, 1 ...).
 
     Raises:
-        ValueError: a place is beyond the last one.
+        ValueError: An index is too large.
     """
     count = rows.shape[0]
-    if max(places, default=0) >= count:
-        raise ValueError(f"{what} is {places}; the last {axis} is {count - 1}")
-    chosen = namespace(rows).asarray([place in places for place in range(count)], device=rows.device)
-    return chosen.reshape(-1, *[1] * (rows.ndim - 1))
+    if max(indices, default=0) >= count:
+        raise ValueError(f"{parameter} is {indices}; the last {axis} is {count - 1}")
+    mask = namespace(rows).asarray([index in indices for index in range(count)], device=rows.device)
+    return mask.reshape(-1, *[1] * (rows.ndim - 1))

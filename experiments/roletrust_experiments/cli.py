@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Callable
+from inspect import cleandoc
 from typing import Annotated, Any
 
 import typer
@@ -25,24 +27,48 @@ from roletrust_experiments.commands.submit import submit, verify
 from roletrust_experiments.commands.train import train
 from roletrust_experiments.commands.zoo import zoo
 
+_EXAMPLES = "[bold]Examples[/]"
 
-class _CleanErrors(TyperGroup):
-    """Commands whose bad input and unwritable files get one red message and exit code 2, not a traceback."""
+
+def _plain_flags(parameters: Any) -> Any:
+    """Return the parameters of a command; the help of a flag shows no type."""
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+class _Group(TyperGroup):
+    """A group of commands that reports bad input and unwritable files in one red message, with exit code 2."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was asked for."""
+        """Run the command."""
         try:
             return super().invoke(ctx)
-        except BrokenPipeError:  # whoever reads has enough, as `head` does
+        except BrokenPipeError:  # the reader has stopped, as `head` does
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - Python writes to it once more when it ends
             raise typer.Exit(141) from None
         except (ValueError, OSError, MemoryError) as error:
             errors.print(f"[bold red]Error:[/] {escape(str(error) or 'out of memory')}", soft_wrap=True)
             raise typer.Exit(2) from None
 
+    def get_params(self, ctx: Any) -> Any:
+        """Return the options of the group."""
+        return _plain_flags(super().get_params(ctx))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by name."""
+        command: Any = super().get_command(ctx, cmd_name)
+        if command is not None:
+            _plain_flags(command.get_params(ctx))
+            about, examples, rest = cleandoc(command.help or "").partition(_EXAMPLES)
+            paragraphs = [" ".join(paragraph.split("\n")) for paragraph in about.split("\n\n")]
+            command.help = "\n\n".join(paragraphs) + examples + rest  # typer breaks lines where the docstring does
+        return command
+
 
 app = typer.Typer(
-    cls=_CleanErrors,
+    cls=_Group,
     rich_markup_mode="rich",
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
@@ -50,8 +76,8 @@ app = typer.Typer(
 )
 
 
-def _show_version(asked: bool) -> None:
-    if asked:
+def _show_version(wanted: bool) -> None:
+    if wanted:
         console.print(f"roletrust {__version__}")
         raise typer.Exit
 
@@ -59,39 +85,46 @@ def _show_version(asked: bool) -> None:
 @app.callback()
 def roletrust(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave.")
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Attack and measure [bold]role-based trust models[/]: who rates, who serves, and whom to believe.
+    """Attack and measure [bold]role-based trust models[/]: raters rate providers, and a model decides whom to believe.
 
     [bold]Examples[/]
 
     [dim]# the paper's two figures, from camera frames[/]
     [cyan]roletrust figures[/]
 
-    [dim]# an attack on the paper's scenario[/]
+    [dim]# an attack in the paper's scenario[/]
     [cyan]roletrust play --attack sp_2=on-off:start=100[/]
 
-    [dim]# what each command can do[/]
+    [dim]# what can be played[/]
+    [cyan]roletrust list[/]
+
+    [dim]# the options of a command[/]
     [cyan]roletrust play --help[/]
     """
 
 
-app.command("figures")(figures)
-app.command("play")(play)
-app.command("benchmark")(benchmark)
-app.command("findings")(findings)
-app.command("ladder")(ladder)
-app.command("list")(list_command)
-app.command("report")(report)
-app.command("speed")(speed)
-app.command("costs")(costs)
-app.command("models")(models)
-app.add_typer(live, name="live")
-app.command("submit")(submit)
-app.command("train")(train)
-app.command("verify")(verify)
-app.command("zoo")(zoo)
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "figures": figures,
+    "play": play,
+    "list": list_command,
+    "models": models,
+    "ladder": ladder,
+    "train": train,
+    "zoo": zoo,
+    "benchmark": benchmark,
+    "report": report,
+    "submit": submit,
+    "verify": verify,
+    "findings": findings,
+    "speed": speed,
+    "costs": costs,
+}
+for _name, _command in _COMMANDS.items():
+    app.command(_name)(_command)
+app.add_typer(live, name="live", cls=_Group)
 
 
 def main() -> None:

@@ -87,7 +87,7 @@ def make_search(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchM
         kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
     """
     parameters = {} if kinds is None else {"attacks": tuple(kinds)}
-    return search_methods.make(rung, **search_methods.taken(rung, parameters))
+    return search_methods.make(rung, **search_methods.accepted_parameters(rung, parameters))
 
 
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:

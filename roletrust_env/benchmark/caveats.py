@@ -43,7 +43,7 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
         if name not in played:
             continue
         model = parse_trust_model(name, scenario)
-        if "white-box planner" in suite.rungs and not Traits.of(model).smooth:
+        if "white-box planner" in suite.rungs and not Traits.of(model).differentiable:
             discontinuous.append(name)
         if is_random(Game(scenario, model)):
             yield f"{name}: its trust is random, so other runs give other numbers"

@@ -105,7 +105,7 @@ def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
         scenario = _with_reserve(scenario, track, cell.share)
     roster, names = Roster.of(scenario), []
     for role in track.roles:
-        known = [name for name in roster.first_names if roster.role(name) == role]
+        known = [name for name in roster.owner_names if roster.role(name) == role]
         names += known[len(known) - _number(cell, role, len(known)) :]
     return AttackedScenario(scenario, tuple(names))
 
@@ -125,7 +125,7 @@ def task_arguments(suite: Suite, cell: Cell) -> TaskArguments:
         "scenario": scenario,
         "trust_model": parse_trust_model(cell.model, scenario),
         # An attack task needs an agent even if all are honest. This agent then acts honestly.
-        "compromised": compromised or Roster.of(scenario).first_names[:1],
+        "compromised": compromised or Roster.of(scenario).owner_names[:1],
         "objective": objective(cell.rung, suite.tracks[cell.track].roles),
     }
 

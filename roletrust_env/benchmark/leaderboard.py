@@ -16,7 +16,7 @@ from roletrust_env.benchmark.schema import AttackResult
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
 from roletrust_env.metrics.confidence import Estimate, over_games
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 
 Floats = npt.NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def attack_scores(stored: Iterable[StoredCell]) -> list[AttackScores]:
             "; ".join(dict.fromkeys(row.words for row in rows)),
             np.concatenate([as_array(row.chosen["utility"]) for row in rows]),
             {name: np.concatenate([as_array(row.measured[name]) for row in rows]) for name in rows[0].measured},
-            mean_where(np.stack([as_array(row.by_round) for row in rows]), axis=0),
+            mean_or_nan(np.stack([as_array(row.by_round) for row in rows]), axis=0),
         )
         for (model, condition, attack, rung), rows in groups.items()
     ]
@@ -260,7 +260,7 @@ def _over_conditions(rows: Iterable[Floats]) -> Floats:
         return np.full(1, np.nan)
     length = max(map(len, columns))
     padded = [np.pad(row, (0, length - len(row)), constant_values=np.nan) for row in columns]
-    return mean_where(np.stack(padded), axis=0)
+    return mean_or_nan(np.stack(padded), axis=0)
 
 
 def as_array(values: Sequence[float | None]) -> Floats:

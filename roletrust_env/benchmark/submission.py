@@ -14,7 +14,7 @@ from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.sources import Sha256, Source, Word, source_of
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.specs import check_installed, named_factory
 from roletrust_env.game.policy_registry import registry as attackers
@@ -183,7 +183,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
         raise ValueError(f"{store.path} was written with other software versions; submit it with those versions")
     known = model_names(store.suite)
     if unknown := [name for name in names if name not in known]:
-        raise ValueError(f"{store.path} has no trust model {unknown[0]!r}; it has {', '.join(known)}")
+        raise ValueError(f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
     suite = self_contained(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
     if not allow_code:
         check_installed(trust_models, [name for name in suite.models if name not in names])

@@ -11,7 +11,7 @@ from pydantic import Field, PositiveInt, ValidationError, model_validator
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
-from roletrust_env.errors import explain
+from roletrust_env.errors import explain, suggest
 from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal["scripted", "random search", "CMA-ES", "PPO", "white-box planner"]
@@ -118,7 +118,7 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
             raise ValueError(f"suite {path} cannot be read: {error}") from None
     known = sorted(entry.name.removesuffix(".toml") for entry in _FOLDER.iterdir() if entry.name.endswith(".toml"))
     if str(suite) not in known:
-        raise ValueError(f"unknown suite {str(suite)!r}; known: {', '.join(known)}, or the path of a .toml file")
+        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, known)}, or the path of a .toml file")
     text = (_FOLDER / f"{suite}.toml").read_text(encoding="utf-8")
     return read_suite({"name": str(suite), **_parse(text, suite)}, f"suite {suite}")
 

@@ -46,7 +46,7 @@ class JointAction:
         """
         try:
             joint = self._joined(actions, agents)
-        except (KeyError, AttributeError, ValueError, TypeError, RuntimeError):
+        except (LookupError, AttributeError, ValueError, TypeError, RuntimeError):
             if complaint := self._complaint(actions, agents):
                 raise ValueError(complaint) from None
             joint = self._placed({agent: np.asarray(actions[agent]).reshape(-1) for agent in agents})

@@ -17,6 +17,7 @@ from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
+from roletrust_env.game.summary import summarise, summary_size
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
@@ -143,7 +144,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
             self.action_spaces[agent] = Box(0.0, 1.0, (done,), np.float32)
         self._joint = JointAction(self.game.roster)
         self._observer = Observer(self.game)
-        self.state_space = Box(0.0, 1.0, (self.game.summary_size,), np.float32)
+        self.state_space = Box(0.0, 1.0, (summary_size(self.game),), np.float32)
         self.np_random: np.random.Generator | None = None
         self._random: Random | None = None
         self._state: State | None = None
@@ -253,7 +254,7 @@ class RoleTrustParallelEnv(ParallelEnv[str, Vector, Vector]):
         """Return the whole state as a vector in `state_space`, for centralised critics; see `Game.summary`."""
         if self._state is None:
             raise RuntimeError("call reset() before state(): there is no episode")
-        summary: Vector = self.game.summary(self._state).astype(np.float32)
+        summary: Vector = summarise(self.game, self._state).astype(np.float32)
         return summary
 
     def render(self) -> npt.NDArray[np.uint8] | str | None:

@@ -16,6 +16,7 @@ from roletrust_env.envs.attack_env import check_action, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.envs.tasks import TASKS
+from roletrust_env.errors import suggest
 from roletrust_env.game.attack_task import make_task
 
 
@@ -66,7 +67,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if max_episode_steps is not None:
             check_number("max_episode_steps", max_episode_steps)
         if task_id not in TASKS:
-            raise ValueError(f"unknown task {task_id!r}; known: {', '.join(TASKS)}")
+            raise ValueError(f"unknown task {task_id!r}{suggest(task_id, TASKS)}")
         self.task = make_task(**{**TASKS[task_id].defaults, **arguments})
         self.num_envs = num_envs
         self.metadata = {**TASKS[task_id].metadata, "autoreset_mode": mode}

@@ -1,8 +1,9 @@
 """The search space of a kind of attack, as its class declares it on its fields.
 
-A field whose type has a range (`Share`, `Annotated[PositiveInt, Searched(1, 12)]`), the choices of a `Literal`, the
-places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. `Kept`, and
-every other field, keeps its default. The exceptions are facts of the game: `Accomplices` and `Length`.
+A field whose type has a range (`Share`, `Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the
+places of `Victims` and the number of `Identities` are coordinates, in the order of the class's signature. A
+field marked `NotSearched`, and every other field, keeps its default. The exceptions are facts of the game:
+`Accomplices` and `GameLength`.
 """
 
 import itertools
@@ -16,12 +17,12 @@ from pydantic import ValidationError
 from roletrust_env.arrays import Array
 from roletrust_env.errors import explain
 from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.ranges import Accomplices, Identities, Kept, Length, Searched, Tried, Victims
+from roletrust_env.ranges import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
 
 AttackKind = Callable[..., Policy]
 """Class of a policy, or a `functools.partial` of it that fixes some parameters."""
 
-SearchRange = Searched | Victims | Identities | tuple[Any, ...]
+ParameterRange = SearchRange | Victims | Identities | tuple[Any, ...]
 """Range of a parameter in a search: an interval, victims, identities, or the options of a `Literal`."""
 
 HONEST = Policy()
@@ -144,12 +145,12 @@ def game_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str
         accomplices: Indices of the attacker's own providers on the provider axis; an empty tuple is left out.
         length: Number of rounds of the game.
     """
-    known = ((Accomplices, accomplices), (Length, length))
+    known = ((Accomplices, accomplices), (GameLength, length))
     hints = _hints(kind).items()
     return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
 
 
-def declared_ranges(kind: Any) -> dict[str, SearchRange]:
+def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
     """Return the search ranges that a kind of attack declares, by the parameter's name.
 
     Args:
@@ -160,7 +161,7 @@ def declared_ranges(kind: Any) -> dict[str, SearchRange]:
 
 
 def as_spec(policy: Policy) -> str:
-    """Return the spec of a policy, as `--attack` takes it: the name, and the parameters with a range or no default value.
+    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range or another value.
 
     Numbers are rounded, and of many indices only the first and the last are shown.
     """
@@ -192,22 +193,24 @@ def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: i
         at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
     elif isinstance(declared, Identities):
         at, tried = _whole(1, max(1, reserve)), tuple({1, max(1, reserve)})
-    elif isinstance(declared, Searched):
+    elif isinstance(declared, SearchRange):
         low, high = declared.low, declared.high
         at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
         tried = tuple(dict.fromkeys(at(x) for x in (0.0, 0.5, 1.0)))
     else:
         at, tried = _one_of(declared), declared
-    chosen = _mark(hint, Tried)
+    chosen = _mark(hint, GridValues)
     return Coordinate(name, at, chosen.values if chosen else tried)
 
 
-def _declared(hint: Any) -> SearchRange | None:
+def _declared(hint: Any) -> ParameterRange | None:
     """Return the search range of a type; None without one."""
-    if _mark(hint, Kept):
+    if _mark(hint, NotSearched):
         return None
     options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
-    found: SearchRange | None = _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, Searched)
+    found: ParameterRange | None = (
+        _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
+    )
     return found
 
 

@@ -15,17 +15,16 @@ Floats = npt.NDArray[np.float64]
 
 
 class Curves(NamedTuple):
-    """What T rounds of E games left behind; NaN where an agent was not present.
+    """The curves of T rounds of E games; NaN where an agent was absent.
 
     Attributes:
-        time_s: seconds, (T,). The state after round r, counted from 0, stands at (r + 1) * period_s: the end of
-            that round.
-        tor: trust of the raters, (T, S, E).
-        top: trust of the providers, (T, P, E).
-        trust: trust of the agents, each by its role, (T, N, E).
-        rewards: (T, N, E).
-        offered: quality that the providers had for whoever came, (T, P, E), or for each rater, (T, S, P, E), where any
-            treats them differently, see `Game.offered`.
+        time_s: Time in seconds, shape (T,). The state after round r, counted from 0, stands at (r + 1) * period_s.
+        tor: Trust of the raters, shape (T, S, E).
+        top: Trust of the providers, shape (T, P, E).
+        trust: Trust of the agents by role, shape (T, N, E).
+        rewards: Rewards of the agents, shape (T, N, E).
+        offered: Quality on offer, shape (T, P, E), or shape (T, S, P, E) where a provider treats raters differently,
+            see `Game.offered`.
     """
 
     time_s: Floats
@@ -36,8 +35,8 @@ class Curves(NamedTuple):
     offered: Floats
 
 
-def kept_bytes(joint_policy: JointPolicy) -> int:
-    """The memory that the `Curves` of each game take."""
+def curve_bytes(joint_policy: JointPolicy) -> int:
+    """Return the memory of the `Curves` of one game, in bytes."""
     game, roster = joint_policy.game, joint_policy.game.roster
     differs = any("treatment" in policy.attacks for policy in joint_policy.policies.values())
     of_each = roster.n_raters if differs else 1

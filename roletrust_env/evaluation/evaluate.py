@@ -121,7 +121,7 @@ def _lines(text: str, scenario: Scenario, share: float) -> list[str]:
     channels: frozenset[Channel] = getattr(named_factory(attackers, text), "attacks", frozenset())
     roster, lines = Roster.of(scenario), []
     for names, decided in ((roster.rater_names, _RATING), (roster.provider_names, _SERVING)):
-        first = [name for name in names if name in roster.first_names]
+        first = [name for name in names if name in roster.owner_names]
         if channels & decided:
             lines += [f"{name}={text}" for name in first[-max(1, round(share * len(first))) :]]
     if not lines:

@@ -1,4 +1,4 @@
-"""How a cell's games are watched, and what is read off them."""
+"""Scores of attacks: the games that are watched, and the numbers that are read off them."""
 
 from typing import NamedTuple, Self
 
@@ -10,29 +10,30 @@ from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, 
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.consumer import Bought
-from roletrust_env.metrics.score import mean_where, ratio
+from roletrust_env.metrics.score import mean_or_nan, ratio
 from roletrust_env.trust import Traits
 
 Floats = npt.NDArray[np.float64]
 
 MEASURED = ("utility", "blind", "damage", "false_alarms", "auc")
-"""What is read off a game.
+"""Names of the scores of a game.
 
-`utility` and `blind`: see `metrics.utility` and `metrics.blind_utility`; `damage`: what the honest lost of their trust,
-see `metrics.damage`; `false_alarms`: how often they were taken for attackers, see `metrics.false_alarms`; `auc`: how
-well the mean trust tells the attackers from the honest of their role, see `metrics.auc`.
+`utility`: utility of going by trust, see `metrics.utility`. `blind`: utility of a blind choice, see
+`metrics.blind_utility`. `damage`: loss of trust of the honest agents, see `metrics.damage`. `false_alarms`: share of
+honest agents that count as attackers, see `metrics.false_alarms`. `auc`: probability that mean trust tells an attacker
+from an honest agent of its role, see `metrics.auc`.
 """
 
 Scores = dict[str, Floats]
-"""A number for each game, (K, G), by the names of `MEASURED`; NaN where it is undefined."""
+"""Scores of K attacks in G games each, shape (K, G), by the names of `MEASURED`; NaN where undefined."""
 
 
 class Watched(NamedTuple):
-    """What T rounds of K x G games left behind.
+    """The record of T rounds of K x G games.
 
     Attributes:
-        trust: of the agents, each by its role, (T, N, K, G); NaN where one was not there.
-        bought: what consumers got, from the second round on: before it there is no trust to go by, (T - 1, K, G).
+        trust: Trust of the agents by role, shape (T, N, K, G); NaN where an agent was absent.
+        bought: Qualities that consumers got, shape (T - 1, K, G). The first round has no trust to go by.
     """
 
     trust: Floats
@@ -54,13 +55,13 @@ class Scored(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The scores of some attacks, in games with luck that no search has seen.
+    """The scores of K attacks in held-out games, in two halves.
 
     Attributes:
-        chosen: in the first half of the games: by these the worst case is chosen.
-        measured: in the second half: what that worst case comes to.
-        by_round: utility there in each round from the second on, the mean over the games, (T - 1, K); NaN where none
-            served well.
+        chosen: Scores in the first half of the games, which choose the worst case.
+        measured: Scores in the second half, which measure the worst case.
+        by_round: Mean utility over the second half in each round from the second on, shape (T - 1, K); NaN where no
+            provider served well.
     """
 
     chosen: Scores
@@ -69,18 +70,18 @@ class Measured(NamedTuple):
 
     @classmethod
     def halves(cls, scores: Scores, bought: Bought) -> Self:
-        """Of the scores in all games, (K, 2 G), and of what was bought in them."""
+        """Split scores of shape (K, 2 G), and what consumers got in the same games."""
         first, second = zip(*(np.split(values, 2, axis=-1) for values in scores.values()), strict=True)
         got, best = (np.split(part, 2, axis=-1)[1] for part in (bought.got, bought.best))
         chosen, measured = (dict(zip(scores, half, strict=True)) for half in (first, second))
-        return cls(chosen, measured, mean_where(ratio(got, best), axis=-1))
+        return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1))
 
 
 def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
-    """Play held-out games to the end and keep what is measured. Arguments as for `attacked_rollout`.
+    """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
-        ValueError: somebody chose what is not allowed, or a trust model of another package fails.
+        ValueError: An attacker or a trust model fails, or an action is NaN or outside [0, 1].
     """
     game, trusts, bought = task.game, [], []
     for before, actions, state, _ in attacked_rollout(task, attacker, batch, *random_sources(task, seed, HELD_OUT)):
@@ -123,7 +124,7 @@ def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, i
 
 
 def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
-    """The same where everybody is honest: there is nothing to lose and nobody to find."""
+    """Score games with everybody honest. Damage and AUC are undefined there."""
     judged = _judged(task)
     everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
@@ -132,13 +133,13 @@ def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:
-    """The agents that the trust model tells apart: all, or the providers."""
+    """Return the agents that the trust model tells apart: all of them, or the providers."""
     roster = task.game.roster
     return roster.names if Traits.of(task.game.model).rates_raters else roster.provider_names
 
 
 def _read(seen: Watched, honest: list[int]) -> Scores:
-    """What takes no other games to compare with."""
+    """Return the scores that need no other games for comparison."""
     got, best, blind = seen.bought
     return {
         "utility": metrics.share_of_best(got, best).value,
@@ -148,12 +149,12 @@ def _read(seen: Watched, honest: list[int]) -> Scores:
 
 
 def _told_apart(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:
-    """The AUC of the mean trust, the mean over the roles that have attackers and trust."""
-    mean, roster = mean_where(trust, axis=0), task.game.roster
+    """Return the AUC of mean trust, averaged over the roles with attackers and trust."""
+    mean, roster = mean_or_nan(trust, axis=0), task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):
         places = [i for i, name in enumerate(roster.names) if name in names and name in judged]
         bad = [k for k, i in enumerate(places) if roster.names[i] in task.identities]
         if bad:
             found.append(metrics.auc(mean[places], bad).value)
-    return mean_where(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)
+    return mean_or_nan(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)

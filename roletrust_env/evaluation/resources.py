@@ -1,4 +1,4 @@
-"""What a run would take of this machine, said before it starts."""
+"""Memory and time of a run, estimated before it starts."""
 
 import os
 import platform
@@ -13,17 +13,17 @@ from typing import NamedTuple
 from roletrust_env import Game
 
 _SHARE = 0.8
-"""Of the free memory; the rest is for all that is not counted here."""
+"""Share of the free memory that a run may take; the rest is for what is not counted here."""
 
 _ROUNDS, _CELLS = 2, 200_000  # of a trial: rounds, and ratings of a round
 
 
 class Cost(NamedTuple):
-    """What every further game takes.
+    """The cost of one more game.
 
     Attributes:
-        memory: bytes at the worst moment of a round.
-        seconds: for a round.
+        memory: Peak memory in a round, in bytes.
+        seconds: Duration of a round, in seconds.
     """
 
     memory: float
@@ -31,17 +31,17 @@ class Cost(NamedTuple):
 
 
 def some(game: Game) -> int:
-    """How many games are enough to try out: what grows with them outweighs what does not, and it is done at once."""
+    """Return a number of games for a trial: large enough that what grows with it prevails, small enough to be quick."""
     cells = game.roster.n_raters * game.roster.n_providers
     return 2 if game.scenario.service == "hog" else max(2, _CELLS // cells)
 
 
 def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
-    """Play two rounds of some games and of half as many; the difference is what a game takes in a large batch.
+    """Return the cost of a game in a large batch: the difference between some games and half as many, in two rounds.
 
     Args:
-        rounds: plays that many games, round by round.
-        many: games, see `some`.
+        rounds: Function from a number of games to their rounds.
+        many: Number of games, see `some`.
     """
     _trace(rounds, 1)  # what is loaded and made but once
     (few_memory, few_seconds), (memory, seconds) = (_trace(rounds, games) for games in (many // 2, many))
@@ -50,16 +50,16 @@ def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
 
 
 def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
-    """See whether a run fits into the memory.
+    """Refuse a run that does not fit into the memory.
 
     Args:
-        option: that says how large it is.
-        number: as it is given.
-        each: bytes that one more of it takes.
-        hint: what else it would take, in words.
+        option: Option that sets the size of the run.
+        number: Value of the option.
+        each: Memory for each unit of it, in bytes.
+        hint: Further cost of the run, in words.
 
     Raises:
-        ValueError: it does not fit; it says what it would take, and about how large a run fits.
+        ValueError: The run does not fit. The message says what it would take, and about how large a run fits.
     """
     free = _SHARE * available()
     if number * each > free:
@@ -72,13 +72,13 @@ def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
 
 
 def processor() -> str:
-    """What this machine computes with: other processors may round the same sums otherwise."""
+    """Return the name of the processor; another processor may round the same sums differently."""
     found = re.search(r"^model name\s*:\s*(.+)$", _read("/proc/cpuinfo"), re.MULTILINE)
     return found[1] if found else platform.processor() or platform.machine()
 
 
 def available() -> float:
-    """Bytes of memory that can be had: as Linux has it, else all of the machine's; no limit where neither is known."""
+    """Return the free memory in bytes as Linux states it, else that of the whole machine, else infinity."""
     try:
         free = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):
@@ -90,7 +90,7 @@ def available() -> float:
 
 
 def in_bytes(size: float) -> str:
-    """A size for people.
+    """Return a size for people.
 
     Example:
         >>> in_bytes(3.26e12), in_bytes(21e6)
@@ -101,7 +101,7 @@ def in_bytes(size: float) -> str:
 
 
 def in_time(seconds: float) -> str:
-    """A time for people.
+    """Return a time for people.
 
     Example:
         >>> in_time(90), in_time(8000), in_time(3e7)
@@ -117,7 +117,7 @@ def _two_digits(value: float) -> str:
 
 
 def _trace(rounds: Callable[[int], Iterator[object]], games: int) -> tuple[int, float]:
-    """The most memory at once, and the time, of a trial."""
+    """Return the peak memory and the duration of a trial."""
     tracemalloc.start()
     try:
         began = perf_counter()
@@ -129,7 +129,7 @@ def _trace(rounds: Callable[[int], Iterator[object]], games: int) -> tuple[int, 
 
 
 def _read(path: str) -> str:
-    """A file of the kernel's; empty where there is none."""
+    """Return a file of the kernel; empty where there is none."""
     try:
         return Path(path).read_text()
     except OSError:

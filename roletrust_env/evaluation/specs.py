@@ -1,4 +1,4 @@
-"""What is written behind `--attack`, `--trust-model` and `--set`, as policies, models and values."""
+"""What is written behind `--attack`, `--model` and `--set`, as policies, models and values."""
 
 import inspect
 import os
@@ -6,15 +6,16 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
 from roletrust_env import Policy, Scenario
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.registry import Registry, Thing
+from roletrust_env.parameters import unknown_parameter
+from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
@@ -74,9 +75,7 @@ def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
     fields = [*Scenario.model_fields, "noise"]
     for field in settings:
         if field not in fields:
-            near = get_close_matches(field, fields, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else "."
-            raise ValueError(f"--set: there is no field {field!r}{hint} There are {', '.join(fields)}")
+            raise ValueError(f"--set: there is no field {field!r}{suggest(field, fields)}")
     return scenario.change(**settings) if settings else scenario
 
 
@@ -97,7 +96,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
         pattern, equals, attacker = text.partition("=")
         if not equals or not pattern or not attacker:
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
-        seated.append((_agents(pattern.strip(), roster.first_names), attacker))
+        seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
     accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
     policies: dict[str, Policy] = {}
@@ -130,7 +129,7 @@ def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, .
         known = inspect.signature(kind).parameters
         for key in parameters:
             if key not in known:
-                raise ValueError(f"attacker {text!r} has no parameter {key!r}; it takes {', '.join(known)}")
+                raise ValueError(unknown_parameter(f"attacker {text!r}", key, known))
         kinds.append(partial(kind, **parameters) if parameters else kind)
     return tuple(kinds)
 
@@ -158,31 +157,29 @@ def read_trust_model(
     registry, name, parameters = _parsed(trust_models, text)
     for key, field in _SHARED.items():
         if key in parameters and field in (settings or {}) and parameters[key] != getattr(scenario, field):
-            raise ValueError(
-                f"--trust-model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once"
-            )
-    given = registry.taken(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
+            raise ValueError(f"--model {text} contradicts --set {field}={getattr(scenario, field):g}; give it once")
+    given = registry.accepted_parameters(name, {key: getattr(scenario, field) for key, field in _SHARED.items()})
     return registry, name, {**given, **parameters}
 
 
-def parse_named(registry: Registry[Thing], text: str) -> Thing:
+def parse_named(registry: Registry[T], text: str) -> T:
     """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
     """
-    made: Thing = _made(*_parsed(registry, text), text)
+    made: T = _made(*_parsed(registry, text), text)
     return made
 
 
-def named_factory(registry: Registry[Thing], text: str) -> Callable[..., Thing]:
+def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
     """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
         ValueError: the name is unknown, or what it names is not of the registry's kind.
     """
     found, name, _ = _parsed(registry, text)
-    factory: Callable[..., Thing] = found.factory(name)
+    factory: Callable[..., T] = found.factory(name)
     return factory
 
 
@@ -204,6 +201,24 @@ def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None
             )
 
 
+def parse_parameters(text: str) -> tuple[str, dict[str, Any]]:
+    """Return the name and the parameters of `NAME[:key=value,...]`.
+
+    Raises:
+        ValueError: A parameter is not of the form key=value, or is given twice.
+
+    Example:
+        >>> parse_parameters("on-off:start=10,targets=[0, 1]")
+        ('on-off', {'start': 10, 'targets': (0, 1)})
+    """
+    name, _, rest = text.strip().partition(":")
+    return name, _parameters(rest, text)
+
+
+def _parameters(rest: str, text: str) -> dict[str, Any]:
+    return parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+
+
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
     """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
@@ -213,7 +228,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
             registry, name, rest = _own(registry, name, owner.strip()), owner.strip(), after
         else:
             _explain_unknown(registry, name)
-    return registry, name, parse_settings([part for part in _COMMA.split(rest) if part.strip()], option=repr(text))
+    return registry, name, _parameters(rest, text)
 
 
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
@@ -241,7 +256,7 @@ def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
     """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
-    return registry.own(module, name)
+    return registry.for_class(module, name)
 
 
 def _check_ring(kind: AttackKind, parameters: Mapping[str, Any], text: str) -> None:

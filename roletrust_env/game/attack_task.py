@@ -1,7 +1,7 @@
-"""One attacker's side of a game: compromised agents act as one mind, everybody else is scripted.
+"""The control problem of one attacker: compromised agents act as one mind, and all other agents are scripted.
 
-The Gymnasium tasks, their batches, the searchers and the planner all play this. It owns the objectives, the price of
-being told apart and what an attacker may know, and is as pure and as batched as the game itself.
+The Gymnasium tasks, their batches, the search methods and the planner all play it. It owns the objectives, the cost of
+stealth and the knowledge of the attacker. It is as pure and as batched as the game itself.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.errors import suggest
 from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.consumer import Bought, buy
@@ -29,22 +30,26 @@ Knowledge = Literal["black_box", "grey_box", "white_box"]
 
 
 class TaskState(NamedTuple):
-    """The state of the game, and what the scripted agents remember."""
+    """The state of an attack task.
+
+    Attributes:
+        game: State of the game.
+        memories: Memories of the scripted agents.
+    """
 
     game: State
     memories: tuple[Any, ...]
 
 
 class Outcome(NamedTuple):
-    """What one round brought the attacker, each of shape (...).
+    """The outcome of a round for the attacker, each part of shape (...).
 
     Attributes:
-        reward: the objective less the weighted cost.
-        objective: of the round, in [0, 1].
-        cost: how far each compromised agent's trust is below that of the honest ones, beyond the tolerance; the mean
-            over the agents, in [0, 1], unweighted.
-        caught: whether all its agents are gone for good, cut off or left, and no identity of theirs waits in reserve.
-        over: whether the game has reached its length.
+        reward: Objective less the weighted cost.
+        objective: Objective of the round, in [0, 1].
+        cost: Mean over the compromised agents of the trust gap to the honest agents beyond the tolerance, in [0, 1].
+        caught: Whether all compromised agents are gone for good, cut off or left, without identities in reserve.
+        over: Whether the game has reached its length.
     """
 
     reward: Array
@@ -58,30 +63,28 @@ class AttackTask:
     """The game as the control problem of one attacker.
 
     Args:
-        game: its scenario, its trust model and its array library.
-        compromised: names of the agents that the attacker controls, each once. Their identities in reserve are its own,
-            too; an action has no say over them, but policies have, see `step`.
-        objective: what each round brings, after the trust of the round has been updated:
+        game: Game with its scenario, trust model and array library.
+        compromised: Names of the agents that the attacker controls, each once. Their identities in reserve belong to
+            the attacker, too; policies use them, but an action does not, see `step`.
+        objective: Objective of each round, by the trust after the round:
             `"damage"`, the mean over the honest providers of 1 - ToP;
-            `"exploit"`, the mean over its own providers of the published ToP at which a service was sold times 1 - the
-            quality delivered: bad service sold on good trust; of one with several identities the mean over those that
-            are there;
+            `"exploit"`, the mean over the attacker's providers of ToP times 1 - delivered quality, which is bad service
+            sold on good trust; for a provider with several identities the mean over the present ones;
             `"promote"`, the same for the accomplices;
-            `"mislead"`, the best quality that was there, less what a consumer got that went to the provider with the
-            highest ToP published before, see `game.consumer`.
-        stealth: the price of being told apart. The gap of a compromised agent is the mean trust of the honest agents of
-            its role that are there, less its own trust; of an agent with both roles, or with several identities that
-            have ever been there, the largest one. It costs what is
-            beyond the tolerance, and the cost is the mean over the compromised agents: none hides behind another. All
-            of them count, there or not, by the trust that is published: who is gone stays as far apart as it went. A
-            role without honest agents has no gap. None is free.
-        knowledge: what it sees, see `observe`.
-        others: agent's name -> policy of agents that are not compromised; those not named play honestly.
-        accomplices: names of the providers that `"promote"` is for, compromised or not.
+            `"mislead"`, the best quality on offer, less the quality that a consumer got from the provider with the
+            highest ToP before the round, see `game.consumer`.
+        stealth: Price of a trust gap. The gap of a compromised agent is the mean trust of the present honest agents of
+            its role, less its own trust. For an SR+SP agent, and for an agent with several identities that have been
+            present, the largest gap counts. The cost is the mean over the compromised agents of the gap beyond the
+            tolerance, so that no agent hides behind another. An agent that is gone keeps its gap. A role without honest
+            agents has no gap. None is free.
+        knowledge: Knowledge of the attacker, see `observe`.
+        others: Policies of further agents by name; agents that are not named play honestly.
+        accomplices: Names of the providers of `"promote"`, compromised or not.
 
     Raises:
-        ValueError: a name is no agent or stands twice, an objective lacks the agents that it is about, or the name of
-            the objective or of the knowledge is unknown.
+        ValueError: A name is no agent or occurs twice, an objective lacks its agents, or the name of the objective or
+            of the knowledge is unknown.
     """
 
     def __init__(
@@ -98,7 +101,7 @@ class AttackTask:
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))
-        _check_names("compromised", compromised, roster.first_names)
+        _check_names("compromised", compromised, roster.owner_names)
         _check_names("accomplices", accomplices, roster.provider_names)
         if not compromised:
             raise ValueError("compromised is empty; the attacker must control an agent")
@@ -122,9 +125,9 @@ class AttackTask:
             "exploit": ("a compromised provider", self._providers),
             "promote": ("an accomplice", self._accomplices),
         }
-        whom, there = needed.get(objective, ("nobody", [0]))
+        agents, there = needed.get(objective, ("nobody", [0]))
         if not there:
-            raise ValueError(f"the objective {objective!r} needs {whom}, and there is none")
+            raise ValueError(f"the objective {objective!r} needs {agents}, and there is none")
 
     def __repr__(self) -> str:
         aim = f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: {self.knowledge}"
@@ -132,11 +135,11 @@ class AttackTask:
 
     @property
     def action_size(self) -> int:
-        """A: for each compromised agent in turn its quality, if it provides, then its P ratings, if it rates."""
+        """Size A of an action: for each compromised agent quality, if it provides, then P ratings, if it rates."""
         return len(self._providers) + self.game.roster.n_providers * len(self._raters)
 
     def start(self, noise: Noise, random: Random) -> TaskState:
-        """The state before the first round, for the batch of the noise."""
+        """Return the state before the first round, for the batch of the noise."""
         return TaskState(self.game.start(noise), self.joint_policy.begin(random, tuple(noise.perception.shape[2:])))
 
     def step(
@@ -145,29 +148,29 @@ class AttackTask:
         """Play one round.
 
         Args:
-            state: before the round; it is left as it is.
-            action: shape (A, ...), in [0, 1]; or all agents' `Actions`, of which those of the attacker's identities
-                count, on every channel.
-            noise: the luck of the round.
-            random: for scripted agents that play at random.
+            state: State before the round; it is not changed.
+            action: Action of shape (A, ...), in [0, 1]; or `Actions` of all agents, of which those of the attacker's
+                identities count, on every channel.
+            noise: Noise of the round.
+            random: Random numbers of the scripted agents.
         """
         actions, memories = self.joint(state, action, random)
         return self.advance(state, actions, memories, noise)
 
     def joint(self, state: TaskState, action: Array | Actions, random: Random) -> tuple[Actions, tuple[Any, ...]]:
-        """What all agents do, and what the scripted ones remember. Arguments as for `step`."""
+        """Return the actions of all agents and the memories of the scripted ones. Arguments as for `step`."""
         scripted, memories = self.joint_policy.act(state.game, state.memories, random)
         return self._overrule(scripted, action), memories
 
     def advance(
         self, state: TaskState, actions: Actions, memories: tuple[Any, ...], noise: Noise
     ) -> tuple[TaskState, Outcome]:
-        """Play one round in which it is known what all agents do, see `joint`."""
+        """Play one round with known actions of all agents, see `joint`."""
         after, _ = self.game.step(state.game, actions, noise)
         return TaskState(after, memories), self.judge(state.game, actions, after)
 
     def judge(self, before: State, actions: Actions, after: State) -> Outcome:
-        """What a round brought the attacker in which all agents did this, by the states before and after it."""
+        """Return the outcome of a round for the attacker, by the actions and the states before and after it."""
         game = self.game
         tor, top = game.published(after)
         present = game.present(after)
@@ -194,7 +197,7 @@ class AttackTask:
         return Outcome(reward, objective, cost, caught, over)
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
-        """What consumers got in a round who went by the trust published before it. See `Game.offered`."""
+        """Return the qualities that consumers got in a round by the trust published before it. See `Game.offered`."""
         game = self.game
         top, present = game.published(before)[1], game.present(before)
         if present is not None:
@@ -202,11 +205,11 @@ class AttackTask:
         return buy(top, game.offered(before, actions, after))
 
     def observe(self, state: TaskState) -> Array:
-        """What the attacker sees, shape (K, ...).
+        """Return the observation of the attacker, shape (K, ...).
 
-        `black_box`: what its agents would see in life, the observation of each in turn. `grey_box`: in addition the
-        published trust of every rater, S, and of every provider, P. `white_box`: in addition the whole state of the
-        game, the trust model's own memory included: every array of `State`, flattened, in its order.
+        `black_box`: the observations of its agents, one after the other. `grey_box`: in addition the published trust of
+        every rater, S, and of every provider, P. `white_box`: in addition the whole state of the game, with the memory
+        of the trust model: every array of `State`, flattened, in order.
         """
         game = self.game
         views = game.views(state.game)
@@ -220,7 +223,7 @@ class AttackTask:
         return namespace(seen[0]).concat(seen)
 
     def _seen(self, name: str, state: State, providers: ProviderView, raters: RaterView) -> Array:
-        """The observation of one of its agents, of what all providers and all raters see."""
+        """Return the observation of one of its agents, from the views of all providers and raters."""
         roster, layout = self.game.roster, self.game.layout
         provider = view_of(providers, roster.provider_names.index(name)) if name in roster.provider_names else None
         rater = view_of(raters, roster.rater_names.index(name)) if name in roster.rater_names else None
@@ -233,7 +236,7 @@ class AttackTask:
         return layout.flatten(rater)
 
     def own_action(self, actions: Actions) -> Array:
-        """What the compromised agents do among all agents' actions, as an action of the task, (A, ...)."""
+        """Return the part of the compromised agents in the actions of all, as an action of shape (A, ...)."""
         roster, parts = self.game.roster, []
         for name in self.compromised:
             if name in roster.provider_names:
@@ -243,7 +246,7 @@ class AttackTask:
         return namespace(parts[0]).concat(parts)
 
     def _overrule(self, scripted: Actions, action: Array | Actions) -> Actions:
-        """The joint action: that of the attacker's agents in place of what the script has for them."""
+        """Return the actions of all agents, with those of the attacker in place of the scripted ones."""
         if isinstance(action, Actions):
             return self._side.joint(scripted, action)
         xp, roster, p = namespace(action), self.game.roster, self.game.roster.n_providers
@@ -277,19 +280,19 @@ def make_task(
     """Make an attack task.
 
     Args:
-        scenario: the name of a preset, the path of a TOML or YAML file, or a `Scenario`.
-        compromised: names of the agents that the learner controls.
-        trust_model: the name of a trust model, or a model.
+        scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`.
+        compromised: Names of the agents that the attacker controls.
+        trust_model: Name of a trust model, or a model.
         objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
-        stealth: `{"weight": ..., "tolerance": ...}`, the price of being told apart; None is free.
+        stealth: Price of a trust gap, `{"weight": ..., "tolerance": ...}`; None is free.
         knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
-        others: agent's name -> policy of agents that are neither compromised nor honest.
-        accomplices: the providers that `"promote"` is for.
-        like: an array of the library, dtype and device to play with; by default NumPy's float32.
-        **changes: other values of the scenario's fields, such as `max_cycles=200` or `noise=0.0`.
+        others: Policies of further agents by name, which are neither compromised nor honest.
+        accomplices: Names of the providers of `"promote"`.
+        like: Array of the library, dtype and device to play with; by default NumPy's float32.
+        **changes: Other values of fields of the scenario, such as `max_cycles=200` or `noise=0.0`.
 
     Raises:
-        ValueError: a name is unknown or a value is not allowed.
+        ValueError: A name is unknown or a value is not allowed.
     """
     scenario = make_scenario(scenario)
     scenario = scenario.change(**changes) if changes else scenario
@@ -306,14 +309,14 @@ def make_task(
 
 
 def leaves(tree: Any) -> list[Array]:
-    """The arrays of nested tuples, in order; None, and facts of all games, count for nothing."""
+    """Return the arrays of nested tuples, in order; None and booleans are left out."""
     if tree is None or isinstance(tree, bool):
         return []
     return [leaf for part in tree for leaf in leaves(part)] if isinstance(tree, tuple) else [tree]
 
 
 def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array:
-    """The rows, with new ones in some places."""
+    """Return the rows, with new ones at some indices."""
     if not new:
         return rows
     order = list(range(rows.shape[0]))
@@ -324,7 +327,7 @@ def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array
 
 def _check_choice(what: str, value: object, known: Sequence[str]) -> None:
     if value not in known:
-        raise ValueError(f"unknown {what} {value!r}; known: {', '.join(known)}")
+        raise ValueError(f"unknown {what} {value!r}{suggest(value, known)}")
 
 
 def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
@@ -332,6 +335,6 @@ def _check_names(what: str, names: Sequence[str], known: Sequence[str]) -> None:
         raise ValueError(f"{what} is {names!r}; it must be a sequence of agents' names")
     for name in names:
         if name not in known:
-            raise ValueError(f"{what}: there is no {name!r}; there are {', '.join(known)}")
+            raise ValueError(f"{what}: there is no {name!r}{suggest(name, known)}")
         if list(names).count(name) > 1:
             raise ValueError(f"{what}: {name!r} stands there twice")

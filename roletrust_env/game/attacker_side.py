@@ -1,9 +1,9 @@
-"""The attacker's side of a game: who belongs to it, identities in reserve included, and how far they are told apart."""
+"""The attacker's side of a game: the compromised agents with their identities, and their trust gaps."""
 
 from collections.abc import Sequence
 from functools import reduce
 
-from roletrust_env.arrays import Array, mean_where, namespace
+from roletrust_env.arrays import Array, mean_or_zero, namespace
 from roletrust_env.game.state import Actions
 from roletrust_env.world.presence import PRESENT, WAITING
 from roletrust_env.world.roster import Roster
@@ -13,14 +13,14 @@ class AttackerSide:
     """The compromised agents and their identities.
 
     Args:
-        roster: of the game.
-        compromised: names of the agents that the attacker controls, no identities in reserve among them.
-        honest: names of agents that no script makes attack; those of this side do not count.
-        like: an array of the game's library, dtype and device.
+        roster: Agents of the game.
+        compromised: Names of the agents that the attacker controls, without identities in reserve.
+        honest: Names of agents without a scripted attack; those of this side are left out.
+        like: Array of the game's library, dtype and device.
 
     Attributes:
-        identities: names of the compromised agents, each followed by its identities in reserve.
-        honest_providers: places of the honest providers, on the provider axis.
+        identities: Names of the compromised agents, each followed by its identities in reserve.
+        honest_providers: Indices of the honest providers on the provider axis.
     """
 
     def __init__(self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array) -> None:
@@ -37,7 +37,7 @@ class AttackerSide:
             name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
         ]
         self._in_gap = places(rows, roster.names)
-        self._reserve = self._mask(like, [roster.turn[place] > 0 for place in self._in_gap])
+        self._reserve = self._mask(like, [roster.identity_index[place] > 0 for place in self._in_gap])
         of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
         longest = max(map(len, of_agent))
         self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
@@ -46,7 +46,7 @@ class AttackerSide:
         self._is = self._mask(like, [name in self.identities for name in roster.names])
 
     def joint(self, others: Actions, own: Actions) -> Actions:
-        """What all do: the attacker's identities as in one set of actions, everybody else as in the other."""
+        """Return the actions of all agents: `own` for the attacker's identities, `others` for everybody else."""
         xp = namespace(own.quality)
         rates, provides, is_ours = (
             mask.reshape(-1, *[1] * (own.quality.ndim - 1)) for mask in (self._rates, self._provides, self._is)
@@ -66,14 +66,14 @@ class AttackerSide:
         )
 
     def gone(self, phase: Array) -> Array:
-        """Whether all identities are gone for good, (...); one that waits in reserve is not."""
+        """Return whether all identities are gone for good, shape (...); an identity in reserve is not."""
         return (phase[self._agents, ...] > PRESENT).all(axis=0)
 
     def mean_of_sellers(self, values: Array, present: Array | None) -> Array:
-        """The mean over the agents that provide; of one with several identities the mean over those that are there."""
+        """Return the mean over the agents that provide; the value of an agent is the mean of its present identities."""
         if present is None or all(len(own) == 1 for own in self._sellers):
             return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
-        means = [mean_where(values[own, ...], present[own, ...]) for own in self._sellers]
+        means = [mean_or_zero(values[own, ...], present[own, ...]) for own in self._sellers]
         return namespace(values).stack(means).mean(axis=0)
 
     def gap(
@@ -83,15 +83,16 @@ class AttackerSide:
         phase: Array | None,
         tolerance: float,
     ) -> Array:
-        """How far the trust of each compromised agent is below that of the honest ones, beyond a tolerance, (n, ...).
+        """Return the trust gap of each compromised agent to the honest agents of its role, shape (n, ...).
 
-        Of its roles and identities the largest gap counts. Who waits in reserve has none, and who is gone keeps it.
+        The largest gap of its roles and identities counts. An identity in reserve has no gap, and an identity that is
+        gone keeps its gap.
 
         Args:
-            trust: ToR (S, ...) and ToP (P, ...).
-            present: which raters and which providers are there; None where all always are.
-            phase: of all agents, see `Population`; None where all are always there.
-            tolerance: what costs nothing.
+            trust: ToR, shape (S, ...), and ToP, shape (P, ...).
+            present: Whether each rater and each provider is present; None where all always are.
+            phase: Phases of all agents, see `Population`; None where all are always present.
+            tolerance: Gap that is subtracted, as it costs nothing.
         """
         gaps = []
         sides = (self._honest_raters, self._raters), (self.honest_providers, self._providers)
@@ -112,11 +113,11 @@ class AttackerSide:
 
 
 def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
-    """Where those of the names that are on an axis stand on it, in the order of the names."""
+    """Return the indices of names on an axis, in the order of the names; names that are not on it are left out."""
     return [axis.index(name) for name in names if name in axis]
 
 
 def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
-    """The mean of some rows, of those that are present; 0 if none is."""
+    """Return the mean of some rows over those that are present; 0 if none is."""
     rows = values[places, ...]
-    return rows.mean(axis=0) if present is None else mean_where(rows, present[places, ...])
+    return rows.mean(axis=0) if present is None else mean_or_zero(rows, present[places, ...])

@@ -1,4 +1,4 @@
-"""Attackers that do one thing by their services and another by their ratings."""
+"""Attacks that serve by one policy and rate by another."""
 
 from typing import Any
 
@@ -9,18 +9,18 @@ from roletrust_env.randomness import Random
 
 
 class ByChannel(Policy):
-    """Serves as one policy does, and rates as another.
+    """A policy that serves by one policy and rates by another.
 
     Attributes:
-        serves: how it serves.
-        rates: how it rates.
+        serves: Policy for services.
+        rates: Policy for ratings.
     """
 
     serves: Policy
     rates: Policy
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
-        """What the two remember. See `Policy.begin`."""
+        """Return the memories of the two policies. See `Policy.begin`."""
         return self.serves.begin(random, shape), self.rates.begin(random, shape)
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:

@@ -1,4 +1,4 @@
-"""A consumer that goes by trust: in every round to the most trusted provider."""
+"""A consumer that chooses the most trusted provider in every round."""
 
 from typing import NamedTuple
 
@@ -6,12 +6,12 @@ from roletrust_env.arrays import Array, namespace
 
 
 class Bought(NamedTuple):
-    """Qualities in one round or in many.
+    """Qualities that consumers got, in one round or in many.
 
     Attributes:
-        got: by a consumer that goes to the most trusted provider; of equals each is as likely.
-        best: the best that there was.
-        blind: by one that goes to any provider, each as likely.
+        got: Quality from the most trusted provider; providers with equal trust are equally likely.
+        best: Best quality on offer.
+        blind: Mean quality of a blind choice among all providers.
     """
 
     got: Array
@@ -20,13 +20,13 @@ class Bought(NamedTuple):
 
 
 def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
-    """What consumers get who choose among the providers that serve and have a trust; 0 where there is none.
+    """Return the qualities that consumers get from the providers that serve and have trust; 0 where there is none.
 
     Args:
-        trust: of the providers, as published when the service is chosen; NaN where one is absent.
-        offered: the quality of each for whoever comes, of the same shape; NaN where one does not serve. With an axis
-            more, that of the raters before the providers', it is what each rater could have: the mean over them counts.
-        axis: of the providers.
+        trust: Trust of the providers, as published at the time of the choice; NaN where a provider is absent.
+        offered: Quality on offer, of the same shape; NaN where a provider does not serve. It may have an axis of raters
+            before that of providers, for providers that treat raters differently; then the mean over raters counts.
+        axis: Axis of the providers.
 
     Example:
         >>> import numpy as np
@@ -44,7 +44,7 @@ def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
 
 
 def _mean(values: Array, where: Array, axis: int) -> Array:
-    """The mean of some values; 0 of none."""
+    """Return the mean of the values where `where` is true; 0 where it is nowhere true."""
     xp = namespace(values)
     count = xp.sum(where, axis=axis, dtype=values.dtype)
     return xp.sum(values * where, axis=axis) / xp.where(count > 0, count, count + 1)

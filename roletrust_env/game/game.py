@@ -1,10 +1,10 @@
-"""The game: its state and the transition from one round to the next, pure and batched.
+"""The game: the transition from one round to the next, pure and batched.
 
-One round is: ratings arrive -> trust -> who is present -> services -> rewards. Providers and raters act at once, so the
+One round is: ratings arrive -> trust -> presence -> services -> rewards. Providers and raters act at once. So the
 ratings of a round are for the services of the round before, and on the first step there is nothing to rate.
 
-Everything here is a function of its arguments and of constants. Random numbers are drawn outside and passed in, so that
-a planner cannot foresee luck, and so that one game and a batch of games can be given the same luck.
+Random numbers are drawn outside and passed in. So a planner cannot foresee the noise, and one game and a batch of games
+can have the same noise.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, copied, mean_where, namespace
+from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
@@ -24,7 +24,7 @@ from roletrust_env.trust.model import Traits, start_model
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.world import access, mobility, rating_delivery
-from roletrust_env.world.heterogeneity import Natures
+from roletrust_env.world.heterogeneity import AgentPropertySampler
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.presence import PRESENT, Population, Presence
 from roletrust_env.world.roster import Roster
@@ -36,17 +36,17 @@ class Game:
     """The rules of one scenario under one trust model.
 
     Args:
-        scenario: what is played.
-        trust_model: the name of a trust model, which is made with the scenario's `lam` and `initial_trust`; or a model,
-            which keeps its own.
-        like: an array of the library, dtype and device to play with; by default NumPy's float64.
+        scenario: Scenario of the game.
+        trust_model: Name of a trust model, which is made with the `lam` and `initial_trust` of the scenario; or a trust
+            model as it is.
+        like: Array of the library, dtype and device to play with; by default NumPy's float64.
 
     Attributes:
-        scenario: as given.
-        model: the trust model.
-        roster: who is who.
-        layout: where each field of a view stands in an observation.
-        like: an array of the library, dtype and device that it plays with.
+        scenario: Scenario of the game.
+        model: Trust model.
+        roster: Agents of the scenario.
+        layout: Positions of the fields of a view in an observation.
+        like: Array of the library, dtype and device.
     """
 
     def __init__(
@@ -60,32 +60,31 @@ class Game:
             raise ValueError(f"like is of dtype {like.dtype}; games are played in float32 or float64")
         if isinstance(trust_model, str):
             offered = {"lam": scenario.lam, "initial": scenario.initial_trust}
-            trust_model = trust_models.make(trust_model, **trust_models.taken(trust_model, offered))
+            trust_model = trust_models.make(trust_model, **trust_models.accepted_parameters(trust_model, offered))
         if isinstance(trust_model, type) or not isinstance(trust_model, TrustModel):
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
-        self._peers = self._constant(~roster.stranger)
+        self._peers = self._constant(~roster.not_self)
         check_trust_model(trust_model, self._peers, like)
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
-        self._natures = Natures(roster, like)
+        self._property_sampler = AgentPropertySampler(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
-        self._luck = NoiseSource(scenario, roster, self.presence.changes, like)
-        self._stranger = self._constant(roster.stranger)
-        self._everybody = self._constant(np.ones(roster.n_agents), like.dtype)
+        self._noise_source = NoiseSource(scenario, roster, self.presence.changes, like)
+        self._not_self = self._constant(roster.not_self)
         self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
-        rating, providing = roster.on_duty(scenario.max_cycles)
+        rating, providing = roster.role_schedule(scenario.max_cycles)
         always = bool(rating.all() and providing.all())
         self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
         self._watched = needs_watching(trust_model)
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
-        self._everyone = open_to_all and bool(roster.stranger.all())  # then no service is ever masked
+        self._everyone = open_to_all and bool(roster.not_self.all())  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is read out once.
         self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
@@ -94,39 +93,39 @@ class Game:
         return f"{type(self).__name__}({game_facts(self)})"
 
     def random(self, seed: int | None = None) -> Random:
-        """A source of luck for this game: of its array library, dtype and device.
+        """Return a source of random numbers with the array library, dtype and device of this game.
 
         Args:
-            seed: makes it reproducible; None takes fresh entropy.
+            seed: Random seed; None takes fresh entropy.
         """
         return Random(np.random.default_rng(seed), self.like)
 
     def draw(self, random: Random, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
-        """Draw the luck of one round, or of the start.
+        """Draw the noise of one round, or of the start.
 
         Args:
-            random: the source.
-            batch: shape of the batch.
-            start: whether this is for `start`, which takes luck of its own.
+            random: Source of random numbers.
+            batch: Shape of the batch.
+            start: Whether the noise is for `start`, which uses further fields.
         """
-        if self._on_numpy and not (start and self._luck.starts):
-            return random.deal(self._luck, batch)
-        return self.luck(random.round_key(), batch, start=start)
+        if self._on_numpy and not (start and self._noise_source.starts):
+            return random.draw_noise(self._noise_source, batch)
+        return self.noise(random.round_key(), batch, start=start)
 
-    def luck(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
-        """The luck of one round, or of the start, as a function of its key: what `draw` draws.
+    def noise(self, key: Array, batch: tuple[int, ...] = (), *, start: bool = False) -> Noise:
+        """Return the noise of one round, or of the start, as a function of its key: that of `draw`.
 
         A compiler that sees this and `step` together makes the numbers where they are used.
 
         Args:
-            key: of the round, see `Random.round_key`.
-            batch: shape of the batch.
-            start: whether this is for `start`, which takes luck of its own.
+            key: Key of the round, see `Random.round_key`.
+            batch: Shape of the batch.
+            start: Whether the noise is for `start`, which uses further fields.
         """
-        return self._luck.of_round(key, batch, start)
+        return self._noise_source.make_round(key, batch, start)
 
     def start(self, noise: Noise) -> State:
-        """The state before the first round."""
+        """Return the state before the first round."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         nothing = xp.zeros_like(noise.perception)
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
@@ -134,20 +133,20 @@ class Game:
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
             trust=start_model(self.model, nothing, self._peers),
             ratings=nothing,
-            rated=self._over(self._stranger & False, nothing.shape),
+            rated=self._over(self._not_self & False, nothing.shape),
             quality=xp.zeros_like(nothing[0]),
             service=xp.zeros_like(nothing),
-            awaiting=self._over(self._stranger & False, nothing.shape),
+            awaiting=self._over(self._not_self & False, nothing.shape),
             value=self._payoff.next_value(nothing[0] + 1, noise.value),
             counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
             if roster.n_both
             else None,
             population=self.presence.start(noise.presence) if self.presence.changes else None,
-            places=mobility.place(rules.access, noise.position, noise.goal)
+            motion=mobility.scatter(rules.access, noise.position, noise.goal)
             if isinstance(rules.access, InRange)
             else None,
             transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
-            nature=self._natures.start(nothing, noise.ability, noise.bias, noise.scale),
+            properties=self._property_sampler.start(nothing, noise.ability, noise.bias, noise.scale),
             full=False,
         )
 
@@ -155,16 +154,16 @@ class Game:
         """Play one round.
 
         Args:
-            state: before the round; it is left as it is.
-            actions: of all agents; those of absent agents, and ratings of services that do not await one, are ignored.
-                A rating that is withheld never arrives, and the service was provided all the same.
-            noise: the luck of the round.
+            state: State before the round; it is not changed.
+            actions: Actions of all agents. Those of absent agents, and ratings of services that were not received, are
+                ignored. A withheld rating never arrives, but the service counts as provided.
+            noise: Noise of the round.
 
         Returns:
             The state after the round, and the rewards, shape (N, ...), in the order of `roster.names`.
 
         Raises:
-            ValueError: the shapes of the actions are not those of the state, or a trust model of another package fails.
+            ValueError: The shapes of the actions are not those of the state, or a trust model fails.
         """
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         actions = fitted(actions, state)
@@ -175,7 +174,7 @@ class Game:
         )
         full = state.full and self._lossless and withheld is None
         if full:
-            ratings = copied(ratings)  # whoever sent them may write to theirs again
+            ratings = copy(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated
         if self._watched:
             trust, tor, top = watched_update(self.model, state.trust, ratings, mask, state.round)
@@ -197,18 +196,18 @@ class Game:
         if population is not None:
             agents = self._payoff.agent_trust(tor, top, counts)
             population = self.presence.step(population, state.round + 1, agents, noise.presence, actions.presence)
-        places = state.places
-        if places is not None and isinstance(rules.access, InRange):
-            places = mobility.move(rules.access, places, noise.goal)
+        motion = state.motion
+        if motion is not None and isinstance(rules.access, InRange):
+            motion = mobility.move(rules.access, motion, noise.goal)
 
-        served = self._served(state, population, places, top, noise)
-        chosen = intended(actions, state.nature)
+        served = self._served(state, population, motion, top, noise)
+        chosen = intended(actions, state.properties)
         if actions.treatment is not None:
-            quality = mean_where(chosen, served)
+            quality = mean_or_zero(chosen, served)
         else:
-            chosen = quality = copied(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
-        strength, taste = self._perturbations.strength(state.round), state.nature.taste
-        service = self.service.perceive(chosen, strength, state.round, noise.perception, taste)
+            chosen = quality = copy(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
+        strength, perception = self._perturbations.strength(state.round), state.properties.perception
+        service = self.service.perceive(chosen, strength, state.round, noise.perception, perception)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -222,46 +221,46 @@ class Game:
             value=self._payoff.next_value(state.value, noise.value),
             counts=counts,
             population=population,
-            places=places,
+            motion=motion,
             transit=transit,
-            nature=state.nature,
+            properties=state.properties,
             full=self._everyone,
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
     def published(self, state: State) -> tuple[Array, Array]:
-        """The trust of the raters, ToR (S, ...), and that of the providers, ToP (P, ...), as published."""
+        """Return the published trust: ToR of the raters, shape (S, ...), and ToP of the providers, shape (P, ...)."""
         trust, published = self._published
         if trust is state.trust and published is not None:  # most often that of the last round
             return published
         return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
 
     def agent_trust(self, state: State) -> Array:
-        """The trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
+        """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
         return self._payoff.agent_trust(*self.published(state), state.counts)
 
     def present(self, state: State) -> Array | None:
-        """Which agents are present, shape (N, ...), boolean; None where everybody always is."""
+        """Return whether each agent is present, boolean, shape (N, ...); None where everybody always is."""
         return None if state.population is None else state.population.phase == PRESENT
 
     def offered(self, before: State, actions: Actions, after: State) -> Array:
-        """The quality that each provider had for whoever came in a round, (P, ...); NaN where it did not serve.
+        """Return the quality on offer in a round, shape (P, ...); NaN where a provider did not serve.
 
-        What it delivered is 0 where nobody came; what a consumer could have had is not. Where any provider treats
-        raters differently it is what each of them could have had, (S, P, ...).
+        Delivered quality is 0 where no rater came, but a consumer could still have had the quality on offer. Where a
+        provider treats raters differently, the shape is (S, P, ...): the quality on offer for each rater.
 
         Args:
-            before: the state before the round.
-            actions: of all agents in the round.
-            after: the state after it.
+            before: State before the round.
+            actions: Actions of all agents in the round.
+            after: State after the round.
         """
-        xp, quality = namespace(self.like), intended(actions, before.nature)
+        xp, quality = namespace(self.like), intended(actions, before.properties)
         for _, providing in self._acting(before, after.population):
             quality = xp.where(providing, quality, self._nowhere)
         return quality
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
-        """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...)."""
+        """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...)."""
         return look(
             self._clock(state),
             *self.published(state),
@@ -274,7 +273,7 @@ class Game:
         )
 
     def observations(self, state: State) -> tuple[Array, Array, Array | None]:
-        """The observation vectors of the SR, (K, n, ...), of the SP and of the SR+SP agents (None without any)."""
+        """Return the observation vectors of the SR, (K, n, ...), the SP and the SR+SP agents, None without any."""
         provider, rater = self.views(state)
         of_raters, of_providers = self.layout.flatten(rater), self.layout.flatten(provider)
         both = self.roster.n_both
@@ -285,32 +284,8 @@ class Game:
         of_both = namespace(self.like).concat([trust[None, ...], of_providers[:, n_sp:, ...], of_raters[:, n_sr:, ...]])
         return of_raters[:, :n_sr, ...], of_providers[:, :n_sp, ...], of_both
 
-    @property
-    def summary_size(self) -> int:
-        """Number of entries of `summary`."""
-        s, p, n = self.roster.n_raters, self.roster.n_providers, self.roster.n_agents
-        return 1 + s + 3 * p + n + 4 * s * p + (2 * n if isinstance(self.scenario.access, InRange) else 0)
-
-    def summary(self, state: State) -> Array:
-        """The whole state as a vector, shape (summary_size, ...), every entry in [0, 1].
-
-        In this order: clock; ToR (S); ToP (P); value of the next services (P); delivered quality (P); who is present
-        (N); and, row by row, perceived quality of the services that await a rating, which ones do, ratings that arrived
-        and where they did (S x P each); where robots move, their positions as shares of the arena (N x 2).
-        """
-        xp, batch = namespace(self.like), state.round.shape
-        tor, top = self.published(state)
-        present = self.present(state)
-        if present is None:
-            present = self._over(self._everybody, (self.roster.n_agents, *batch))
-        parts = [self._clock(state) / self.scenario.max_cycles, tor, top, state.value, state.quality, present]
-        parts += [state.service, state.awaiting, state.ratings, state.rated]
-        if state.places is not None and isinstance(self.scenario.access, InRange):
-            parts.append(state.places.position / self.scenario.access.arena)
-        return xp.concat([part.reshape(-1, *batch) for part in parts])
-
     def _acting(self, state: State, population: Population | None) -> Iterator[tuple[Array, Array]]:
-        """Which raters and which providers act in this round, by each of the reasons for which some may not."""
+        """Yield which raters and which providers act in this round, once for each reason not to act."""
         xp, roster = namespace(self.like), self.roster
         if self._duty is not None:
             rating, providing = (xp.moveaxis(duty[state.round], -1, 0) for duty in self._duty)
@@ -324,17 +299,17 @@ class Game:
         self,
         state: State,
         population: Population | None,
-        places: mobility.Places | None,
+        motion: mobility.Motion | None,
         top: Array,
         noise: Noise,
     ) -> Array:
-        """Who is served by whom in this round, shape (S, P, ...), boolean."""
+        """Return whether each provider serves each rater in this round, boolean, shape (S, P, ...)."""
         rules, roster = self.scenario, self.roster
-        served = self._over(self._stranger, state.awaiting.shape)
+        served = self._over(self._not_self, state.awaiting.shape)
         for rating, providing in self._acting(state, population):
             served = served & rating[:, None, ...] & providing[None, ...]
-        if places is not None and isinstance(rules.access, InRange):
-            position = places.position
+        if motion is not None and isinstance(rules.access, InRange):
+            position = motion.position
             near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
             served = served & near
         if isinstance(rules.access, Choice):
@@ -342,13 +317,13 @@ class Game:
         return served
 
     def _clock(self, state: State) -> Array:
-        """The number of the round, in the dtype of everything else."""
+        """Return the number of the round, in the dtype of the game."""
         return cast(state.round, self.like.dtype)
 
     def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
-        """A constant, such as one of shape (S, P), for every game of a batch.
+        """Return a constant, such as one of shape (S, P), for every game of a batch.
 
-        A view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the whole trust model.
+        It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.
         """
         if constant.shape == shape:
             return constant

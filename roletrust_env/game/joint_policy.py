@@ -23,7 +23,7 @@ _CHANNELS: dict[Role, frozenset[Channel]] = {
     "SP": frozenset({"quality"}),
     "SR+SP": frozenset({"quality", "ratings"}),
 }
-"""What an action in PettingZoo holds, by role."""
+"""Channels of an action in PettingZoo, by role."""
 
 _NONE: frozenset[Channel] = frozenset()
 _TREATMENT: frozenset[Channel] = frozenset({"treatment"})
@@ -34,17 +34,17 @@ _PRESENCE: frozenset[Channel] = frozenset({"presence"})
 class Player:
     """A policy seated at one agent of a PettingZoo game: a function from its observation to its action.
 
-    It remembers for its policy, so make a new one for each episode.
+    It holds the memory of its policy, so make a new one for each episode.
 
     Args:
-        policy: how the agent plays.
-        agent: its name, such as `sr_0`; the role is read off it.
-        layout: the game's, see `RoleTrustParallelEnv.layout`.
-        seed: for policies that play at random.
+        policy: Behaviour of the agent.
+        agent: Name of the agent, such as `sr_0`, with its role.
+        layout: Layout of the observations, see `RoleTrustParallelEnv.layout`.
+        seed: Random seed.
 
     Raises:
-        ValueError: the policy attacks on no channel that the agent has, or takes identities in reserve: in PettingZoo
-            they stay where they are, and whoever can rate does.
+        ValueError: The policy attacks on no channel of the agent, or it needs identities in reserve, which PettingZoo
+            does not have.
     """
 
     def __init__(self, policy: Policy, agent: str, layout: Layout, seed: int | None = None) -> None:
@@ -59,7 +59,7 @@ class Player:
         return f"{type(self).__name__}({self.agent!r}, {self.policy!r})"
 
     def __call__(self, observation: Array) -> Array:
-        """The action for an observation of the agent's space: quality, then ratings, as far as its role has them."""
+        """Return the action for an observation: quality, then ratings, as far as the role has them."""
         policy, memory, random = self.policy, self._memory, self._random
         if self._role == "SR+SP":
             quality, ratings, self._memory = policy.both(self._layout.both(observation), memory, random)
@@ -73,8 +73,8 @@ class Player:
         return np.concatenate(action, dtype=np.float32)
 
 
-class _Seats(NamedTuple):
-    """Agents that share a policy and a role, by their places on the provider, the rater and the agent axis."""
+class _Group(NamedTuple):
+    """Agents that share a policy and a role, by their indices on the provider, the rater and the agent axis."""
 
     policy: Policy
     provider: list[int]
@@ -82,8 +82,8 @@ class _Seats(NamedTuple):
     agent: list[int]
 
 
-class _Deeds(NamedTuple):
-    """What agents that share a policy and a role do, as fields of `Actions`, the agents' own axis first."""
+class _GroupActions(NamedTuple):
+    """Actions of agents that share a policy and a role, as fields of `Actions`, with the axis of these agents first."""
 
     quality: Array | None = None
     treatment: Array | None = None
@@ -92,17 +92,18 @@ class _Deeds(NamedTuple):
 
 
 class JointPolicy:
-    """Who plays how, in a game or a batch of games.
+    """The policies of all agents of a game, in one game or a batch.
 
-    Agents with the same role and equal policies are asked together.
+    Agents with the same role and equal policies decide together.
 
     Args:
-        game: the game to play.
-        policies: agent's name -> policy, which plays its identities in reserve, too; agents not named play honestly.
+        game: Game to play.
+        policies: Policies by the name of the agent; a policy plays the agent's identities in reserve, too. Agents that
+            are not named play honestly.
 
     Raises:
-        ValueError: a name is no agent of the scenario or an identity in reserve, a policy attacks on no channel that
-            its agent has, or takes more identities than it has in reserve.
+        ValueError: A name is no agent of the scenario or an identity in reserve, a policy attacks on no channel of its
+            agent, or it needs more identities than the agent has in reserve.
     """
 
     def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
@@ -112,19 +113,19 @@ class JointPolicy:
             _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
         seated = roster.with_reserves(policies)
-        groups: dict[tuple[Role, Policy], _Seats] = {}
+        groups: dict[tuple[Role, Policy], _Group] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
-            seats = groups.setdefault((game.roster.role(name), policy), _Seats(policy, [], [], []))
-            seats.agent.append(place)
+            group = groups.setdefault((game.roster.role(name), policy), _Group(policy, [], [], []))
+            group.agent.append(place)
             if name in roster.provider_names:
-                seats.provider.append(roster.provider_names.index(name))
+                group.provider.append(roster.provider_names.index(name))
             if name in roster.rater_names:
-                seats.rater.append(roster.rater_names.index(name))
-        self._seats = tuple(groups.values())
-        self._has_reserve = any(roster.turn)
-        self._before = list(roster.before)
-        self._turn = namespace(game.like).asarray(roster.turn, dtype=game.like.dtype, device=game.like.device)
+                group.rater.append(roster.rater_names.index(name))
+        self._groups = tuple(groups.values())
+        self._has_reserve = any(roster.identity_index)
+        self._before = list(roster.previous_identity)
+        self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
 
     def __repr__(self) -> str:
         seated = players(self.policies) or "all play honestly"
@@ -132,36 +133,36 @@ class JointPolicy:
 
     @property
     def attackers(self) -> tuple[str, ...]:
-        """The names of the agents that do not play honestly, their identities in reserve included."""
+        """Names of the agents that do not play honestly, with their identities in reserve."""
         policies = self.game.roster.with_reserves(self.policies)
         return tuple(name for name, policy in policies.items() if policy.attacks)
 
     def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
-        """What the policies remember before the first round."""
-        return tuple(seats.policy.begin(random, (len(seats.agent), *batch)) for seats in self._seats)
+        """Return the memories of the policies before the first round."""
+        return tuple(group.policy.begin(random, (len(group.agent), *batch)) for group in self._groups)
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
-        """What everybody does in a state, and what they remember of it."""
+        """Return the actions of all agents in a state, and the new memories."""
         views = self.game.views(state)
         identities = self._identities(state) if self._has_reserve else None
         providing, rating, wanted, after = [], [], [], []
-        for seats, memory in zip(self._seats, memories, strict=True):
-            deeds, remembered = self._ask(seats, state, *views, memory, random)
-            providing += [deeds] if seats.provider else []
-            rating += [deeds] if seats.rater else []
+        for group, memory in zip(self._groups, memories, strict=True):
+            chosen, remembered = self._ask(group, state, *views, memory, random)
+            providing += [chosen] if group.provider else []
+            rating += [chosen] if group.rater else []
             if identities is not None:
-                mine = IdentityView(*(field[seats.agent, ...] for field in identities))
-                there, remembered = seats.policy.presence(mine, remembered, random)
+                mine = IdentityView(*(field[group.agent, ...] for field in identities))
+                there, remembered = group.policy.presence(mine, remembered, random)
                 wanted.append(there)
             after.append(remembered)
-        providers, raters = [i for s in self._seats for i in s.provider], [i for s in self._seats for i in s.rater]
-        qualities, ratings = [deeds.quality for deeds in providing], [deeds.ratings for deeds in rating]
-        treatment = _unusual([deeds.treatment for deeds in providing], qualities, self._alike, providers)
+        providers, raters = [i for s in self._groups for i in s.provider], [i for s in self._groups for i in s.rater]
+        qualities, ratings = [one.quality for one in providing], [one.ratings for one in rating]
+        treatment = _unusual([one.treatment for one in providing], qualities, self._alike, providers)
         actions = Actions(
             quality=_arrange(qualities, providers),
             ratings=_arrange(ratings, raters),
-            presence=_arrange(wanted, [i for s in self._seats for i in s.agent]) if wanted else None,
-            withheld=_unusual([deeds.withheld for deeds in rating], ratings, _sent, raters),
+            presence=_arrange(wanted, [i for s in self._groups for i in s.agent]) if wanted else None,
+            withheld=_unusual([one.withheld for one in rating], ratings, _sent, raters),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
         )
         return actions, tuple(after)
@@ -176,12 +177,12 @@ class JointPolicy:
         return checked_actions(self.game, state, f"a policy ({', '.join(names)})", self.act, memories, random)
 
     def _alike(self, quality: Array) -> Array:
-        """The treatment, (n, S, ...), by providers that serve all raters alike, with this quality, (n, ...)."""
+        """Return the treatment, (n, S, ...), by providers of this quality, (n, ...), that serve all raters alike."""
         shape = (quality.shape[0], self.game.roster.n_raters, *quality.shape[1:])
         return namespace(quality).broadcast_to((0 * quality + 1)[:, None, ...], shape)
 
     def _identities(self, state: State) -> IdentityView:
-        """What is known of all identities, with one further axis, (N, ...)."""
+        """Return the view of all identities, with one further axis, (N, ...)."""
         assert state.population is not None  # somebody has a reserve
         trust, phase = self.game.agent_trust(state), state.population.phase
         over = namespace(trust).broadcast_to
@@ -191,24 +192,24 @@ class JointPolicy:
         )
 
     def _ask(
-        self, seats: _Seats, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
-    ) -> tuple[_Deeds, Any]:
-        """What agents that share a policy do, and their memory."""
-        provider = ProviderView(*_take(providers, seats.provider)) if seats.provider else None
-        rater = RaterView(*_take(raters, seats.rater)) if seats.rater else None
+        self, group: _Group, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
+    ) -> tuple[_GroupActions, Any]:
+        """Return the actions of agents that share a policy, and their new memory."""
+        provider = ProviderView(*_take(providers, group.provider)) if group.provider else None
+        rater = RaterView(*_take(raters, group.rater)) if group.rater else None
         quality = treatment = given = withheld = None
         if provider is not None and rater is not None:
-            trust = self.game.agent_trust(state)[seats.agent, ...]
-            quality, given, memory = seats.policy.both(AgentView(trust, provider, rater), memory, random)
+            trust = self.game.agent_trust(state)[group.agent, ...]
+            quality, given, memory = group.policy.both(AgentView(trust, provider, rater), memory, random)
         elif provider is not None:
-            quality, memory = seats.policy.quality(provider, memory, random)
+            quality, memory = group.policy.quality(provider, memory, random)
         elif rater is not None:
-            given, memory = seats.policy.ratings(rater, memory, random)
+            given, memory = group.policy.ratings(rater, memory, random)
         if provider is not None:
-            treatment, memory = seats.policy.treats(provider, memory, random)
+            treatment, memory = group.policy.treats(provider, memory, random)
         if rater is not None:
-            withheld, memory = seats.policy.withholds(rater, memory, random)
-        return _Deeds(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
+            withheld, memory = group.policy.withholds(rater, memory, random)
+        return _GroupActions(quality, *map(_own_axis_first, (treatment, given, withheld))), memory
 
 
 def checked_actions(
@@ -273,7 +274,7 @@ def _check_seat(game: Game, name: str, policy: Policy) -> None:
 def _check_channels(
     name: str, role: Role, policy: Policy, further: frozenset[Channel] = _NONE, reserve: int = 0
 ) -> None:
-    """Refuse a policy that an agent with further channels and so many identities in reserve cannot play."""
+    """Refuse a policy that an agent with these further channels and this reserve cannot play."""
     if not isinstance(policy, Policy):
         raise ValueError(f"the policy of {name!r} is {policy!r}; it must be a Policy")
     if not isinstance(policy.attacks, frozenset):
@@ -301,28 +302,28 @@ def _words(channels: frozenset[Channel]) -> str:
 
 
 def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
-    """The fields of a view of all agents, for some of them."""
+    """Return the fields of a view of all agents for some of them."""
     _xp, one = namespace(view.trust), view.trust.ndim
     return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
 
 
 def _own_axis_first(of_others: Array | None) -> Array | None:
-    """What agents do to each other agent, (others, n, ...), with their own axis first, (n, others, ...)."""
+    """Swap the axes of actions towards other agents, (others, n, ...), to (n, others, ...)."""
     return None if of_others is None else of_others.swapaxes(0, 1)
 
 
 def _sent(ratings: Array) -> Array:
-    """That none of the ratings is withheld."""
+    """Return that no rating is withheld."""
     return ratings < 0
 
 
 def _unusual(
-    parts: Sequence[Array | None], deeds: Sequence[Array], usual: Callable[[Array], Array], places: list[int]
+    parts: Sequence[Array | None], actions: Sequence[Array], usual: Callable[[Array], Array], places: list[int]
 ) -> Array | None:
-    """What few do, arranged; who gave None does the usual, which follows from its deeds. None if all do."""
+    """Arrange actions on a channel that few policies use. None stands for the usual action; all None stay None."""
     if all(part is None for part in parts):
         return None
-    whole = [usual(done) if part is None else part for part, done in zip(parts, deeds, strict=True)]
+    whole = [usual(action) if part is None else part for part, action in zip(parts, actions, strict=True)]
     return _arrange(whole, places)
 
 

@@ -1,4 +1,4 @@
-"""The luck of a game: which random numbers a round of a scenario takes, and how a key becomes them."""
+"""The noise of a game: the random numbers of a round, and how a key becomes them."""
 
 from collections.abc import Callable
 from itertools import repeat
@@ -15,10 +15,10 @@ from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Choice, InRange, Scenario
 
 _AHEAD = 256
-"""Rounds of a single small game whose luck is made at once."""
+"""Number of rounds of a single small game for which noise is made at once."""
 
 _MANY = 4096
-"""Numbers in a round from which on calls cost less than keys that differ from round to round."""
+"""Random numbers in a round above which a call for each round is cheaper than one call for many rounds."""
 
 _OF_THE_START = ("position", "ability", "bias", "scale")
 """NoiseSource that only the start of a game takes."""
@@ -26,26 +26,26 @@ _OF_THE_START = ("position", "ability", "bias", "scale")
 _STREAM = dict(zip(Noise._fields, (k for k in range(STREAMS) if k != POLICIES), strict=True))
 
 _Kind = tuple[Callable[..., Array], tuple[int, ...]]
-"""How numbers are made, and their shape in one game."""
+"""Function that makes random numbers, and their shape in one game."""
 
 
 class NoiseSource:
-    """Makes the noise of rounds from their keys, see `counter_rng`. Every field of `Noise` has its own stream.
+    """A source of noise: it makes the noise of a round from a key, see `counter_rng`. Each field has its own stream.
 
     Args:
-        scenario: what is played.
-        roster: its agents.
-        changes: whether anybody joins, leaves or is cut off.
-        like: an array of the library, dtype and device to work with.
+        scenario: Scenario of the game.
+        roster: Agents of the scenario.
+        changes: Whether agents join, leave or are cut off.
+        like: Array of the library, dtype and device to work with.
 
     Attributes:
-        starts: whether the start takes luck of its own: to place the agents, or to draw what they are like.
+        starts: Whether the start uses further noise, for positions of agents or for their properties.
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array) -> None:
         s, p, n = roster.n_raters, roster.n_providers, roster.n_agents
         moves = isinstance(scenario.access, InRange)
-        wanted: dict[str, _Kind | None] = {
+        fields: dict[str, _Kind | None] = {
             "perception": (counter_rng.normal, (s, p)),
             "lost": (counter_rng.uniform, (s, p)) if scenario.ratings.lost > 0 else None,
             "late": (counter_rng.uniform, (s, p)) if scenario.ratings.late > 0 else None,
@@ -58,45 +58,45 @@ class NoiseSource:
             "bias": (counter_rng.uniform, (s,)) if varies(roster, "bias") else None,
             "scale": (counter_rng.uniform, (s,)) if varies(roster, "scale") else None,
         }
-        self._wanted = {name: kind for name, kind in wanted.items() if kind is not None}
-        self.starts = any(name in self._wanted for name in _OF_THE_START)
+        self._fields = {name: kind for name, kind in fields.items() if kind is not None}
+        self.starts = any(name in self._fields for name in _OF_THE_START)
         self._like = like
-        self._cells = sum(prod(shape) for _, shape in self._wanted.values())
+        self._cells = sum(prod(shape) for _, shape in self._fields.values())
 
-    def ahead(self, batch: tuple[int, ...]) -> int:
-        """Of how many rounds the luck is best made at once: of more than one where arrays are small."""
+    def rounds_at_once(self, batch: tuple[int, ...]) -> int:
+        """Return the number of rounds for which noise is best made at once; small arrays gain from more than one."""
         numbers = max(1, self._cells * prod(batch))
         return 1 if numbers > _MANY else min(_AHEAD, 4 * counter_rng.BLOCK // numbers)
 
-    def of_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
-        """The luck of one round, or of the start, which alone takes all; the key is (STREAMS, 4)."""
-        games = counter_rng.whole(self._like, prod(batch))
+    def make_round(self, key: Array, batch: tuple[int, ...], start: bool = False) -> Noise:
+        """Return the noise of one round, or of the start, which uses all fields. The key has shape (STREAMS, 4)."""
+        games = counter_rng.counters(self._like, prod(batch))
 
-        def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
+        def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [key[stream, k : k + 1] for k in range(4)]
             return kind(self._like, prod(shape), games, words).reshape(*shape, *batch)
 
-        return self._noise(made, start)
+        return self._noise(make, start)
 
-    def of_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
-        """The luck of some rounds, R of them, on NumPy; the keys are (R, STREAMS, 4)."""
+    def make_rounds(self, keys: Array, batch: tuple[int, ...]) -> list[Noise]:
+        """Return the noise of R rounds, on NumPy. The keys have shape (R, STREAMS, 4)."""
         rounds, games = len(keys), prod(batch)
-        numbers = np.tile(counter_rng.whole(self._like, games), rounds)
+        numbers = np.tile(counter_rng.counters(self._like, games), rounds)
 
-        def made(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
+        def make(kind: Callable[..., Array], shape: tuple[int, ...], stream: int) -> Array:
             words = [np.repeat(keys[:, stream, k], games) for k in range(4)]
             return np.moveaxis(
                 kind(self._like, prod(shape), numbers, words).reshape(*shape, rounds, *batch), len(shape), 0
             )
 
-        parts = (repeat(None, rounds) if part is None else part for part in self._noise(made, False))
-        return [Noise(*luck) for luck in zip(*parts, strict=True)]
+        parts = (repeat(None, rounds) if part is None else part for part in self._noise(make, False))
+        return [Noise(*noise) for noise in zip(*parts, strict=True)]
 
-    def _noise(self, made: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
+    def _noise(self, make: Callable[[Callable[..., Array], tuple[int, ...], int], Array], start: bool) -> Noise:
         return Noise(
             **{
-                name: made(*kind, _STREAM[name])
-                for name, kind in self._wanted.items()
+                name: make(*kind, _STREAM[name])
+                for name, kind in self._fields.items()
                 if start or name not in _OF_THE_START
             }
         )

@@ -1,4 +1,4 @@
-"""What a round brings each agent: the trust of its role, less what its service cost."""
+"""The reward of an agent: the trust of its role, less the cost of its service."""
 
 import numpy as np
 
@@ -13,9 +13,9 @@ class Payoff:
     """The values of services, and the rewards of agents.
 
     Args:
-        scenario: whose values and weights they are.
-        roster: its agents.
-        like: an array of the library, dtype and device to work with.
+        scenario: Scenario with the values and the weights.
+        roster: Agents of the scenario.
+        like: Array of the library, dtype and device to work with.
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
@@ -26,15 +26,23 @@ class Payoff:
             self._values = namespace(like).asarray(shares, dtype=like.dtype, device=like.device)
         self._cost = scenario.rewards.quality_cost * max(scenario.values)
 
-    def next_value(self, value: Array, luck: Array | None) -> Array:
-        """The value of the service that each provider provides next, (P, ...), as a share of the dearest."""
-        if self._values is None or luck is None:
+    def next_value(self, value: Array, noise: Array | None) -> Array:
+        """Return the value of the next service of each provider, shape (P, ...), relative to the highest value."""
+        if self._values is None or noise is None:
             return value
-        xp = namespace(luck)
-        return self._values[xp.astype(luck * len(self._values), xp.int64)]
+        xp = namespace(noise)
+        return self._values[xp.astype(noise * len(self._values), xp.int64)]
 
     def rewards(self, tor: Array, top: Array, counts: Counts | None, quality: Array, value: Array) -> Array:
-        """The rewards, (N, ...), where providers delivered this quality in services of this value, (P, ...) each."""
+        """Return the rewards, shape (N, ...).
+
+        Args:
+            tor: Trust of the raters, shape (S, ...).
+            top: Trust of the providers, shape (P, ...).
+            counts: Services that SR+SP agents rated and provided; None without such agents.
+            quality: Delivered quality, shape (P, ...).
+            value: Value of the services, shape (P, ...).
+        """
         costs = self._cost * quality if self._values is None else self._cost * value * quality
         weights, roster = self._weights, self._roster
         of_both = None
@@ -45,7 +53,7 @@ class Payoff:
         return roster.agents(of_raters, of_providers - costs, of_both)
 
     def agent_trust(self, tor: Array, top: Array, counts: Counts | None) -> Array:
-        """The trust of every agent by its role, (N, ...)."""
+        """Return the trust of every agent by its role, shape (N, ...)."""
         toa = None if counts is None else self._both_trust(tor, top, counts)
         return self._roster.agents(tor, top, toa)
 

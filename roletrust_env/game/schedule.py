@@ -1,4 +1,4 @@
-"""When an attack is active."""
+"""Schedules of attacks."""
 
 from typing import Any, Self
 
@@ -11,11 +11,11 @@ from roletrust_env.game.policy import Policy
 
 @dataclass(frozen=True)
 class WindowedAttack(Policy):
-    """A scripted attack that is active for a while, and honest play before and after.
+    """A scripted attack with a beginning and an end; before and after it the agent plays honestly.
 
     Attributes:
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
     start: NonNegativeInt = 0
@@ -28,12 +28,17 @@ class WindowedAttack(Policy):
         return self
 
     def active(self, round: Array) -> Array:
-        """Whether the attack is on in a round, shape (...), boolean."""
+        """Return whether the attack is active in a round, boolean, shape (...)."""
         on = round >= self.start
         return on if self.stop is None else on & (round < self.stop)
 
 
-def woken(now: Array, memory: Any) -> tuple[Array, Array]:
-    """Whether a sleeper is awake, and that as its memory: since the first round in which it should wake."""
+def wake(now: Array, memory: Any) -> tuple[Array, Array]:
+    """Return whether a sleeper is awake, and its new memory. Once it has wake up, it stays awake.
+
+    Args:
+        now: Whether the sleeper wakes up in this round, boolean.
+        memory: Whether it was awake before; None at first.
+    """
     awake = now if memory is None else now | memory
     return awake, awake

@@ -1,26 +1,26 @@
-"""What a round takes and what it leaves behind: actions, luck and state, as tuples of arrays."""
+"""Actions, noise and state of a round, as tuples of arrays."""
 
 from typing import Any, NamedTuple
 
 from roletrust_env.arrays import Array, cast
 from roletrust_env.game.brief import shapes
-from roletrust_env.world.heterogeneity import Nature
-from roletrust_env.world.mobility import Places
+from roletrust_env.world.heterogeneity import AgentProperties
+from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
 from roletrust_env.world.rating_delivery import InTransit
 
 
 class Actions(NamedTuple):
-    """What the agents do in one round.
+    """The actions of all agents in one round.
 
     Attributes:
-        quality: of the services, shape (P, ...), in [0, 1].
-        ratings: shape (S, P, ...), in [0, 1].
-        presence: which identities those with a reserve want to be there, boolean, (N, ...), see `Presence.step`; None
-            leaves everybody where they are.
-        withheld: which ratings are not sent after all, boolean, (S, P, ...); None where nobody withholds any.
-        treatment: the share of its quality that each provider gives each rater, (S, P, ...), in [0, 1]; None where
-            everybody serves all raters alike.
+        quality: Quality of the services, shape (P, ...), in [0, 1].
+        ratings: Ratings, shape (S, P, ...), in [0, 1].
+        presence: Identities that agents with a reserve want to be present, boolean, shape (N, ...), see
+            `Presence.step`; None changes nothing.
+        withheld: Ratings that are not sent, boolean, shape (S, P, ...); None where all are sent.
+        treatment: Share of its quality that each provider gives each rater, shape (S, P, ...), in [0, 1]; None where
+            providers serve all raters alike.
     """
 
     quality: Array
@@ -41,24 +41,24 @@ class Counts(NamedTuple):
 
 
 class State(NamedTuple):
-    """All that a round leaves behind. Parts that a scenario has no use for are None.
+    """The state of a game after a round. Parts that a scenario does not use are None.
 
     Attributes:
-        round: number of rounds played, (...), integer.
-        trust: the trust model's own state.
-        ratings: the ratings that arrived in the last round, 0 where none did, (S, P, ...).
-        rated: where they did, (S, P, ...), boolean.
-        quality: as delivered in the last round, (P, ...); of a provider that treats raters differently the mean over
-            those it served.
-        service: the perceived quality of the services that await their rating, 0 elsewhere, (S, P, ...).
-        awaiting: which do, (S, P, ...), boolean.
-        value: of the service that each provider provides next, (P, ...).
-        counts: services rated and provided so far by SR+SP agents, if there are any.
-        population: who is present, if that changes.
-        places: where the agents are, if they move.
-        transit: the ratings that are late, if any can be.
-        nature: what agents are like, as far as they differ from the usual.
-        full: whether, in every game, every service awaits its rating, so that nobody need look at `awaiting`.
+        round: Number of rounds played, integer, shape (...).
+        trust: State of the trust model.
+        ratings: Ratings that arrived in the last round, shape (S, P, ...); 0 where none did.
+        rated: Whether a rating arrived, boolean, shape (S, P, ...).
+        quality: Quality delivered in the last round, shape (P, ...); for a provider that treats raters differently the
+            mean over the raters that it served.
+        service: Perceived quality of the services that await their rating, shape (S, P, ...); 0 elsewhere.
+        awaiting: Whether a service awaits its rating, boolean, shape (S, P, ...).
+        value: Value of the next service of each provider, shape (P, ...).
+        counts: Services that SR+SP agents rated and provided; None without such agents.
+        population: Presence of the agents; None where it never changes.
+        motion: Positions and waypoints of the agents, if they move.
+        transit: Ratings that are late; None where none can be.
+        properties: Properties in which agents differ.
+        full: Whether every service awaits its rating, in every game, so that `awaiting` need not be read.
     """
 
     round: Array
@@ -71,9 +71,9 @@ class State(NamedTuple):
     value: Array
     counts: Counts | None
     population: Population | None
-    places: Places | None
+    motion: Motion | None
     transit: InTransit | None
-    nature: Nature
+    properties: AgentProperties
     full: bool
 
     def __repr__(self) -> str:
@@ -83,7 +83,7 @@ class State(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """The luck of one round: uniform in [0, 1), but for `perception`, standard normal. None where unused.
+    """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal. None where unused.
 
     Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal`
     (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
@@ -105,17 +105,17 @@ class Noise(NamedTuple):
         return shapes(self)
 
 
-def intended(actions: Actions, nature: Nature) -> Array:
-    """The quality that providers have chosen, as far as they are able, (P, ...); or for each rater, (S, P, ...)."""
-    quality = actions.quality if nature.ability is None else nature.ability * actions.quality
+def intended(actions: Actions, properties: AgentProperties) -> Array:
+    """Return the chosen quality within the ability of the providers, shape (P, ...), or (S, P, ...) for each rater."""
+    quality = actions.quality if properties.ability is None else properties.ability * actions.quality
     return quality if actions.treatment is None else actions.treatment * quality
 
 
 def fitted(actions: Actions, state: State) -> Actions:
-    """Actions in the dtype of a state, so that nobody's double precision spreads to the whole of a game.
+    """Return the actions in the dtype of a state, so that double precision does not spread to the whole game.
 
     Raises:
-        ValueError: they are not of the shapes that the state asks for.
+        ValueError: The actions have other shapes than the state needs.
     """
     if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
         raise ValueError(

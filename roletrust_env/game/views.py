@@ -1,7 +1,7 @@
-"""What an agent may see, as named fields and as the flat vector of its observation space.
+"""The views of agents, as named fields and as the flat vector of an observation space.
 
-Every view is of one agent and may have further axes: agents that are looked at together, then the batch. A field has
-shape (...) if it is one number, (P, ...) if there is one per provider, (S, ...) if there is one per rater.
+A view is that of one agent and may have further axes: agents with a common view, then the batch. A field has shape
+(...) if it is one number, (P, ...) if there is one per provider, (S, ...) if there is one per rater.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from roletrust_env.game.brief import shapes
 
 
 class ProviderView(NamedTuple):
-    """What a provider sees.
+    """The view of a provider.
 
     Attributes:
-        round: number of the round, (...).
-        trust: its own ToP, (...).
-        value: value of the service that it provides next, as a share of the dearest, (...).
-        quality: of the service that it provided last, which nobody has rated yet, (...).
-        ratings: the ratings of it that arrived in the last round, 0 where none did, (S, ...).
-        rated: where a rater's rating arrived, boolean, (S, ...).
+        round: Number of the round, shape (...).
+        trust: Its own ToP, shape (...).
+        value: Value of its next service relative to the highest value, shape (...).
+        quality: Quality of its last service, which has no rating yet, shape (...).
+        ratings: Ratings of it that arrived in the last round, shape (S, ...); 0 where none did.
+        rated: Whether a rating of it arrived, boolean, shape (S, ...).
     """
 
     round: Array
@@ -38,16 +38,16 @@ class ProviderView(NamedTuple):
 
 
 class RaterView(NamedTuple):
-    """What a rater sees.
+    """The view of a rater.
 
     Attributes:
-        round: number of the round, (...).
-        trust: its own ToR, (...).
-        published: the published ToP of every provider, (P, ...).
-        service: the perceived quality of the services that await its rating, 0 where none does, (P, ...).
-        awaiting: where a service awaits its rating, boolean, (P, ...).
-        ratings: its ratings that arrived in the last round, 0 where none did, (P, ...).
-        rated: where one arrived, boolean, (P, ...).
+        round: Number of the round, shape (...).
+        trust: Its own ToR, shape (...).
+        published: Published ToP of every provider, shape (P, ...).
+        service: Perceived quality of the services that await its rating, shape (P, ...); 0 where none does.
+        awaiting: Whether a service awaits its rating, boolean, shape (P, ...).
+        ratings: Its ratings that arrived in the last round, shape (P, ...); 0 where none did.
+        rated: Whether its rating arrived, boolean, shape (P, ...).
     """
 
     round: Array
@@ -63,7 +63,7 @@ class RaterView(NamedTuple):
 
 
 class AgentView(NamedTuple):
-    """What an agent with both roles sees: its own ToA, (...), and what each of its roles sees."""
+    """The view of an SR+SP agent: its own ToA, shape (...), and the views of its two roles."""
 
     trust: Array
     provider: ProviderView
@@ -74,14 +74,14 @@ class AgentView(NamedTuple):
 
 
 class IdentityView(NamedTuple):
-    """What an owner of several identities knows of one of them.
+    """The view of an identity by its owner.
 
     Attributes:
-        round: number of the round, (...).
-        trust: of the identity, by its role, (...).
-        turn: 0 for the owner's first identity, from 1 on for those in reserve, (...).
-        present: whether it is there, boolean, (...).
-        succeeds: whether the identity before it is gone for good, boolean, (...).
+        round: Number of the round, shape (...).
+        trust: Trust of the identity by its role, shape (...).
+        turn: 0 for the first identity of the owner, 1 and more for those in reserve, shape (...).
+        present: Whether the identity is present, boolean, shape (...).
+        succeeds: Whether the identity before it is gone for good, boolean, shape (...).
     """
 
     round: Array
@@ -108,18 +108,18 @@ def look(
     ratings: Array,
     rated: Array,
 ) -> tuple[ProviderView, RaterView]:
-    """What all providers see, with one further axis (P, ...), and what all raters see, with one (S, ...).
+    """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...).
 
     Args:
-        round: number of the round, (...).
-        tor: trust of the raters, (S, ...).
-        top: trust of the providers, (P, ...).
-        value: of the service that each provider provides next, (P, ...).
-        quality: of the service that each provided last, (P, ...).
-        service: perceived quality of the services that await their rating, (S, P, ...).
-        awaiting: which do, (S, P, ...).
-        ratings: the ratings that arrived in the last round, (S, P, ...).
-        rated: where they did, (S, P, ...).
+        round: Number of the round, shape (...).
+        tor: Trust of the raters, shape (S, ...).
+        top: Trust of the providers, shape (P, ...).
+        value: Value of the next service of each provider, shape (P, ...).
+        quality: Quality of the last service of each provider, shape (P, ...).
+        service: Perceived quality of the services that await their rating, shape (S, P, ...).
+        awaiting: Whether a service awaits its rating, shape (S, P, ...).
+        ratings: Ratings that arrived in the last round, shape (S, P, ...).
+        rated: Whether a rating arrived, shape (S, P, ...).
     """
     over = namespace(tor).broadcast_to
     of_each_rater = (grid.swapaxes(0, 1) for grid in (service, awaiting, ratings, rated))
@@ -129,14 +129,14 @@ def look(
 
 
 def view_of(views: View, place: int) -> View:
-    """What one agent sees of what all of its role see, as from `look`."""
+    """Return the view of one agent from those of all agents of its role, see `look`."""
     at: tuple[Any, ...] = (..., place, *[slice(None)] * (views.trust.ndim - 1))
     return type(views)(*(field[at] for field in views))
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each field of a view stands in the observation vector.
+    """The positions of the fields of a view in the observation vector.
 
     An observation has shape (K, ...), every entry in [0, 1]: the fields of the view one after the other, the round as a
     share of the game's length. An SR+SP agent's is its ToA, then the provider's fields, then the rater's.
@@ -153,22 +153,22 @@ class Layout:
 
     @property
     def provider_size(self) -> int:
-        """K of a provider: 4 + 2 S."""
+        """Size K of the observation of a provider: 4 + 2 S."""
         return 4 + 2 * self.n_raters
 
     @property
     def rater_size(self) -> int:
-        """K of a rater: 2 + 5 P."""
+        """Size K of the observation of a rater: 2 + 5 P."""
         return 2 + 5 * self.n_providers
 
     def flatten(self, view: View) -> Array:
-        """The observation vector of a provider's or a rater's view."""
+        """Return the observation vector of the view of a provider or a rater."""
         one, (round, *rest) = view.trust.ndim, view
         parts = [field if field.ndim > one else field[None, ...] for field in (round / self.max_cycles, *rest)]
         return namespace(view.trust).concat(parts)
 
     def places(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Where the entries of the raters' observations, (K, S), and of the providers', (K, P), are in a vector.
+        """Return the positions of the entries of raters' observations, (K, S), and of providers', (K, P), in a vector.
 
         The vector has the clock, ToR (S), ToP (P), the value of the next services (P), delivered quality (P), perceived
         quality, what awaits a rating, ratings and where they arrived (S x P each). A single game is observed faster
@@ -182,23 +182,23 @@ class Layout:
         return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)
 
     def flatten_both(self, view: AgentView) -> Array:
-        """The observation vector of an SR+SP agent's view."""
+        """Return the observation vector of the view of an SR+SP agent."""
         parts = [view.trust[None, ...], self.flatten(view.provider), self.flatten(view.rater)]
         return namespace(view.trust).concat(parts)
 
     def provider(self, observation: Array) -> ProviderView:
-        """The view that a provider's observation holds."""
+        """Return the view in the observation of a provider."""
         o, s = observation, self.n_raters
         return ProviderView(self._round(o), o[1], o[2], o[3], o[4 : 4 + s], o[4 + s :] > 0.5)
 
     def rater(self, observation: Array) -> RaterView:
-        """The view that a rater's observation holds."""
+        """Return the view in the observation of a rater."""
         o, p = observation, self.n_providers
         published, service, awaiting, ratings, rated = (o[2 + k * p : 2 + (k + 1) * p] for k in range(5))
         return RaterView(self._round(o), o[1], published, service, awaiting > 0.5, ratings, rated > 0.5)
 
     def both(self, observation: Array) -> AgentView:
-        """The view that an SR+SP agent's observation holds."""
+        """Return the view in the observation of an SR+SP agent."""
         end = 1 + self.provider_size
         return AgentView(observation[0], self.provider(observation[1:end]), self.rater(observation[end:]))
 

@@ -1,1 +1,1 @@
-"""The live system: the same trust code on the wire, with cameras, raters and a manager as processes of their own."""
+"""The live system: the same trust models on a network, with cameras, raters and a manager as separate processes."""

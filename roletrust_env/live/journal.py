@@ -1,4 +1,4 @@
-"""The journal of a manager: every round on disk before it is published, so that nothing that was said is lost."""
+"""The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost."""
 
 import json
 import os
@@ -6,20 +6,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.live.trust_tracker import Rows, Team, Trust
+from roletrust_env.live.trust_tracker import RoundRatings, Team, Trust
 
 _VERSION = 1
 
 
-class Published(NamedTuple):
-    """The trust after a round, as everybody hears it.
+class PublishedTrust(NamedTuple):
+    """The trust after a round, as the manager publishes it.
 
     Attributes:
-        round: its number.
-        stamp: of its services, nanoseconds.
-        tor: of the raters, by name.
-        top: of the providers, by name.
-        missing: raters that were waited for, in vain.
+        round: Number of the round.
+        stamp: Time stamp of the round's services, nanoseconds.
+        tor: Trust of the raters, by name.
+        top: Trust of the providers, by name.
+        missing: Expected raters whose ratings did not arrive in time.
     """
 
     round: int
@@ -29,47 +29,48 @@ class Published(NamedTuple):
     missing: tuple[str, ...]
 
 
-class Entry(NamedTuple):
-    """A round with all that led to it.
+class JournalEntry(NamedTuple):
+    """A closed round: its ratings and the trust after it.
 
     Attributes:
-        round: its number, from 0.
-        stamp: the earliest of its messages, nanoseconds.
-        closed: when it was closed, nanoseconds.
-        team: who stood where.
-        rows: the ratings.
-        missing: raters that were waited for, in vain.
-        trust: after the round.
+        round: Number of the round, from 0.
+        stamp: Earliest stamp of its messages, nanoseconds.
+        closed: Time at which it was closed, nanoseconds.
+        team: Agents of the team, in the order of the values.
+        ratings: Ratings that counted.
+        missing: Expected raters whose ratings did not arrive in time.
+        trust: Trust after the round.
     """
 
     round: int
     stamp: int
     closed: int
     team: Team
-    rows: Rows
+    ratings: RoundRatings
     missing: tuple[str, ...]
     trust: Trust
 
     @property
-    def published(self) -> Published:
-        """What everybody hears of it."""
+    def published(self) -> PublishedTrust:
+        """Trust to publish."""
         tor = dict(zip(self.team.raters, self.trust.tor, strict=True))
         top = dict(zip(self.team.providers, self.trust.top, strict=True))
-        return Published(self.round, self.stamp, tor, top, self.missing)
+        return PublishedTrust(self.round, self.stamp, tor, top, self.missing)
 
 
 class Journal:
-    """A file of one line of JSON for each round, which grows only; a line for the team stands before its first round.
+    """A file to which one line of JSON is appended for each round.
 
-    Floats are written so that they are read back to the last bit.
+    A line with the names of the team precedes the team's first round. Floats are read back to the last bit.
 
     Args:
-        path: of the file; it is made if need be. What was only half written when a manager was killed is cut off.
-        about: what all its rounds have in common, such as the trust model.
+        path: Path of the file; it is created if it does not exist. A last line without an end, as a killed manager
+            leaves it, is cut off.
+        about: Settings that all rounds have in common, such as the trust model.
 
     Raises:
-        ValueError: the file is no journal, is about something else, or another process has it open.
-        OSError: it cannot be read or written.
+        ValueError: The file is not a journal, has other settings, or is open in another process.
+        OSError: The file cannot be read or written.
     """
 
     def __init__(self, path: Path, about: dict[str, Any]) -> None:
@@ -87,44 +88,44 @@ class Journal:
     def _begin(self, header: dict[str, Any]) -> None:
         with self.path.open("rb") as file:
             first = file.readline()
-        if _line(header).startswith(first) and not first.endswith(b"\n"):  # new, or killed at once
+        if _line(header).startswith(first) and not first.endswith(b"\n"):  # new, or killed while it wrote the header
             os.ftruncate(self._file, 0)
             self._write(header)
             return
-        found = _parsed(self.path, first)
-        if found.get("journal") != _VERSION:
+        stored = _parse(self.path, first)
+        if stored.get("journal") != _VERSION:
             raise ValueError(f"{self.path} is no journal of version {_VERSION}")
-        if found != header:
-            raise ValueError(f"{self.path} is the journal of something else: {_difference(found, header)}")
-        os.ftruncate(self._file, _whole(self.path))
+        if stored != header:
+            raise ValueError(f"{self.path} is a journal with other settings: {_difference(stored, header)}")
+        os.ftruncate(self._file, _complete_size(self.path))
         for entry in self.entries():
             self._team, self._rounds = entry.team, entry.round + 1
 
     @property
     def rounds(self) -> int:
-        """How many rounds it holds."""
+        """Number of rounds in the journal."""
         return self._rounds
 
-    def entries(self) -> Iterator[Entry]:
-        """The rounds so far."""
+    def entries(self) -> Iterator[JournalEntry]:
+        """Iterate over the rounds so far."""
         return read_journal(self.path)
 
-    def append(self, entry: Entry) -> None:
-        """Write a round; when this returns it is on the disk.
+    def append(self, entry: JournalEntry) -> None:
+        """Append a round. It is on the disk when this returns.
 
         Raises:
-            ValueError: it is not the next one.
+            ValueError: The round is not the next one.
         """
         if entry.round != self._rounds:
-            raise ValueError(f"round {entry.round} is not the next one, which is {self._rounds}")
+            raise ValueError(f"the next round of the journal is {self._rounds}, not {entry.round}")
         if entry.team != self._team:
             self._write({"raters": entry.team.raters, "providers": entry.team.providers})
         when = {"round": entry.round, "stamp": entry.stamp, "closed": entry.closed}
-        self._write({**when, "ratings": dict(entry.rows), "missing": entry.missing, **entry.trust._asdict()})
+        self._write({**when, "ratings": dict(entry.ratings), "missing": entry.missing, **entry.trust._asdict()})
         self._team, self._rounds = entry.team, self._rounds + 1
 
     def close(self) -> None:
-        """Leave it to others."""
+        """Close the file and release it to other processes."""
         os.close(self._file)
 
     def __enter__(self) -> Self:
@@ -135,68 +136,68 @@ class Journal:
 
     def _write(self, data: dict[str, Any]) -> None:
         line = _line(data)
-        while line:  # a disk that is nearly full takes a part
+        while line:  # a nearly full disk writes only a part
             line = line[os.write(self._file, line) :]
         os.fsync(self._file)
 
 
-def read_journal(path: Path) -> Iterator[Entry]:
-    """The rounds of a journal, also of one that a manager is writing.
+def read_journal(path: Path) -> Iterator[JournalEntry]:
+    """Iterate over the rounds of a journal, even while a manager is writing it.
 
     Raises:
-        ValueError: the file is no journal, or a line of it is damaged or lost.
-        OSError: it cannot be read.
+        ValueError: The file is not a journal, or a line is damaged or missing.
+        OSError: The file cannot be read.
     """
     team, rounds = Team(), 0
     with path.open("rb") as file:
-        header = _parsed(path, file.readline())
+        header = _parse(path, file.readline())
         if header.get("journal") != _VERSION:
             raise ValueError(f"{path} is no journal of version {_VERSION}")
         for line in file:
             if not line.endswith(b"\n"):
                 return
-            said = _parsed(path, line)
+            data = _parse(path, line)
             try:
-                if "round" not in said:
-                    team = Team(tuple(said["raters"]), tuple(said["providers"]))
+                if "round" not in data:
+                    team = Team(tuple(data["raters"]), tuple(data["providers"]))
                     continue
-                entry = _entry(said, team)
+                entry = _entry(data, team)
             except (KeyError, TypeError, ValueError):
                 raise _damaged(path, line) from None
             if entry.round != rounds:
-                raise ValueError(f"{path} is damaged: round {entry.round} stands where round {rounds} should be")
+                raise ValueError(f"{path} is damaged: it has round {entry.round} in place of round {rounds}")
             yield entry
             rounds += 1
 
 
-def _entry(said: dict[str, Any], team: Team) -> Entry:
-    """A round of its line.
+def _entry(data: dict[str, Any], team: Team) -> JournalEntry:
+    """Return the round of a parsed line.
 
     Raises:
-        KeyError, TypeError, ValueError: it is none.
+        KeyError, TypeError, ValueError: The line is not a round of this team.
     """
-    trust, rows = Trust(*(tuple(said[name]) for name in Trust._fields)), said["ratings"]
-    when = int(said["round"]), int(said["stamp"]), int(said["closed"])
+    trust, ratings = Trust(*(tuple(data[name]) for name in Trust._fields)), data["ratings"]
+    when = int(data["round"]), int(data["stamp"]), int(data["closed"])
     sizes = len(team.raters), len(team.providers)
-    if sizes != (len(trust.tor), len(trust.top)) or not set(rows) <= set(team.raters):
-        raise ValueError("it is of another team")
-    if any(len(row) > len(team.providers) for row in rows.values()):
-        raise ValueError("it is of more providers")
-    return Entry(*when, team, rows, tuple(said["missing"]), trust)
+    if sizes != (len(trust.tor), len(trust.top)) or not set(ratings) <= set(team.raters):
+        raise ValueError("the round is of another team")
+    if any(len(row) > len(team.providers) for row in ratings.values()):
+        raise ValueError("the round has more providers than the team")
+    return JournalEntry(*when, team, ratings, tuple(data["missing"]), trust)
 
 
 def _lock(file: int, path: Path) -> None:
-    """Keep a file to this process, as long as it has it open."""
-    import fcntl  # not all systems have it, and the rest of the library runs on them
+    """Lock a file for this process, as long as it is open."""
+    import fcntl  # some systems lack it, and the rest of the library runs there
 
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise ValueError(f"{path} is the journal of a manager that is running; stop it, or name another") from None
+        raise ValueError(f"{path} is in use by another manager; stop that manager, or name another journal") from None
 
 
-def _whole(path: Path) -> int:
-    """The length of a file without a last line that has no end."""
+def _complete_size(path: Path) -> int:
+    """Return the size of a file without an unfinished last line, bytes."""
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
         at, tail = size, b""
@@ -211,20 +212,20 @@ def _line(data: dict[str, Any]) -> bytes:
     return (json.dumps(data, allow_nan=False) + "\n").encode()
 
 
-def _parsed(path: Path, line: bytes) -> dict[str, Any]:
+def _parse(path: Path, line: bytes) -> dict[str, Any]:
     try:
-        said = json.loads(line)
+        data = json.loads(line)
     except ValueError:  # neither JSON nor, perhaps, text
-        said = None
-    if not isinstance(said, dict):
+        data = None
+    if not isinstance(data, dict):
         raise _damaged(path, line)
-    return said
+    return data
 
 
 def _damaged(path: Path, line: bytes) -> ValueError:
-    return ValueError(f"{path} is no journal: {line[:60].decode(errors='replace').rstrip()!r} is none of its lines")
+    return ValueError(f"{path} is no journal: {line[:60].decode(errors='replace').rstrip()!r} is not a line of one")
 
 
-def _difference(found: dict[str, Any], header: dict[str, Any]) -> str:
-    keys = [key for key in {**found, **header} if found.get(key) != header.get(key)]
-    return "; ".join(f"{key} is {found.get(key)!r} there and {header.get(key)!r} here" for key in keys)
+def _difference(stored: dict[str, Any], header: dict[str, Any]) -> str:
+    keys = [key for key in {**stored, **header} if stored.get(key) != header.get(key)]
+    return "; ".join(f"{key} is {stored.get(key)!r} there and {header.get(key)!r} here" for key in keys)

@@ -1,4 +1,4 @@
-"""Which of the ratings that arrive may reach the trust model, and why the others may not."""
+"""Validation of incoming ratings: which of them may reach the trust model, and why the others are refused."""
 
 import math
 from collections import Counter
@@ -9,15 +9,15 @@ from typing import NamedTuple, Protocol
 
 
 class Ratings(NamedTuple):
-    """What a rater says of the services of one round.
+    """A message with a rater's ratings of the services of one round.
 
     Attributes:
-        rater: who says it, by its own account.
-        stamp: of the services, nanoseconds.
-        providers: whom it rates.
-        values: its ratings, in the same order.
-        signed: the bytes that the signature is of.
-        signature: empty if there is none.
+        rater: Name of the rater, as the message gives it.
+        stamp: Time stamp of the services, nanoseconds.
+        providers: Names of the rated providers.
+        values: Ratings, in the order of the providers.
+        signed: Bytes that the signature covers.
+        signature: Signature; empty if there is none.
     """
 
     rater: str
@@ -28,8 +28,8 @@ class Ratings(NamedTuple):
     signature: bytes = b""
 
 
-class Reason(StrEnum):
-    """Why something was refused: of a whole message down to its signature, of single ratings from there on."""
+class RefusalReason(StrEnum):
+    """Reason for a refusal. The reasons down to `MIS_SIGNED` concern a whole message, the others a single rating."""
 
     FLOOD = "too many messages"
     GARBAGE = "garbage"
@@ -49,107 +49,107 @@ class Reason(StrEnum):
 
 
 class Keyring(Protocol):
-    """The raters that are known, and their signatures."""
+    """The known raters and a check of their signatures."""
 
     def __contains__(self, rater: object) -> bool:
-        """Whether a rater of that name is known."""
+        """Return whether a rater of that name is known."""
         ...
 
     def verifies(self, rater: str, signed: bytes, signature: bytes) -> bool:
-        """Whether a signature is that of a rater, who is known."""
+        """Return whether a signature of some bytes is that of a known rater."""
         ...
 
 
 @dataclass(frozen=True)
-class Clock:
-    """What stamps must be like.
+class StampLimits:
+    """Limits on the time stamps of ratings.
 
     Attributes:
-        tolerance: how far a stamp may be from the time of its arrival, nanoseconds.
-        least: what lies between two stamps of a rater at least, nanoseconds; half a period, say. So no rater has more
-            than its share of the rounds, nor of the manager's time.
+        tolerance: Largest difference between a stamp and the time of arrival, nanoseconds.
+        min_gap: Smallest difference between two stamps of one rater, nanoseconds; for example half a period. It limits
+            the share of the rounds, and of the manager's time, that one rater can take.
     """
 
     tolerance: int
-    least: int
+    min_gap: int
 
 
-class Gate:
-    """Lets the ratings through that may count. What is refused is counted, and moves nothing.
+class RatingValidator:
+    """Accepts valid ratings. Refused ratings are counted and change nothing else.
 
-    A message is refused as a whole if it is not known whose it is or when it was made, and looked at rating by rating
-    otherwise. Stamps of a rater rise, so that what was sent once counts once. What costs least is looked at first:
+    A message is refused as a whole if its rater or its time is in doubt. Otherwise each rating is checked on its own.
+    The stamps of a rater must increase, so a message that is sent twice counts once. Cheap checks come first: the
     signatures of messages that come too often are not even verified.
 
     Args:
-        clock: what stamps must be like.
-        keyring: who may rate; None lets everybody, without a signature.
-        since: the last stamp of each rater that counted before.
+        limits: Limits on the stamps.
+        keyring: Raters that may rate; None accepts every rater, without a signature.
+        last_stamps: Last accepted stamp of each rater, from an earlier run.
 
     Attributes:
-        refused: how often, by rater and reason. Names that are not known are counted under `""`.
+        refusals: Number of refusals by rater and reason. Unknown raters are counted under `""`.
     """
 
-    def __init__(self, clock: Clock, keyring: Keyring | None = None, since: dict[str, int] | None = None) -> None:
-        self._clock, self._keyring, self._last = clock, keyring, dict(since or {})
-        self.refused: Counter[tuple[str, Reason]] = Counter()
+    def __init__(
+        self, limits: StampLimits, keyring: Keyring | None = None, last_stamps: dict[str, int] | None = None
+    ) -> None:
+        self._limits, self._keyring, self._last_stamps = limits, keyring, dict(last_stamps or {})
+        self.refusals: Counter[tuple[str, RefusalReason]] = Counter()
 
-    def refuse(self, rater: str, reason: Reason, count: int = 1) -> None:
-        """Count something that is refused, such as a message that cannot be read."""
-        known = rater in self._last if self._keyring is None else rater in self._keyring
-        self.refused[rater if known else "", reason] += count
+    def refuse(self, rater: str, reason: RefusalReason, count: int = 1) -> None:
+        """Count a refusal, such as that of a message that cannot be read."""
+        known = rater in self._last_stamps if self._keyring is None else rater in self._keyring
+        self.refusals[rater if known else "", reason] += count
 
-    def admit(self, ratings: Ratings, providers: Collection[str], now: int) -> dict[str, float]:
-        """The ratings of a message that may count, by provider; none of a message that is refused.
+    def accept(self, ratings: Ratings, providers: Collection[str], now: int) -> dict[str, float]:
+        """Return the valid ratings of a message, by provider; none if the message is refused.
 
         Args:
-            ratings: the message.
-            providers: those that are known.
-            now: the time of its arrival, nanoseconds.
+            ratings: Message.
+            providers: Names of the known providers.
+            now: Time of arrival, nanoseconds.
         """
-        if reason := self._trouble(ratings, now):
+        if reason := self._message_error(ratings, now):
             self.refuse(ratings.rater, reason)
             return {}
-        self._last[ratings.rater] = ratings.stamp
-        admitted: dict[str, float] = {}
+        self._last_stamps[ratings.rater] = ratings.stamp
+        accepted: dict[str, float] = {}
         for provider, value in zip(ratings.providers, ratings.values, strict=True):
-            if reason := _wrong(ratings.rater, provider, value, providers, admitted):
+            if reason := _rating_error(ratings.rater, provider, value, providers, accepted):
                 self.refuse(ratings.rater, reason)
             else:
-                admitted[provider] = float(value)
-        return admitted
+                accepted[provider] = float(value)
+        return accepted
 
-    def _trouble(self, ratings: Ratings, now: int) -> Reason | None:
-        """What is wrong with a message as a whole."""
-        clock, last = self._clock, self._last.get(ratings.rater)
+    def _message_error(self, ratings: Ratings, now: int) -> RefusalReason | None:
+        limits, last = self._limits, self._last_stamps.get(ratings.rater)
         if len(ratings.providers) != len(ratings.values):
-            return Reason.GARBAGE
+            return RefusalReason.GARBAGE
         if self._keyring is not None and ratings.rater not in self._keyring:
-            return Reason.UNKNOWN_RATER
-        if ratings.stamp > now + clock.tolerance:
-            return Reason.FUTURE
-        if ratings.stamp < now - clock.tolerance:
-            return Reason.PAST
-        if last is not None and ratings.stamp < last + clock.least:
-            return Reason.TOO_SOON if ratings.stamp > last else Reason.REPLAYED
+            return RefusalReason.UNKNOWN_RATER
+        if ratings.stamp > now + limits.tolerance:
+            return RefusalReason.FUTURE
+        if ratings.stamp < now - limits.tolerance:
+            return RefusalReason.PAST
+        if last is not None and ratings.stamp < last + limits.min_gap:
+            return RefusalReason.TOO_SOON if ratings.stamp > last else RefusalReason.REPLAYED
         if self._keyring is None:
             return None
         if not ratings.signature:
-            return Reason.UNSIGNED
-        signed = self._keyring.verifies(ratings.rater, ratings.signed, ratings.signature)
-        return None if signed else Reason.MIS_SIGNED
+            return RefusalReason.UNSIGNED
+        valid = self._keyring.verifies(ratings.rater, ratings.signed, ratings.signature)
+        return None if valid else RefusalReason.MIS_SIGNED
 
 
-def _wrong(
+def _rating_error(
     rater: str, provider: str, value: float, providers: Collection[str], before: Collection[str]
-) -> Reason | None:
-    """What is wrong with a single rating."""
+) -> RefusalReason | None:
     if provider not in providers:
-        return Reason.UNKNOWN_PROVIDER
+        return RefusalReason.UNKNOWN_PROVIDER
     if provider == rater:
-        return Reason.ITSELF
+        return RefusalReason.ITSELF
     if provider in before:
-        return Reason.DOUBLED
+        return RefusalReason.DOUBLED
     if math.isnan(value):
-        return Reason.NOT_A_NUMBER
-    return None if 0 <= value <= 1 else Reason.OUT_OF_RANGE
+        return RefusalReason.NOT_A_NUMBER
+    return None if 0 <= value <= 1 else RefusalReason.OUT_OF_RANGE

@@ -1,23 +1,23 @@
-"""Which messages make a round, when some are lost, late or never come: a manager's policy around synchronisation."""
+"""Assembly of messages into rounds when some are lost or late: the manager's deadlines around synchronisation."""
 
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, NamedTuple
 
-from roletrust_env.live.synchroniser import ApproximateTime, Item, Message, Step
+from roletrust_env.live.synchroniser import ApproximateTimeSynchroniser, Decision, Item, Message
 
 _Named = list[tuple[str, Message[Item]]]
 
 
 @dataclass(frozen=True)
-class Patience:
-    """How long a round is waited for.
+class RoundTiming:
+    """How long to wait for a round.
 
     Attributes:
-        period: between rounds, nanoseconds.
-        deadline: a round that is not complete is closed so long after its first message came, as a share of the period.
-        silence: whoever was not heard for so many periods is no longer waited for.
+        period: Time between rounds, nanoseconds.
+        deadline: Time from the first message of an incomplete round to its end, as a share of the period.
+        silence: Number of periods without a message after which a stream is no longer expected.
     """
 
     period: int
@@ -25,13 +25,13 @@ class Patience:
     silence: float = 3.0
 
     @property
-    def apart(self) -> int:
-        """Messages whose stamps lie further apart are not of one round, nanoseconds: half a period."""
+    def max_spread(self) -> int:
+        """Largest difference between the stamps of one round, nanoseconds: half a period."""
         return self.period // 2
 
     @property
     def tolerance(self) -> int:
-        """How far the stamp of a message may be from the time of its arrival, nanoseconds: four periods."""
+        """Largest difference between the stamp of a message and the time of its arrival, nanoseconds: four periods."""
         return 4 * self.period
 
 
@@ -39,9 +39,9 @@ class Round(NamedTuple, Generic[Item]):
     """Messages that belong together.
 
     Attributes:
-        stamp: the earliest of theirs, nanoseconds.
-        items: what each stream brought.
-        missing: streams that were waited for, in vain.
+        stamp: Earliest stamp of the messages, nanoseconds.
+        items: Content of each stream's message.
+        missing: Expected streams whose message did not arrive in time.
     """
 
     stamp: int
@@ -49,131 +49,138 @@ class Round(NamedTuple, Generic[Item]):
     missing: tuple[str, ...]
 
 
-class Rounds(Generic[Item]):
-    """Closes rounds: complete ones as soon as they are, others at a deadline, with what there is.
+class RoundAssembler(Generic[Item]):
+    """Closes complete rounds at once, and incomplete ones at a deadline with the messages that have arrived.
 
-    ROS's synchronisation alone publishes complete matches only, so that a stream that loses a message costs all of them
-    a round, and one that stops, everything. Here what it gives up makes a partial round. Streams that fall silent are
-    no longer waited for, until they speak again; who speaks for the first time is waited for from then on. Rounds close
-    in the order of their stamps: what comes after its round was closed is in none, and counted, as may be the first
-    word of who was not waited for.
+    ROS's synchronisation publishes complete matches only: a stream that loses a message costs all streams the round,
+    and a stream that stops ends all rounds. Here the messages that it gives up form a partial round. A silent stream is
+    not expected until it sends again, and a new stream is expected from its first message on. Rounds close in the
+    order of their stamps. A message that arrives after its round was closed is in no round and is counted; this may
+    happen to the first message of a stream that was not expected.
 
     Args:
-        patience: how long a round is waited for.
-        expected: streams that are waited for from the first message on.
-        after: rounds up to this stamp are closed, nanoseconds; None if none is.
+        timing: How long to wait for a round.
+        expected: Streams that are expected from the first message on.
+        after: Rounds up to this stamp are closed already, nanoseconds; None if there is none.
 
     Attributes:
-        unused: messages that are in no round, by stream: they came too late, or were not the only one of their stream.
+        unused: Number of messages in no round, by stream: late ones, and duplicates within a round.
     """
 
-    def __init__(self, patience: Patience, expected: Iterable[str] = (), after: int | None = None) -> None:
-        self._patience, self._after = patience, after
-        self._expected = tuple(expected)
-        self._heard: dict[str, int] = {}
+    def __init__(self, timing: RoundTiming, expected: Iterable[str] = (), after: int | None = None) -> None:
+        self._timing, self._after = timing, after
+        self._initial = tuple(expected)
+        self._last_heard: dict[str, int] = {}
         self._parts: dict[str, Message[Item]] = {}  # of a round that will not be complete
-        self._seat(())
+        self._reset_synchroniser(())
         self.unused: Counter[str] = Counter()
 
     @property
-    def waited_for(self) -> tuple[str, ...]:
-        """The streams that a round needs to be complete."""
-        return self._names
+    def expected(self) -> tuple[str, ...]:
+        """Streams that a complete round needs."""
+        return self._expected
 
     def add(self, name: str, stamp: int, item: Item, now: int) -> list[Round[Item]]:
-        """Take a message, and close what it completes.
+        """Take a message and return the rounds that it closes.
 
         Args:
-            name: of the stream; it may be a new one.
-            stamp: the time that it is about, nanoseconds.
-            item: what it holds.
-            now: the time at which it came, nanoseconds, by the clock of the stamps.
+            name: Name of the stream, which may be new.
+            stamp: Time stamp of the message, nanoseconds.
+            item: Content of the message.
+            now: Time of arrival, nanoseconds, by the clock of the stamps.
         """
-        if not self._heard:
-            self._heard = dict.fromkeys(self._expected, now)
-            self._seat(self._expected)
-        self._heard[name] = max(now, stamp)  # who is ahead is not silent before its round
-        closed = [] if name in self._names else self._wait_for((*self._names, name))
+        if not self._last_heard:
+            self._last_heard = dict.fromkeys(self._initial, now)
+            self._reset_synchroniser(self._initial)
+        self._last_heard[name] = max(now, stamp)  # a stream that is ahead is not silent before its round
+        closed = [] if name in self._expected else self._expect((*self._expected, name))
         if self._is_closed(stamp):
             self.unused[name] += 1
             return closed
-        return closed + self._settled(self._sync.add(self._names.index(name), Message(stamp, now, item)))
+        return closed + self._apply(self._sync.add(self._expected.index(name), Message(stamp, now, item)))
 
-    def due(self, now: int) -> list[Round[Item]]:
-        """Close what was waited for long enough, and wait no longer for the silent. To be asked often."""
+    def close_due(self, now: int) -> list[Round[Item]]:
+        """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
         closed = []
-        while (ready := self._ready()) is not None and now - ready >= self._patience.deadline * self._patience.period:
-            closed += self._settled(self._sync.settle()) or self._close_partial()
-        patient = self._patience.silence * self._patience.period
-        speaking = tuple(name for name in self._names if now - self._heard[name] < patient)
-        return closed + self._wait_for(speaking) if speaking != self._names else closed
+        while (start := self._wait_start()) is not None and now - start >= self._timing.deadline * self._timing.period:
+            decisions = self._sync.publish_candidate()  # its round may be closed already, and then it closes none
+            closed += self._apply(decisions) if decisions else self._close_partial()
+        limit = self._timing.silence * self._timing.period
+        active = tuple(name for name in self._expected if now - self._last_heard[name] < limit)
+        return closed + self._expect(active) if active != self._expected else closed
 
-    def _ready(self) -> int | None:
-        """When the first message of the earliest round came; if that is stamped later, when it is meant for."""
-        first = self._first([*self._parts.items(), *self._waiting()])
+    def _wait_start(self) -> int | None:
+        """Return the time from which the deadline of the earliest round counts; None if no message waits.
+
+        This is the arrival of the round's first message, or its stamp if that is later.
+        """
+        first = self._earliest_round([*self._parts.items(), *self._waiting()])
         return min((max(message.arrival, message.stamp) for _, message in first), default=None)
 
-    def _first(self, messages: _Named[Item]) -> _Named[Item]:
-        """Those of some messages that are of the earliest round."""
+    def _earliest_round(self, messages: _Named[Item]) -> _Named[Item]:
         start = min((message.stamp for _, message in messages), default=0)
-        return [(name, message) for name, message in messages if message.stamp - start <= self._patience.apart]
+        return [(name, message) for name, message in messages if message.stamp - start <= self._timing.max_spread]
 
     def _waiting(self) -> _Named[Item]:
-        return [(self._names[k], message) for k, message in self._sync.waiting()]
+        return [(self._expected[k], message) for k, message in self._sync.waiting()]
 
     def _close_partial(self) -> list[Round[Item]]:
-        """Close the earliest round with what there is of it."""
-        here = [*self._parts.items(), *self._waiting()]
-        first, self._parts = self._first(here), {}
+        """Close the earliest round with the messages that have arrived."""
+        pending = [*self._parts.items(), *self._waiting()]
+        first, self._parts = self._earliest_round(pending), {}
         start = min(message.stamp for _, message in first)
         closed = self._close(first)
-        self._seat(self._names)
-        return closed + self._feed(entry for entry in here if entry[1].stamp - start > self._patience.apart)
+        self._reset_synchroniser(self._expected)
+        return closed + self._feed(entry for entry in pending if entry[1].stamp - start > self._timing.max_spread)
 
-    def _wait_for(self, names: tuple[str, ...]) -> list[Round[Item]]:
-        """Wait for others than before; a match that is there is not waited with."""
-        closed = self._settled(self._sync.settle())
+    def _expect(self, names: tuple[str, ...]) -> list[Round[Item]]:
+        """Change the expected streams; a match that exists is published first."""
+        closed = self._apply(self._sync.publish_candidate())
         waiting = self._waiting()
-        self._seat(names)
+        self._reset_synchroniser(names)
         return closed + self._feed(waiting)
 
-    def _seat(self, names: tuple[str, ...]) -> None:
-        self._names, period = names, self._patience.period
-        self._sync: ApproximateTime[Item] = ApproximateTime(
-            len(names), max_interval=self._patience.apart, lower_bound=4 * period // 5
+    def _reset_synchroniser(self, names: tuple[str, ...]) -> None:
+        self._expected, period = names, self._timing.period
+        self._sync: ApproximateTimeSynchroniser[Item] = ApproximateTimeSynchroniser(
+            len(names), max_interval=self._timing.max_spread, lower_bound=4 * period // 5
         )
 
     def _feed(self, messages: Iterable[tuple[str, Message[Item]]]) -> list[Round[Item]]:
-        """Messages that came before, of streams that are waited for or not."""
+        """Add earlier messages again, whether or not their streams are still expected."""
         closed = []
         for name, message in messages:
-            if name in self._names:
-                closed += self._settled(self._sync.add(self._names.index(name), message))
+            if name in self._expected:
+                closed += self._apply(self._sync.add(self._expected.index(name), message))
             else:
-                closed += self._set_apart(name, message)
+                closed += self._add_part(name, message)
         return closed
 
-    def _settled(self, steps: Iterable[Step[Item]]) -> list[Round[Item]]:
-        """The rounds that some decisions close."""
+    def _apply(self, decisions: Iterable[Decision[Item]]) -> list[Round[Item]]:
+        """Return the rounds that some decisions of the synchroniser close."""
         closed = []
-        for step in steps:
-            messages = [(self._names[k], message) for k, message in zip(step.streams, step.messages, strict=True)]
-            closed += self._complete(messages) if step.matched else self._set_apart(*messages[0])
+        for decision in decisions:
+            pairs = zip(decision.streams, decision.messages, strict=True)
+            messages = [(self._expected[k], message) for k, message in pairs]
+            closed += self._close_complete(messages) if decision.matched else self._add_part(*messages[0])
         return closed
 
-    def _complete(self, messages: _Named[Item]) -> list[Round[Item]]:
-        """A complete round; of its parts that were set apart, newer ones of the same streams are in it."""
-        start, apart = min(message.stamp for _, message in messages), self._patience.apart
+    def _close_complete(self, messages: _Named[Item]) -> list[Round[Item]]:
+        """Close a complete round, after the partial rounds before it.
+
+        A part of the same round is closed with it. The match has the newer message of its streams.
+        """
+        start, spread = min(message.stamp for _, message in messages), self._timing.max_spread
         parts, self._parts = self._parts, {}
-        earlier = [entry for entry in parts.items() if start - entry[1].stamp > apart]
-        same = [entry for entry in parts.items() if abs(start - entry[1].stamp) <= apart]
-        self._parts = {name: part for name, part in parts.items() if part.stamp - start > apart}
+        earlier = [entry for entry in parts.items() if start - entry[1].stamp > spread]
+        same = [entry for entry in parts.items() if abs(start - entry[1].stamp) <= spread]
+        self._parts = {name: part for name, part in parts.items() if part.stamp - start > spread}
         return self._close(earlier) + self._close(same + messages)
 
-    def _set_apart(self, name: str, message: Message[Item]) -> list[Round[Item]]:
-        """Keep a message that will not be in a complete round."""
+    def _add_part(self, name: str, message: Message[Item]) -> list[Round[Item]]:
+        """Keep a message that will be in no complete round."""
         stamps = [message.stamp, *(part.stamp for part in self._parts.values())]
-        another = name in self._parts or max(stamps) - min(stamps) > self._patience.apart
+        another = name in self._parts or max(stamps) - min(stamps) > self._timing.max_spread
         closed = self._close_parts() if another else []
         self._parts[name] = message
         return closed
@@ -183,16 +190,18 @@ class Rounds(Generic[Item]):
         return self._close(list(parts.items()))
 
     def _close(self, messages: _Named[Item]) -> list[Round[Item]]:
-        """A round of some messages, unless there are none or it was closed before."""
-        stamp = min((message.stamp for _, message in messages), default=0)
-        if not messages or self._is_closed(stamp):
-            self.unused.update(name for name, _ in messages)
+        """Return the round of some messages, without those of closed rounds; none if no message remains."""
+        late = [name for name, message in messages if self._is_closed(message.stamp)]
+        messages = [(name, message) for name, message in messages if not self._is_closed(message.stamp)]
+        self.unused.update(late)
+        if not messages:
             return []
+        stamp = min(message.stamp for _, message in messages)
         items = {name: message.item for name, message in messages}
         self.unused.update((Counter(name for name, _ in messages) - Counter(list(items))).elements())
         self._after = stamp
-        return [Round(stamp, items, tuple(name for name in self._names if name not in items))]
+        return [Round(stamp, items, tuple(name for name in self._expected if name not in items))]
 
     def _is_closed(self, stamp: int) -> bool:
-        """Whether the round of a stamp is closed, or a later one."""
-        return self._after is not None and stamp <= self._after + self._patience.apart
+        """Return whether the round of a stamp, or a later one, is closed."""
+        return self._after is not None and stamp <= self._after + self._timing.max_spread

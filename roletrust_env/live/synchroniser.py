@@ -1,4 +1,4 @@
-"""ROS's approximate time synchronisation, without ROS: which messages of several streams belong together."""
+"""ROS's approximate time synchronisation without ROS: which messages of several streams belong together."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -8,12 +8,12 @@ Item = TypeVar("Item")
 
 
 class Message(NamedTuple, Generic[Item]):
-    """What a stream brings.
+    """A message of a stream.
 
     Attributes:
-        stamp: the time that it is about, nanoseconds; streams are matched by it.
-        arrival: when it came, nanoseconds, by the receiver's clock.
-        item: what it holds.
+        stamp: Time stamp, nanoseconds; streams are matched by it.
+        arrival: Time of arrival, nanoseconds, by the receiver's clock.
+        item: Content.
     """
 
     stamp: int
@@ -22,20 +22,20 @@ class Message(NamedTuple, Generic[Item]):
 
 
 class _Candidate(NamedTuple, Generic[Item]):
-    """The best match so far: its messages, and the earliest and the latest of their stamps."""
+    """The best match so far: its messages, and their earliest and latest stamp."""
 
     messages: tuple[Message[Item], ...]
     start: int
     end: int
 
 
-class Step(NamedTuple, Generic[Item]):
-    """What became of the messages of some streams: they match, one of each stream, or will never be part of a match.
+class Decision(NamedTuple, Generic[Item]):
+    """A decision on messages: they match, one of each stream, or a message will never be part of a match.
 
     Attributes:
-        streams: their numbers.
-        messages: theirs, in the same order.
-        matched: whether they match.
+        streams: Numbers of the streams.
+        messages: Message of each of these streams.
+        matched: Whether they match.
     """
 
     streams: tuple[int, ...]
@@ -43,21 +43,21 @@ class Step(NamedTuple, Generic[Item]):
     matched: bool
 
 
-class ApproximateTime(Generic[Item]):
-    """Finds the messages, one of each stream, whose stamps lie nearest to one another; each is in one match at most.
+class ApproximateTimeSynchroniser(Generic[Item]):
+    """Matches messages of several streams, one of each, whose stamps are closest; no message is in two matches.
 
     The rules are those of `message_filters::ApproximateTime` in ROS, for any number of streams. Every stream has a
-    queue, in order of arrival. Once no queue is empty, their heads are looked at, and the earliest moves on, again and
-    again. The first heads that lie near enough become the candidate, and the latest of them the pivot, which every
-    better match contains. The candidate is published as soon as nothing better can come.
+    queue in the order of arrival. Once no queue is empty, the heads of all queues are compared and the earliest is set
+    aside, again and again. The first heads that are close enough become the candidate. The latest of them is the pivot,
+    which every better match contains. The candidate is published as soon as no better match can come.
 
     Args:
-        streams: how many, at least 1.
-        max_interval: no match spans more, nanoseconds.
-        lower_bound: the least that lies between two messages of a stream, nanoseconds. The nearer it is to the true
-            period, the sooner it is known that nothing better can come; with 0, that is when the next round arrives.
-        age_penalty: by how much a later match must be narrower to be better, at least 0.
-        queue_size: messages that a stream keeps; of more, the oldest is dropped.
+        streams: Number of streams, at least 1.
+        max_interval: Largest difference between the stamps of a match, nanoseconds.
+        lower_bound: Smallest difference between two successive messages of a stream, nanoseconds. The closer it is to
+            the true period, the sooner a match is published; with 0, a match waits for the next round to arrive.
+        age_penalty: Relative amount by which a later match must be narrower to be better, at least 0.
+        queue_size: Number of messages that each queue holds; beyond that, the oldest is dropped.
     """
 
     def __init__(
@@ -70,14 +70,14 @@ class ApproximateTime(Generic[Item]):
         self._dropped = [False] * streams
         self._candidate: _Candidate[Item] | None = None
         self._pivot = self._pivot_stamp = 0  # of the candidate
-        self._steps: list[Step[Item]] = []
+        self._decisions: list[Decision[Item]] = []
 
-    def add(self, stream: int, message: Message[Item]) -> list[Step[Item]]:
-        """Take a message, and tell what it decides, in order.
+    def add(self, stream: int, message: Message[Item]) -> list[Decision[Item]]:
+        """Take a message and return the decisions that follow, in order.
 
         Args:
-            stream: its number, from 0.
-            message: the newest of the stream.
+            stream: Number of the stream, from 0.
+            message: Newest message of the stream.
         """
         queue = self._queues[stream]
         queue.append(message)
@@ -85,25 +85,25 @@ class ApproximateTime(Generic[Item]):
             self._search()
         if len(queue) + len(self._aside[stream]) > self._queue_size:
             self._overflow(stream)
-        steps, self._steps = self._steps, []
-        return steps
+        decisions, self._decisions = self._decisions, []
+        return decisions
 
-    def settle(self) -> list[Step[Item]]:
-        """Publish the candidate without waiting for a better one, and tell what that decides; nothing without one."""
+    def publish_candidate(self) -> list[Decision[Item]]:
+        """Publish the candidate, if there is one, without waiting for a better match, and return the decisions."""
         if self._candidate is not None:
             self._publish(self._candidate)
             self._search()
-        steps, self._steps = self._steps, []
-        return steps
+        decisions, self._decisions = self._decisions, []
+        return decisions
 
     def waiting(self) -> list[tuple[int, Message[Item]]]:
-        """All messages of which nothing is decided, with the numbers of their streams, in order of arrival."""
+        """Return all undecided messages with the numbers of their streams, in order of arrival."""
         both = zip(self._aside, self._queues, strict=True)
-        kept = [(stream, message) for stream, parts in enumerate(both) for part in parts for message in part]
-        return sorted(kept, key=lambda entry: entry[1].arrival)
+        undecided = [(stream, message) for stream, parts in enumerate(both) for part in parts for message in part]
+        return sorted(undecided, key=lambda entry: entry[1].arrival)
 
     def _search(self) -> None:
-        """Move on from heads to heads until a queue is empty."""
+        """Compare heads and set the earliest aside until a queue is empty."""
         while all(self._queues):
             heads = [queue[0].stamp for queue in self._queues]
             first, last = _earliest(heads), _latest(heads)
@@ -112,7 +112,7 @@ class ApproximateTime(Generic[Item]):
             best = self._candidate
             if best is None:
                 if end - start > self._max_interval or self._dropped[last]:
-                    self._lose([first], [self._queues[first].popleft()])
+                    self._discard([first], [self._queues[first].popleft()])
                     continue
                 self._pivot, self._pivot_stamp = last, end
             if best is None or (end - best.end) * self._lateness < start - best.start:
@@ -122,22 +122,22 @@ class ApproximateTime(Generic[Item]):
                 self._publish(best)
 
     def _nominate(self, start: int, end: int) -> _Candidate[Item]:
-        """Make the heads the candidate; what is older is in no match."""
+        """Make the heads the candidate; older messages are in no match."""
         for stream, aside in enumerate(self._aside):
-            self._lose([stream] * len(aside), aside)
+            self._discard([stream] * len(aside), aside)
             aside.clear()
         self._candidate = _Candidate(tuple(queue[0] for queue in self._queues), start, end)
         return self._candidate
 
     def _is_best(self, best: _Candidate[Item], end: int) -> bool:
-        """Whether nothing better comes, where every further match reaches from the pivot to this end, or further."""
+        """Return whether no match is better that reaches from the pivot to this end or beyond."""
         return (end - best.end) * self._lateness >= self._pivot_stamp - best.start
 
     def _proven(self, best: _Candidate[Item]) -> bool:
-        """Whether nothing better can come, if streams bring their next messages as early as they can."""
-        at = [0] * len(self._queues)  # how far each stream has moved on
+        """Return whether no better match can come, even if all streams send as early as they can."""
+        at = [0] * len(self._queues)  # position of each stream beyond its head
         while True:
-            heads = [self._soonest(stream, moved) for stream, moved in enumerate(at)]
+            heads = [self._earliest_stamp(stream, offset) for stream, offset in enumerate(at)]
             first, last = _earliest(heads), _latest(heads)
             if self._is_best(best, heads[last]):
                 return True
@@ -145,45 +145,45 @@ class ApproximateTime(Generic[Item]):
                 return False
             at[first] += 1
 
-    def _soonest(self, stream: int, moved: int) -> int:
-        """The stamp of a stream's next message after some more, or the earliest that it can have."""
+    def _earliest_stamp(self, stream: int, offset: int) -> int:
+        """Return the stamp of a message that many places behind the head, or the earliest that it can have."""
         queue = self._queues[stream]
-        if moved < len(queue):
-            return queue[moved].stamp
+        if offset < len(queue):
+            return queue[offset].stamp
         newest = queue[-1] if queue else self._aside[stream][-1]
         return max(self._pivot_stamp, newest.stamp + self._lower_bound)
 
     def _publish(self, best: _Candidate[Item]) -> None:
-        self._steps.append(Step(tuple(range(len(self._queues))), best.messages, True))
+        self._decisions.append(Decision(tuple(range(len(self._queues))), best.messages, True))
         self._restore()
         for queue in self._queues:
-            queue.popleft()  # what was older went when this one was nominated
+            queue.popleft()  # older ones were discarded when this one was nominated
 
     def _restore(self) -> None:
-        """Put back what was set aside, and forget the candidate."""
+        """Put back the messages that were set aside, and drop the candidate."""
         for queue, aside in zip(self._queues, self._aside, strict=True):
             queue.extendleft(reversed(aside))
             aside.clear()
         self._candidate = None
 
     def _overflow(self, stream: int) -> None:
-        searched = self._candidate is not None
+        had_candidate = self._candidate is not None
         self._restore()
-        self._lose([stream], [self._queues[stream].popleft()])
+        self._discard([stream], [self._queues[stream].popleft()])
         self._dropped[stream] = True
-        if searched:
+        if had_candidate:
             self._search()
 
-    def _lose(self, streams: Iterable[int], messages: Iterable[Message[Item]]) -> None:
-        lost = zip(streams, messages, strict=True)
-        self._steps.extend(Step((stream,), (message,), False) for stream, message in lost)
+    def _discard(self, streams: Iterable[int], messages: Iterable[Message[Item]]) -> None:
+        pairs = zip(streams, messages, strict=True)
+        self._decisions.extend(Decision((stream,), (message,), False) for stream, message in pairs)
 
 
 def _earliest(stamps: list[int]) -> int:
-    """The place of the least; of several, the first."""
+    """Return the index of the smallest stamp; the first of equal ones."""
     return stamps.index(min(stamps))
 
 
 def _latest(stamps: list[int]) -> int:
-    """The place of the greatest; of several, the last."""
+    """Return the index of the largest stamp; the last of equal ones."""
     return len(stamps) - 1 - stamps[::-1].index(max(stamps))

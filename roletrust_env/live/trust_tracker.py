@@ -1,4 +1,4 @@
-"""What a team's trust is after the rounds so far, under any trust model."""
+"""The trust of a team after the rounds so far, under any trust model."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,44 +11,44 @@ from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
 
-Rows = Mapping[str, Sequence[float | None]]
-"""The ratings of a round: of each rater, a rating of each provider in the team's order, or None."""
+RoundRatings = Mapping[str, Sequence[float | None]]
+"""The ratings of a round: for each rater, one entry per provider in the team's order. None means no rating."""
 
 
 @dataclass(frozen=True)
 class Team:
-    """Who stands where on the axes. An agent with both roles is on both.
+    """The agents of a team, in the order of the array axes. An agent with both roles is on both axes.
 
     Attributes:
-        raters: their names, in the order of axis 0.
-        providers: their names, in the order of axis 1.
+        raters: Names of the raters, in the order of axis 0.
+        providers: Names of the providers, in the order of axis 1.
     """
 
     raters: tuple[str, ...] = ()
     providers: tuple[str, ...] = ()
 
-    def joined(self, raters: Iterable[str], providers: Iterable[str]) -> "Team":
-        """The team with newcomers behind the others."""
+    def with_newcomers(self, raters: Iterable[str], providers: Iterable[str]) -> "Team":
+        """Return the team with new agents appended."""
         return Team(tuple(dict.fromkeys((*self.raters, *raters))), tuple(dict.fromkeys((*self.providers, *providers))))
 
     @property
     def peers(self) -> NDArray[np.bool_]:
-        """Where a rater and a provider are one agent, shape (S, P)."""
+        """Mask of the pairs in which rater and provider are the same agent, shape (S, P)."""
         return np.array([[rater == provider for provider in self.providers] for rater in self.raters], bool)
 
     @property
-    def both(self) -> tuple[str, ...]:
-        """The agents with both roles, in the order of the raters."""
+    def dual_role(self) -> tuple[str, ...]:
+        """Names of the agents with both roles, in the order of the raters."""
         return tuple(name for name in self.raters if name in self.providers)
 
 
 class Trust(NamedTuple):
-    """The trust of a team.
+    """The trust values of a team.
 
     Attributes:
-        tor: of each rater.
-        top: of each provider.
-        toa: of each agent with both roles.
+        tor: Trust of each rater.
+        top: Trust of each provider.
+        toa: Trust of each agent with both roles.
     """
 
     tor: tuple[float, ...]
@@ -56,19 +56,20 @@ class Trust(NamedTuple):
     toa: tuple[float, ...]
 
 
-class Standing:
-    """The trust of a team of one or more raters and providers, from round to round: that of a game with the same masks.
+class TrustTracker:
+    """Tracks the trust of a team from round to round. Its values equal those of a game with the same masks.
 
     Args:
-        model: see `TrustModel`.
-        team: who stands where.
-        past: the rounds so far. Whoever is not in them is as one who was there and never rated, nor was rated.
+        model: Trust model, see `TrustModel`.
+        team: One or more raters and providers.
+        past: Ratings of the rounds so far. An agent that is missing there counts as present, but without ratings given
+            or received.
 
     Raises:
-        ValueError: the model is not sound, see `check_trust_model` and `watched_update`.
+        ValueError: The model is not sound, see `check_trust_model` and `watched_update`.
     """
 
-    def __init__(self, model: TrustModel[Any], team: Team, past: Iterable[Rows] = ()) -> None:
+    def __init__(self, model: TrustModel[Any], team: Team, past: Iterable[RoundRatings] = ()) -> None:
         like = np.zeros((len(team.raters), len(team.providers)))
         check_trust_model(model, team.peers, np.zeros(()))
         self.team, self._model = team, model
@@ -76,30 +77,33 @@ class Standing:
         self._initial = getattr(model, "initial", 0.5)
         self._round = np.zeros((), int)
         self._rated, self._provided = np.zeros(like.shape[0]), np.zeros(like.shape[1])
-        for rows in past:
-            self.take(rows)
+        for ratings in past:
+            self.update(ratings)
 
-    def take(self, rows: Rows) -> None:
-        """Play one round."""
-        ratings = np.full((len(self._rated), len(self._provided)), np.nan)
-        for name, row in rows.items():
-            ratings[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
-        mask = ~np.isnan(ratings)
-        ratings[~mask] = 0
-        self._state = watched_update(self._model, self._state, ratings, mask, self._round)[0]
+    def update(self, ratings: RoundRatings) -> None:
+        """Update trust with the ratings of one round."""
+        values = np.full((len(self._rated), len(self._provided)), np.nan)
+        for name, row in ratings.items():
+            values[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
+        mask = ~np.isnan(values)
+        values[~mask] = 0
+        self._state = watched_update(self._model, self._state, values, mask, self._round)[0]
         self._round = self._round + 1
         self._rated += mask.sum(axis=1)
         self._provided += mask.sum(axis=0)
 
     @property
     def trust(self) -> Trust:
-        """What is published after the rounds so far."""
+        """Trust to publish after the rounds so far."""
         tor, top = self._model.rater_trust(self._state), self._model.provider_trust(self._state)
         return Trust(tuple(tor.tolist()), tuple(top.tolist()), self._toa(tor, top))
 
     def _toa(self, tor: NDArray[np.float64], top: NDArray[np.float64]) -> tuple[float, ...]:
-        """Algorithm 3, by the services that were rated: of one that nobody rated, nobody on the wire knows."""
-        rater = [self.team.raters.index(name) for name in self.team.both]
-        provider = [self.team.providers.index(name) for name in self.team.both]
+        """Return the trust of the agents with both roles by Algorithm 3.
+
+        Only rated services count, since the manager cannot see a service that nobody rated.
+        """
+        rater = [self.team.raters.index(name) for name in self.team.dual_role]
+        provider = [self.team.providers.index(name) for name in self.team.dual_role]
         counts = {"rated": self._rated[rater], "provided": self._provided[provider]}
         return tuple(agent_trust(tor[rater], top[provider], initial=self._initial, **counts).tolist())

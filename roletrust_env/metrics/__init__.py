@@ -1,29 +1,29 @@
-"""What games come to in numbers: harm, detection, rank accuracy and what consumers get, each one function."""
+"""Metrics of games: harm, detection, accuracy of rankings and utility of consumers, one function each."""
 
 from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, utility
-from roletrust_env.metrics.detection import Classified, auc, classified, false_alarms, rounds_to_detection
-from roletrust_env.metrics.harm import Worst, damage, exploitability, recovery, return_on_attack
+from roletrust_env.metrics.detection import Classification, auc, classify, false_alarms, rounds_to_detection
+from roletrust_env.metrics.harm import WorstAttack, damage, exploitability, recovery, return_on_attack
 from roletrust_env.metrics.ranking import absolute_error, coverage, kendall_tau, spearman
-from roletrust_env.metrics.score import Score, seen
+from roletrust_env.metrics.score import Score, present_trust
 
 __all__ = [
-    "Classified",
+    "Classification",
     "Score",
-    "Worst",
+    "WorstAttack",
     "absolute_error",
     "auc",
     "blind_utility",
-    "classified",
+    "classify",
     "coverage",
     "damage",
     "exploitability",
     "false_alarms",
     "kendall_tau",
+    "present_trust",
     "recovery",
     "return_on_attack",
     "robustness",
     "rounds_to_detection",
-    "seen",
     "share_of_best",
     "spearman",
     "utility",

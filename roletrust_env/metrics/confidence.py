@@ -1,4 +1,4 @@
-"""Means over games, and how sure they are."""
+"""Means over games with confidence intervals."""
 
 import functools
 import math
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 
 Floats = npt.NDArray[np.float64]
 
@@ -19,9 +19,12 @@ _RESAMPLES = 2000
 
 
 class Estimate(NamedTuple):
-    """A mean over games, and half the width of its 95% confidence interval, NaN for one game.
+    """Mean over the games in which a metric is defined.
 
-    It is over the games in which it is defined; `why` says why it is undefined in others, and in how many.
+    Attributes:
+        mean: Mean.
+        half: Half the width of its 95% confidence interval; NaN for a single game.
+        why: Reason why the metric is undefined in some games, and the number of these games; empty if there are none.
     """
 
     mean: float
@@ -30,7 +33,13 @@ class Estimate(NamedTuple):
 
 
 class Mean(NamedTuple):
-    """Means over games, and half the width of their 95% intervals: NaN where there are not two games."""
+    """Means over games.
+
+    Attributes:
+        mean: Means.
+        half: Half the width of their 95% confidence intervals; NaN where there are fewer than two games.
+        games: Number of games in each mean.
+    """
 
     mean: Floats
     half: Floats
@@ -38,15 +47,15 @@ class Mean(NamedTuple):
 
 
 def over_games(values: Floats) -> Mean:
-    """The mean over the last axis, games, with Student's 95% confidence interval.
+    """Return the mean over games, the last axis, with Student's 95% confidence interval.
 
     Args:
-        values: shape (..., E); a game that has none (NaN) is left out.
+        values: Values of shape (..., E). Games with NaN are left out.
     """
-    there = ~np.isnan(values)
-    n = there.sum(axis=-1)
-    mean = mean_where(values, axis=-1)
-    squares = np.where(there, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
+    known = ~np.isnan(values)
+    n = known.sum(axis=-1)
+    mean = mean_or_nan(values, axis=-1)
+    squares = np.where(known, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.sqrt(squares / (n - 1) / n)
     counts, which = np.unique(n, return_inverse=True)
@@ -55,17 +64,21 @@ def over_games(values: Floats) -> Mean:
 
 
 def estimate(per_game: Floats) -> Estimate:
-    """The mean of one number for each game, (E,), NaN where a game has none."""
+    """Return the mean of one number for each game, shape (E,), which is NaN where it is undefined."""
     mean, half, _ = over_games(per_game)
     return Estimate(float(mean), float(half))
 
 
 @functools.cache
 def student_95(freedom: int) -> float:
-    """The t with P(|T| < t) = 0.95 for Student's distribution; NaN without a degree of freedom.
+    """Return the t with P(|T| < t) = 0.95 for Student's distribution; NaN without degrees of freedom.
 
-    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1). For many
-    degrees it is too narrow a peak for a sum; there the first terms of the series in 1 / freedom are exact to 1e-8.
+    With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1), which is
+    integrated numerically. With many degrees of freedom the peak is too narrow for that. There, the first terms of the
+    series in 1 / freedom are exact to 1e-8.
+
+    Args:
+        freedom: Degrees of freedom.
 
     Example:
         >>> [round(student_95(k), 3) for k in (1, 4, 30)]
@@ -83,7 +96,7 @@ def student_95(freedom: int) -> float:
 
 
 class Interval(NamedTuple):
-    """An estimate and its 95% interval; NaN where it is undefined."""
+    """Estimate and its 95% confidence interval; NaN where undefined."""
 
     value: float
     low: float
@@ -91,30 +104,32 @@ class Interval(NamedTuple):
 
 
 def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:
-    """The mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal et al., 2021).
+    """Return the mean of the middle half of all runs, with a stratified bootstrap interval (Agarwal et al., 2021).
 
-    It minds outliers less than the mean, and is surer than the median. The resamples are drawn from each stratum apart,
-    for what differs between tasks is no luck; the interval is that of their percentiles.
+    The interquartile mean is less sensitive to outliers than the mean, and has less variance than the median. The
+    resamples are drawn within each stratum, because differences between tasks are not random. The interval is between
+    percentiles of the resamples.
 
     Args:
-        strata: the runs of each task, (R,) each.
-        seed: of the resamples.
+        strata: Scores of the runs of each task, shape (R,) each.
+        seed: Random seed of the resamples.
 
     Returns:
-        No interval where a stratum has one run only; nothing where there is none.
+        The mean and its interval. The interval is NaN if a stratum has a single run, and so is the mean if a stratum
+        has no runs.
     """
     from scipy.stats import bootstrap, trim_mean  # type: ignore[import-untyped]
 
     def middle(*runs: Floats, axis: int = -1) -> Floats:
-        found: Floats = trim_mean(np.concatenate(runs, axis=axis), 0.25, axis=axis)
-        return found
+        mean: Floats = trim_mean(np.concatenate(runs, axis=axis), 0.25, axis=axis)
+        return mean
 
     if not strata or not all(map(len, strata)):
         return Interval(math.nan, math.nan, math.nan)
     value = float(middle(*strata))
     if min(map(len, strata)) < 2:
         return Interval(value, math.nan, math.nan)
-    found = bootstrap(
+    interval = bootstrap(
         strata, middle, n_resamples=_RESAMPLES, method="percentile", vectorized=True, random_state=seed
     ).confidence_interval
-    return Interval(value, float(found.low), float(found.high))
+    return Interval(value, float(interval.low), float(interval.high))

@@ -1,4 +1,4 @@
-"""What consumers get who go by trust."""
+"""Metrics of consumers that choose providers by their trust."""
 
 from collections.abc import Sequence
 
@@ -9,49 +9,49 @@ from roletrust_env.metrics.score import Flags, Floats, Score, ratio
 
 
 def utility(trust: Floats, offered: Floats) -> Score:
-    """The quality that a consumer gets who always goes to the most trusted provider, over the best that there was.
+    """Return the quality that a consumer gets from the most trusted provider, as a share of the best quality offered.
 
         utility = sum over rounds t of offered[t, argmax trust[t - 1]] / sum over rounds t of max offered[t]
 
-    Trust is what was published when the service was chosen: after the round before. Of equals each is as likely. Where
-    providers treat raters differently, every rater is such a consumer, and both sums are over all of them, too.
+    The consumer knows the trust published after the previous round. Ties are broken uniformly. If providers treat
+    raters differently, every rater is such a consumer, and both sums are over all raters, too.
 
     Args:
-        trust: of the providers, (T, P, ...), NaN where one is absent.
-        offered: the quality of each for whoever came, (T, P, ...), NaN where one did not serve, see `Game.offered`; or
-            for each rater, (T, S, P, ...).
+        trust: Trust of the providers, shape (T, P, ...); NaN where one is absent.
+        offered: Quality that each provider offers, shape (T, P, ...), or offers to each rater, shape (T, S, P, ...);
+            NaN where it does not serve, see `Game.offered`.
     """
     bought = _bought(trust, offered)
     return share_of_best(bought.got, bought.best)
 
 
 def blind_utility(trust: Floats, offered: Floats) -> Score:
-    """The same of a consumer that goes to any provider, each as likely: what trust has to beat.
+    """Return the utility of a consumer that chooses providers uniformly at random, as a baseline for `utility`.
 
         utility = sum over rounds t of mean offered[t] / sum over rounds t of max offered[t]
 
     Args:
-        trust: as for `utility`; it says who could have been chosen.
-        offered: as for `utility`.
+        trust: See `utility`. It determines which providers can be chosen.
+        offered: See `utility`.
     """
     bought = _bought(trust, offered)
     return share_of_best(bought.blind, bought.best)
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:
-    """Robustness after Zhang, Jiang, Zhang and Ng (2012), in [-1, 1]: 1 is robust, 0 vulnerable, below 0 defeated.
+    """Return the robustness of Zhang, Jiang, Zhang and Ng (2012) in [-1, 1]: 1 robust, 0 vulnerable, below 0 defeated.
 
-        RE = (services that honest buyers had of honest sellers - of dishonest ones) / services that they had
+        RE = (services that honest buyers had from honest sellers - from dishonest sellers) / services that they had
 
     Args:
-        served: who was served by whom, (T, S, P, ...), boolean.
-        buyers: places of the honest raters.
-        sellers: places of the honest providers.
+        served: Boolean array of shape (T, S, P, ...), true where the provider served the rater.
+        buyers: Indices of the honest raters.
+        sellers: Indices of the honest providers.
     """
-    theirs = np.asarray(served)[:, list(buyers)].sum(axis=(0, 1))  # (P, ...)
-    honest, everything = theirs[list(sellers)].sum(axis=0), theirs.sum(axis=0)
-    share = ratio(2.0 * honest - everything, everything)
-    return Score.where(everything > 0, share, "no honest rater was ever served")
+    services = np.asarray(served)[:, list(buyers)].sum(axis=(0, 1))  # (P, ...)
+    honest, total = services[list(sellers)].sum(axis=0), services.sum(axis=0)
+    share = ratio(2.0 * honest - total, total)
+    return Score.where(total > 0, share, "no honest rater was ever served")
 
 
 def _bought(trust: Floats, offered: Floats) -> Bought:
@@ -59,13 +59,13 @@ def _bought(trust: Floats, offered: Floats) -> Bought:
 
 
 def share_of_best(got: Floats, best: Floats) -> Score:
-    """What consumers got over the best that there was, see `utility`.
+    """Return the quality that consumers got as a share of the best quality offered, see `utility`.
 
         share = sum over rounds t of got[t] / sum over rounds t of best[t]
 
     Args:
-        got: the quality that they got, (T, ...).
-        best: the best that there was, (T, ...).
+        got: Quality that the consumers got, shape (T, ...).
+        best: Best quality offered, shape (T, ...).
     """
-    most = best.sum(axis=0)
-    return Score.where(most > 0, ratio(got.sum(axis=0), most), "no provider ever served well")
+    highest = best.sum(axis=0)
+    return Score.where(highest > 0, ratio(got.sum(axis=0), highest), "no provider ever served well")

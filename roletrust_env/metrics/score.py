@@ -1,7 +1,8 @@
-"""What a metric returns, and what metrics share.
+"""Score, the result of a metric, and functions that metrics share.
 
-Axis 0 of recorded trust is the round, axis 1 the agent, every further axis the games of a batch, as in `History`; NaN
-is the trust of who is not there. A score has one number for each game. Where it is undefined it is NaN, and says why.
+In arrays of recorded trust, axis 0 is the round, axis 1 is the agent, and all further axes are the games of a batch, as
+in `History`. The trust of an absent agent is NaN. A score has one number for each game: NaN where the metric is
+undefined, with the reason.
 """
 
 from typing import NamedTuple
@@ -16,11 +17,11 @@ Flags = npt.NDArray[np.bool_]
 
 
 class Score(NamedTuple):
-    """A number for each game.
+    """Value of a metric for each game.
 
     Attributes:
-        value: shape (...), that of the batch; NaN where the metric is undefined.
-        why: why it is undefined in some games; empty if it is not.
+        value: Values of the shape of the batch (...); NaN where the metric is undefined.
+        why: Reason why the metric is undefined in some games; empty if it is defined in all.
     """
 
     value: Floats
@@ -28,29 +29,29 @@ class Score(NamedTuple):
 
     @classmethod
     def where(cls, defined: npt.ArrayLike, value: npt.ArrayLike, why: str) -> "Score":
-        """The value where it is defined, and NaN elsewhere, with the reason."""
+        """Return a score with the value where it is defined, and NaN with a reason elsewhere."""
         known = np.asarray(defined)
         return cls(np.where(known, value, np.nan), "" if known.all() else why)
 
 
-def seen(history: History) -> Floats:
-    """The trust of the agents, (T, N, ...), NaN where they are not there: what metrics take of a recorded game."""
+def present_trust(history: History) -> Floats:
+    """Return the trust of the agents in a recorded game, shape (T, N, ...), NaN where they are absent."""
     return np.where(np.asarray(history.present), np.asarray(history.trust, np.float64), np.nan)
 
 
-def numbers(found: Score | npt.ArrayLike) -> Floats:
-    """What a metric takes of another one's outcome: the numbers of a score, or numbers as they are."""
-    return np.asarray(found.value if isinstance(found, Score) else found, np.float64)
+def as_numbers(score: Score | npt.ArrayLike) -> Floats:
+    """Return the values of a score, or numbers as an array."""
+    return np.asarray(score.value if isinstance(score, Score) else score, np.float64)
 
 
-def mean_where(values: Floats, axis: int | tuple[int, ...]) -> Floats:
-    """The mean of what is not NaN along some axes; NaN where nothing is."""
-    there = ~np.isnan(values)
-    return ratio(np.where(there, values, 0.0).sum(axis=axis), there.sum(axis=axis))
+def mean_or_nan(values: Floats, axis: int | tuple[int, ...]) -> Floats:
+    """Return the mean along some axes over all values but NaN; NaN if there are none."""
+    known = ~np.isnan(values)
+    return ratio(np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis))
 
 
 def ratio(part: npt.ArrayLike, whole: npt.ArrayLike) -> Floats:
-    """A quotient, NaN where it is one by 0."""
-    below = np.asarray(whole, np.float64)
-    found: Floats = np.asarray(part, np.float64) / np.where(below == 0, np.nan, below)
-    return found
+    """Return a quotient; NaN where the denominator is 0."""
+    denominator = np.asarray(whole, np.float64)
+    quotient: Floats = np.asarray(part, np.float64) / np.where(denominator == 0, np.nan, denominator)
+    return quotient

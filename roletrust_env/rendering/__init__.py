@@ -1,1 +1,1 @@
-"""What a person sees of a game: a text, a picture or a window."""
+"""Rendering of games as text, as pictures or in a window."""

@@ -1,7 +1,7 @@
-"""Pictures of a game with matplotlib: who rated whom, with the trust of all, and the trust curves beside it.
+"""Pictures of a game with matplotlib: the ratings and the trust of all agents, with trust curves beside them.
 
-Up to `_GRAPH_LIMIT` agents on a side, ratings are the edges of a bipartite graph; beyond, the cells of its adjacency
-matrix. Only what changes from frame to frame is drawn anew, on a background that is drawn once.
+With at most `_GRAPH_LIMIT` raters and providers, ratings are the edges of a bipartite graph, otherwise the cells of its
+adjacency matrix. The background is drawn once; only the artists that change are drawn in each frame.
 """
 
 from typing import Any
@@ -18,26 +18,26 @@ from roletrust_env.rendering.scene import Curves, Scene
 from roletrust_env.rendering.style import DPI, GREY, INK, SCALE, SIZE, STYLE
 from roletrust_env.world.scenario import Scenario
 
-_WINDOWLESS = frozenset(("agg", "cairo", "inline", "pdf", "pgf", "ps", "svg", "template"))  # matplotlib's backends
-_GRAPH_LIMIT = 20  # agents on a side beyond which edges would be a blur
+_WINDOWLESS = frozenset(("agg", "cairo", "inline", "pdf", "pgf", "ps", "svg", "template"))  # backends of matplotlib
+_GRAPH_LIMIT = 20  # raters or providers; with more, single edges could not be seen
 
 
 class Canvas:
-    """Draws frames in memory.
+    """Canvas that draws frames in memory.
 
     Args:
-        scenario: what is played.
+        scenario: Scenario of the game.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._canvas: Any = FigureCanvasAgg(Figure(SIZE, DPI))  # matplotlib leaves it untyped
+        self._canvas: Any = FigureCanvasAgg(Figure(SIZE, DPI))  # not typed by matplotlib
         self._picture: Picture | None = None
 
     def draw(self, scene: Scene, curves: Curves) -> None:
         """Draw a frame."""
         canvas = self._canvas
-        if self._picture is None or not self._picture.fits(scene):
+        if self._picture is None or not self._picture.can_show(scene):
             self._picture = Picture(canvas.figure, self._scenario, scene)
             for artist in self._picture.moving:
                 artist.set_animated(True)
@@ -49,21 +49,21 @@ class Canvas:
             artist.draw(canvas.get_renderer())
 
     def frame(self) -> npt.NDArray[np.uint8]:
-        """The last frame drawn, shape (H, W, 3)."""
+        """Return the last frame, shape (H, W, 3)."""
         return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing, as there is no window."""
 
 
 class Window:
-    """Draws frames in a window of its own.
+    """Window that shows frames.
 
     Args:
-        scenario: what is played.
+        scenario: Scenario of the game.
 
     Raises:
-        ImportError: there is no display, or matplotlib's backend has no windows.
+        ImportError: There is no display, or the backend of matplotlib has no windows.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -81,17 +81,17 @@ class Window:
         self._picture: Picture | None = None
 
     def draw(self, scene: Scene, curves: Curves) -> None:
-        """Draw a frame, unless the window has been closed by hand."""
+        """Draw a frame, unless the user has closed the window."""
         if not self._plt.fignum_exists(self._figure.number):
             return
-        if self._picture is None or not self._picture.fits(scene):
+        if self._picture is None or not self._picture.can_show(scene):
             self._picture = Picture(self._figure, self._scenario, scene)
         self._picture.update(scene, curves)
         self._figure.canvas.draw_idle()
         self._figure.canvas.flush_events()
 
     def frame(self) -> None:
-        """A window hands nothing back."""
+        """Return None: the frame is only in the window."""
 
     def close(self) -> None:
         """Close the window."""
@@ -99,12 +99,12 @@ class Window:
 
 
 class Picture:
-    """The whole picture: header, ratings on the left, curves on the right.
+    """Picture of a game: header, ratings on the left, curves on the right.
 
     Args:
-        figure: to draw in; what it holds is cleared.
-        scenario: what is played.
-        scene: any scene of the game; who takes part and who attacks is drawn once.
+        figure: Figure to draw in; it is cleared first.
+        scenario: Scenario of the game.
+        scene: Any scene of the game, with the agents and the attackers, which are drawn once.
     """
 
     def __init__(self, figure: Figure, scenario: Scenario, scene: Scene) -> None:
@@ -128,14 +128,14 @@ class Picture:
             )
         self.moving = [self._clock, self._perturbed, *self._ratings.moving, *self._tor.moving, *self._top.moving]
         for z, artist in enumerate(self.moving, start=10):
-            artist.set_zorder(z)  # a window sorts by it, and is to look like a frame
+            artist.set_zorder(z)  # a window draws in this order, and should look like a frame
 
-    def fits(self, scene: Scene) -> bool:
-        """Whether this picture can show the scene: the attackers, drawn once, must be the same."""
+    def can_show(self, scene: Scene) -> bool:
+        """Return whether this picture can show the scene: the attackers, which are drawn once, must be the same."""
         return self._attackers == _attackers(scene)
 
     def update(self, scene: Scene, curves: Curves) -> None:
-        """Show a scene and the curves so far."""
+        """Show a scene and the curves up to it."""
         self._clock.set_text(scene.clock)
         self._perturbed.set_text(f"perturbation {scene.perturbation:.0%}")
         self._perturbed.set_visible(scene.perturbation > 0)

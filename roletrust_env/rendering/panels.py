@@ -1,4 +1,4 @@
-"""The parts of the picture of a game: ratings as a graph or as a matrix, and curves."""
+"""Panels of the picture of a game: ratings as a graph or as a matrix, and trust curves."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -26,14 +26,14 @@ from roletrust_env.rendering.style import (
 )
 from roletrust_env.world.scenario import Scenario
 
-_NUMBERED = 16  # edges up to which each has its number
+_MAX_NUMBERED = 16  # largest number of edges with a number each
 
 
-_COLOURED = 4  # curves up to which each has its own colour
+_MAX_COLOURED = 4  # largest number of curves with a colour each
 
 
 class Panel(Protocol):
-    """A part of the picture: what of it moves, in the order in which it is drawn, and how."""
+    """Part of the picture, with the artists that change, in the order in which they are drawn."""
 
     moving: list[Artist]
 
@@ -43,7 +43,10 @@ class Panel(Protocol):
 
 
 class Graph:
-    """Raters left, providers right, ratings as edges. An SR+SP agent is on both sides, on one shaded row."""
+    """Graph with raters on the left, providers on the right and ratings as edges.
+
+    An SR+SP agent is on both sides, with a shaded row between its two nodes.
+    """
 
     def __init__(self, axes: Axes, scene: Scene) -> None:
         axes.set(xlim=(0, 1), ylim=(0, 1))
@@ -64,7 +67,7 @@ class Graph:
         self._edges = LineCollection([], capstyle="round")
         axes.add_collection(self._edges, autolim=False)
         self._numbers = []
-        if scene.ratings.size <= _NUMBERED:
+        if scene.ratings.size <= _MAX_NUMBERED:
             pad = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
             for x, y in (self._paths[..., 0, :] * 0.79 + self._paths[..., 1, :] * 0.21).reshape(-1, 2):
                 self._numbers.append(axes.text(x, y, "", fontsize=8.5, ha="center", va="center", bbox=pad))
@@ -79,7 +82,7 @@ class Graph:
     def update(self, scene: Scene) -> None:
         """Show the ratings of a scene as edges."""
         given = ~np.isnan(scene.ratings)
-        # Those of attackers last, so that they lie on top.
+        # The edges of attackers are drawn last, on top.
         order = np.argsort(self._suspect[given], kind="stable")
         ratings = scene.ratings[given][order]
         colours = SCALE(ratings)
@@ -94,7 +97,7 @@ class Graph:
 
 
 class _Nodes:
-    """One side of the graph: a node for each agent with its trust, and its name and notes on the outside."""
+    """One side of the graph: a node for each agent with its trust, and its name and caption on the outside."""
 
     def __init__(self, axes: Axes, places: Floats, side: Side, height: float, both: int, align: str) -> None:
         diameter = float(np.clip(0.8 * height, 12, 52)) * 72 / axes.figure.dpi
@@ -118,35 +121,38 @@ class _Nodes:
             axes.text(x + outside, y, name, fontsize=size, ha=align, va="center", weight="bold")
             for (x, y), name in zip(places, side.names, strict=True)
         ]
-        self._notes = [
+        self._captions = [
             axes.text(x + outside, y - 1.4 * gap, "", fontsize=0.85 * size, ha=align, va="center") for x, y in places
         ]
         self._split, self._middle, self._gap = n - both, places[:, 1], gap
-        self.moving: list[Artist] = [self._rings, self._own, self._shared, *self._trust, *self._names, *self._notes]
+        self.moving: list[Artist] = [self._rings, self._own, self._shared, *self._trust, *self._names, *self._captions]
 
     def update(self, side: Side) -> None:
         """Show one side of a scene."""
-        absent = np.asarray([bool(fate) for fate in side.fates])
+        absent = np.asarray([bool(absence) for absence in side.absences])
         faces = SCALE(side.trust)
         inks = np.where(faces[:, :3] @ (0.299, 0.587, 0.114) > 0.5, INK, "white")
         faces[absent] = to_rgba("white")
         rims = np.where(absent[:, None], to_rgba(GREY), faces)
-        dashes: list[tuple[float, Sequence[float]]] = [(0, (2, 2) if gone else ()) for gone in absent]
+        dashes: list[tuple[float, Sequence[float]]] = [(0, (2, 2) if missing else ()) for missing in absent]
         for nodes, part in ((self._own, slice(self._split)), (self._shared, slice(self._split, None))):
             nodes.set_facecolor(list(map(tuple, faces[part])))
             nodes.set_edgecolor(list(map(tuple, rims[part])))
             nodes.set_linestyle(dashes[part])
-        for k, fate in enumerate(side.fates):
-            self._trust[k].set_text({"": f"{side.trust[k]:.2f}", "cut off": "x"}.get(fate, ""))
-            self._trust[k].set_color(GREY if fate else inks[k])
-            self._names[k].set_color(GREY if fate else ATTACK if side.attacker[k] else INK)
-            self._names[k].set_y(self._middle[k] + (self._gap if side.notes[k] else 0))
-            self._notes[k].set_text(side.notes[k])
-            self._notes[k].set_color(ATTACK if side.attacker[k] else GREY)
+        for k, absence in enumerate(side.absences):
+            self._trust[k].set_text({"": f"{side.trust[k]:.2f}", "cut off": "x"}.get(absence, ""))
+            self._trust[k].set_color(GREY if absence else inks[k])
+            self._names[k].set_color(GREY if absence else ATTACK if side.attacker[k] else INK)
+            self._names[k].set_y(self._middle[k] + (self._gap if side.captions[k] else 0))
+            self._captions[k].set_text(side.captions[k])
+            self._captions[k].set_color(ATTACK if side.attacker[k] else GREY)
 
 
 class Matrix:
-    """Raters as rows, providers as columns, ratings as cells, the trust of each at the start of its row or column."""
+    """Matrix with raters as rows, providers as columns and ratings as cells.
+
+    The trust of an agent is at the start of its row or column.
+    """
 
     def __init__(self, axes: Axes, scene: Scene) -> None:
         s, p = scene.ratings.shape
@@ -176,13 +182,16 @@ class Matrix:
 
     def update(self, scene: Scene) -> None:
         """Show the ratings of a scene as cells."""
-        shown = scene.ratings, _known(scene.raters)[:, None], _known(scene.providers)[None]
-        for image, values in zip(self._images, shown, strict=True):
+        parts = scene.ratings, _trust_of_present(scene.raters)[:, None], _trust_of_present(scene.providers)[None]
+        for image, values in zip(self._images, parts, strict=True):
             image.set_data(np.ma.masked_invalid(values))
 
 
 class TrustCurves:
-    """The trust of one side over time. Few agents have a colour each; of many, their mean is drawn as well."""
+    """Trust of the raters or of the providers over time.
+
+    A few agents have a colour each. With many agents, the mean of the honest ones is drawn as well.
+    """
 
     def __init__(self, axes: Axes, title: str, scenario: Scenario, side: Side) -> None:
         self._period = scenario.period_s
@@ -192,12 +201,12 @@ class TrustCurves:
         axes.grid(axis="y", color=PALE)
         axes.set_axisbelow(True)
         axes.set_title(title, loc="left", fontsize=11, weight="bold", pad=22)
-        for blow in scenario.perturbations:
-            span = blow.start * scenario.period_s, blow.stop * scenario.period_s
-            axes.axvspan(*span, color=GREY, alpha=0.25 * blow.strength, lw=0, zorder=0)
+        for perturbation in scenario.perturbations:
+            span = perturbation.start * scenario.period_s, perturbation.stop * scenario.period_s
+            axes.axvspan(*span, color=GREY, alpha=0.25 * perturbation.strength, lw=0, zorder=0)
         n = len(side.names)
-        few = n <= _COLOURED
-        self._order = np.argsort(~side.attacker if few else side.attacker, kind="stable")  # of many, attackers on top
+        few = n <= _MAX_COLOURED
+        self._order = np.argsort(~side.attacker if few else side.attacker, kind="stable")  # many: attackers on top
         self._honest = ~side.attacker
         if few:
             ranks = np.where(side.attacker, np.cumsum(side.attacker), np.cumsum(self._honest)) - 1
@@ -205,7 +214,7 @@ class TrustCurves:
             widths = WIDTHS[ranks] + 1.6 * side.attacker
             dashes = [DASHES[k] for k in ranks]
         else:
-            colours = [ATTACK if bad else f"{CROWD}c0" for bad in side.attacker]  # the crowd a little transparent
+            colours = [ATTACK if bad else f"{CROWD}c0" for bad in side.attacker]  # c0: a little transparent
             widths = np.where(side.attacker, 2.2 if n <= 20 else 1.2, 0.6)
             dashes = [DASHES[0]] * n
         self._lines = LineCollection(
@@ -241,10 +250,10 @@ class TrustCurves:
         self.moving: list[Artist] = [self._lines, self._mean]
 
     def update(self, curves: Floats, side: Side) -> None:
-        """Show the curves so far, (rounds, K)."""
+        """Show the curves up to now, shape (rounds, K)."""
         time = self._period * np.arange(len(curves))
-        if self._open or any(side.fates):
-            curves = _lived(curves, side, self._open)
+        if self._open or any(side.absences):
+            curves = _mask_absence(curves, side, self._open)
         points = np.stack(np.broadcast_arrays(time[:, None], curves), -1)
         self._lines.set_segments(list(points[:, self._order].swapaxes(0, 1)))
         if self._mean.get_visible():
@@ -252,39 +261,42 @@ class TrustCurves:
             self._mean.set_data(time, honest.mean(axis=1).filled(np.nan))
 
 
-def _lived(curves: Floats, side: Side, newcomers: bool) -> Floats:
-    """The curves, NaN where trust stood still because nobody was there.
+def _mask_absence(curves: Floats, side: Side, newcomers: bool) -> Floats:
+    """Return the curves with NaN where the trust is constant because the agent is absent.
 
     Args:
-        curves: one column for each agent.
-        side: the agents; those absent now have no curve after its last change.
-        newcomers: whether some come late, so that curves begin at their first change.
+        curves: Curves, one column for each agent.
+        side: Agents. The curve of an absent agent ends at its last change.
+        newcomers: Whether agents can join late. If so, curves begin at their first change.
     """
     curves = curves.copy()
-    for k, fate in enumerate(side.fates):
+    for k, absence in enumerate(side.absences):
         changes = np.flatnonzero(np.diff(curves[:, k]))
         first, last = (changes[0], changes[-1] + 1) if changes.size else (len(curves), len(curves))
         if newcomers:
             curves[:first, k] = np.nan
-        if fate:
+        if absence:
             curves[last + 1 :, k] = np.nan
     return curves
 
 
-def _known(side: Side) -> Floats:
-    """The trust of those present, NaN for the others."""
-    return np.where([not fate for fate in side.fates], side.trust, np.nan)
+def _trust_of_present(side: Side) -> Floats:
+    """Return the trust of the agents, NaN for those that are absent."""
+    return np.where([not absence for absence in side.absences], side.trust, np.nan)
 
 
 def _rows(n: int, both: int, rows: int) -> Floats:
-    """The heights of n nodes: those of SR+SP agents, the last ones, share the lowest rows of both sides."""
+    """Return the heights of n nodes. The last ones, SR+SP agents, have the lowest rows, the same on both sides."""
     own = n - both
-    top = 1 - both / rows  # share of the height that is left for the others
+    top = 1 - both / rows  # share of the height for the other agents
     return np.concatenate([1 - top * (np.arange(own) + 0.5) / max(own, 1), (both - np.arange(both) - 0.5) / rows])
 
 
 def _labels(side: Side) -> list[tuple[float, str]]:
-    """Where to write which names of attackers: neighbours share a label, and one too near the last is left out."""
+    """Return positions and texts of the labels of attackers.
+
+    Neighbours share a label, and a label too close to the previous one is left out.
+    """
     at = np.flatnonzero(side.attacker)
     runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []
     labels: list[tuple[float, str]] = []

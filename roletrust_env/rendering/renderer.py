@@ -1,7 +1,7 @@
-"""What a person sees of a game: a picture, a window or a table of text.
+"""Renderer of a game: a picture, a window or a table of text.
 
-`Scene` is what there is to see, read off a state; `as_text` writes it, `Renderer` shows it as a render mode says. The
-matplotlib part is `roletrust_env.rendering.drawing`, imported when a picture is asked for.
+A `Scene` is the visible content of a state. `as_text` turns it into text, and `Renderer` shows it in a render mode.
+`roletrust_env.rendering.drawing`, which needs matplotlib, is imported only for pictures and windows.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
-from roletrust_env.rendering.scene import Curves, look
+from roletrust_env.rendering.scene import Curves, make_scene
 from roletrust_env.rendering.text import as_text
 
 if TYPE_CHECKING:
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 
 class Renderer:
-    """Shows one game, as one render mode says. A copy, also a pickled one, begins with a window of its own.
+    """Renderer of one game in one render mode. A copy, also by pickling, opens its own window.
 
     Args:
-        game: whose states are shown.
-        mode: `"rgb_array"`, `"ansi"` or `"human"`. Without a display a window is impossible: one warning, and no more.
+        game: Game to show.
+        mode: Render mode: `"rgb_array"`, `"ansi"` or `"human"`. Without a display, `"human"` shows nothing and warns
+            once.
     """
 
     def __init__(self, game: Game, mode: Literal["human", "rgb_array", "ansi"]) -> None:
@@ -38,28 +39,28 @@ class Renderer:
         self._shown: tuple[State, tuple[str, ...]] | None = None
 
     def render(self, state: State, curves: Curves, attackers: tuple[str, ...]) -> npt.NDArray[np.uint8] | str | None:
-        """Show a state of one game, not of a batch.
+        """Show the state of a single game, not of a batch.
 
         Args:
-            state: what is shown; it is only read.
-            curves: the published trust so far.
-            attackers: names of the agents to mark.
+            state: State to show; it is not changed.
+            curves: Published trust up to this state.
+            attackers: Names of the agents to mark as attackers.
 
         Returns:
-            The picture, shape (H, W, 3), the text, or None for a window.
+            The picture, shape (H, W, 3), or the text, or None for a window.
 
         Raises:
-            DependencyNotInstalled: of Gymnasium: the mode needs matplotlib.
+            DependencyNotInstalled: The mode needs matplotlib. The error is Gymnasium's.
         """
         if self.mode == "ansi":
-            return as_text(look(self.game, state, attackers))
+            return as_text(make_scene(self.game, state, attackers))
         if not self._opened:
             self._surface, self._opened = _open(self.mode, self.game), True
         if self._surface is None:
             return None
-        # In the AEC face each agent's turn may ask for the same picture again.
+        # In the AEC environment every agent can render the same state in its turn.
         if self._shown is None or self._shown[0] is not state or self._shown[1] != attackers:
-            self._surface.draw(look(self.game, state, attackers), curves)
+            self._surface.draw(make_scene(self.game, state, attackers), curves)
             self._shown = state, attackers
         return self._surface.frame()
 
@@ -74,14 +75,14 @@ class Renderer:
 
 
 def _open(mode: Literal["human", "rgb_array"], game: Game) -> Canvas | Window | None:
-    """What to draw on; None where no window can be opened."""
+    """Return a canvas or a window; None if no window can be opened."""
     try:
         from roletrust_env.rendering.drawing import Canvas, Window
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
         raise DependencyNotInstalled(
-            f"render_mode {mode!r} needs matplotlib: pip install 'roletrust-env[cli]'; 'ansi' does without"
+            f"render_mode {mode!r} needs matplotlib: pip install 'roletrust-env[cli]'; 'ansi' does not need it"
         ) from None
     if mode == "rgb_array":
         return Canvas(game.scenario)

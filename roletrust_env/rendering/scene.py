@@ -1,9 +1,9 @@
-"""What there is to see of a game, read off its state."""
+"""Scene: the visible content of the state of a game."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,47 +12,44 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.state import State
 from roletrust_env.world.presence import CUT_OFF, LEFT, WAITING
 
-if TYPE_CHECKING:
-    pass
-
 Floats = npt.NDArray[np.float64]
 
 
 Curves = Sequence[tuple[Any, Any]]
-"""The published trust, ToR (S,) and ToP (P,), at the start and after each round so far, oldest first."""
+"""Published trust, ToR (S,) and ToP (P,), at the start and after each round, oldest first."""
 
 
-_FATES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
+_ABSENCES = {WAITING: "waiting", LEFT: "left", CUT_OFF: "cut off"}
 
 
 class Side(NamedTuple):
-    """The raters or the providers of a game, K of them.
+    """Raters or providers of a game, K agents.
 
     Attributes:
-        names: of the agents.
-        trust: ToR or ToP, (K,).
-        attacker: which of them are marked as attackers, (K,), boolean.
-        fates: why an agent is absent, `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
-        notes: a few more words on each.
+        names: Names of the agents.
+        trust: ToR or ToP, shape (K,).
+        attacker: Boolean array of shape (K,), true for agents marked as attackers.
+        absences: Reason why each agent is absent: `"waiting"`, `"left"` or `"cut off"`; empty if it is present.
+        captions: Caption of each agent.
     """
 
     names: tuple[str, ...]
     trust: Floats
     attacker: npt.NDArray[np.bool_]
-    fates: tuple[str, ...]
-    notes: tuple[str, ...]
+    absences: tuple[str, ...]
+    captions: tuple[str, ...]
 
 
 class Scene(NamedTuple):
-    """What there is to see of a game after a round.
+    """Visible content of a game after a round.
 
     Attributes:
-        title: name of the scenario.
-        clock: the round and the time.
-        perturbation: its strength in the round just played.
-        raters: S of them.
-        providers: P of them.
-        ratings: that arrived in the last round, NaN where none did, (S, P).
+        title: Name of the scenario.
+        clock: Round and time, as text.
+        perturbation: Strength of the perturbation in the last round.
+        raters: Raters, S agents.
+        providers: Providers, P agents.
+        ratings: Ratings that arrived in the last round, shape (S, P), NaN where none arrived.
     """
 
     title: str
@@ -63,8 +60,8 @@ class Scene(NamedTuple):
     ratings: Floats
 
 
-def look(game: Game, state: State, attackers: Iterable[str]) -> Scene:
-    """Read off a state what there is to see."""
+def make_scene(game: Game, state: State, attackers: Iterable[str]) -> Scene:
+    """Return the scene of a state, with some agents marked as attackers."""
     roster, rules = game.roster, game.scenario
     tor, top = game.published(state)
     played = int(state.round)
@@ -76,22 +73,22 @@ def look(game: Game, state: State, attackers: Iterable[str]) -> Scene:
     ]
     marked = set(attackers)
     n_sr = roster.n_raters - roster.n_both
-    struck = [blow.strength for blow in rules.perturbations if blow.start < played <= blow.stop]
+    strengths = [p.strength for p in rules.perturbations if p.start < played <= p.stop]
     return Scene(
         rules.name,
         f"round {played} of {rules.max_cycles}  ·  {played * rules.period_s:.1f} s",
-        max(struck, default=0.0),
+        max(strengths, default=0.0),
         _side(roster.rater_names, tor, roster.raters(phase), marked, [""] * n_sr + toa),
         _side(roster.provider_names, top, roster.providers(phase), marked, quality),
         np.where(state.rated, state.ratings, np.nan),
     )
 
 
-def _side(names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], notes: list[str]) -> Side:
-    fates = tuple(_FATES.get(int(phase), "") for phase in phases)
+def _side(names: tuple[str, ...], trust: Any, phases: Any, marked: set[str], captions: list[str]) -> Side:
+    absences = tuple(_ABSENCES.get(int(phase), "") for phase in phases)
     attacker = np.asarray([name in marked for name in names])
     words = [
-        " · ".join(filter(None, ("attacker" if attacks else "", fate or note)))
-        for attacks, fate, note in zip(attacker, fates, notes, strict=True)
+        " · ".join(filter(None, ("attacker" if attacks else "", absence or note)))
+        for attacks, absence, note in zip(attacker, absences, captions, strict=True)
     ]
-    return Side(names, np.asarray(trust, np.float64), attacker, fates, tuple(words))
+    return Side(names, np.asarray(trust, np.float64), attacker, absences, tuple(words))

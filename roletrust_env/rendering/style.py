@@ -1,4 +1,4 @@
-"""How the pictures of a game look."""
+"""Style of the pictures of a game: colours, lines and fonts."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,17 +10,17 @@ from matplotlib.colors import ListedColormap
 SIZE, DPI = (12.8, 7.2), 100
 
 
-# Perceptually uniform and colour-blind safe. Without its brightest end, which would vanish on white.
+# Perceptually uniform and safe for colour-blind readers; its brightest end is left out, which would vanish on white.
 SCALE = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256))).with_extremes(bad="#eef1f5")
 
 
 INK, GREY, PALE = "#1b2430", "#7b8794", "#eef1f5"
 
 
-ATTACK = "#d55e00"  # vermilion: not on the scale
+ATTACK = "#d55e00"  # vermilion, which is not on the scale
 
 
-HONEST = ("#0072b2", "#009e73", "#56b4e9", "#332288")  # told apart by the colour-blind, too
+HONEST = ("#0072b2", "#009e73", "#56b4e9", "#332288")  # distinguishable for colour-blind readers, too
 
 
 CROWD = "#9fb3c8"
@@ -29,8 +29,8 @@ CROWD = "#9fb3c8"
 KEYS = ("each honest agent", "their mean", "attackers")
 
 
-# Few curves that coincide still all show: the attackers' are the broadest and lie under the honest ones, and of each
-# kind every further one is narrower, broken, and lies on top.
+# A few curves stay visible even where they coincide: those of attackers are the widest and lie under the honest ones,
+# and within each group every further curve is narrower, dashed, and lies on top.
 ATTACKS = (ATTACK, "#cc79a7", "#e69f00", "#8c510a")
 
 

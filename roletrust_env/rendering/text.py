@@ -1,26 +1,22 @@
-"""A game as a text."""
+"""Text rendering of a game."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    pass
 from roletrust_env.rendering.scene import Floats, Scene, Side
 
-_TABLE_LIMIT = 12  # agents on a side up to which the table shows each of them
+_TABLE_LIMIT = 12  # largest number of raters or providers with a row each
 
 
-_FEW = 4  # of the best and of the worst, shown where there are more
+_FEW = 4  # number of the best and of the worst agents shown if there are more than the limit
 
 
 _BAR = 16
 
 
 def as_text(scene: Scene) -> str:
-    """A table of the raters with their ratings, and one of the providers; a summary where there are many."""
+    """Return tables of the raters with their ratings and of the providers; summaries if there are many."""
     header = f"{scene.title}  ·  {scene.clock}"
     if scene.perturbation > 0:
         header += f"  ·  perturbation {scene.perturbation:.0%}"
@@ -39,19 +35,19 @@ def as_text(scene: Scene) -> str:
 
 
 def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> list[str]:
-    """Head and rows of one side; with the ratings that each rater gave, if there is a matrix to show."""
+    """Return the lines of the table of one side, with the ratings of each rater if a matrix is given."""
     width = max(8, *map(len, side.names))
-    notes = max(5, *map(len, side.notes))
+    captions = max(5, *map(len, side.captions))
     head = f"{kind:<{width}}   {trust}  {'':<{_BAR}}"
     rows = [
-        f"{name:<{width}} {'!' if attacks else ' '} {'' if fate else f'{value:.2f}':4} {_bar(value, fate)}  {note}"
-        for name, value, attacks, fate, note in zip(*side, strict=True)
+        f"{name:<{width}} {'!' if bad else ' '} {'' if absence else f'{value:.2f}':4} {_bar(value, absence)}  {caption}"
+        for name, value, bad, absence, caption in zip(*side, strict=True)
     ]
     if matrix is not None:
         columns = [max(5, len(name)) for name in matrix.providers.names]
         titles = (f"{name:>{w}}" for name, w in zip(matrix.providers.names, columns, strict=True))
-        head = f"{head}  {'':<{notes}}  {' '.join(titles)}"
-        wide = len(rows[0]) - len(side.notes[0]) + notes
+        head = f"{head}  {'':<{captions}}  {' '.join(titles)}"
+        wide = len(rows[0]) - len(side.captions[0]) + captions
         rows = [
             f"{row:<{wide}}  " + " ".join(f"{_rating(f):>{w}}" for f, w in zip(given, columns, strict=True))
             for row, given in zip(rows, matrix.ratings, strict=True)
@@ -60,21 +56,21 @@ def _table(kind: str, trust: str, side: Side, matrix: Scene | None = None) -> li
 
 
 def _few(rows: list[str], kind: str, trust: str, side: Side) -> list[str]:
-    """The rows, or if there are too many, means and the best and the worst of those present."""
+    """Return the rows; if there are too many, return means and the best and the worst of the present agents."""
     if len(rows) <= _TABLE_LIMIT:
         return rows
-    present = np.asarray([not fate for fate in side.fates])
+    present = np.asarray([not absence for absence in side.absences])
     best = [int(k) for k in np.argsort(-side.trust, kind="stable") if present[k]]
     summary = [f"{present.sum()} of {len(rows)} {kind}s present, mean {trust} {_mean(side.trust[present])}"]
     if side.attacker.any():
         attackers, honest = present & side.attacker, present & ~side.attacker
         summary.append(
             f"{side.attacker.sum()} attackers, mean {trust} {_mean(side.trust[attackers])}; "
-            f"the honest {_mean(side.trust[honest])}"
+            f"honest agents {_mean(side.trust[honest])}"
         )
     if len(best) <= 2 * _FEW:
         return [*summary, *(rows[k] for k in best)]
-    between = f"  ... {len(best) - 2 * _FEW} between"
+    between = f"  ... {len(best) - 2 * _FEW} more"
     return [*summary, *(rows[k] for k in best[:_FEW]), between, *(rows[k] for k in best[-_FEW:])]
 
 
@@ -86,9 +82,9 @@ def _rating(rating: float) -> str:
     return "·" if np.isnan(rating) else f"{rating:.2f}"
 
 
-def _bar(value: float, fate: str) -> str:
-    """A bar in eighths of a character; absent agents have none."""
-    if fate:
+def _bar(value: float, absence: str) -> str:
+    """Return a bar with a resolution of an eighth of a character; it is blank for an absent agent."""
+    if absence:
         return " " * _BAR
     full, rest = divmod(round(value * _BAR * 8), 8)
     bar = "█" * full + (" ▏▎▍▌▋▊▉"[rest] if rest else "")

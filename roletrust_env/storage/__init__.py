@@ -1,1 +1,1 @@
-"""Files: written whole or not at all, with what made them, and read with caution."""
+"""Files: atomic writing, provenance, and cautious reading."""

@@ -1,4 +1,4 @@
-"""Files, written whole or not at all."""
+"""Atomic writing: a file is written completely or not at all."""
 
 import csv
 import json
@@ -14,16 +14,16 @@ from typing import Any
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path` that takes its place at the end, or vanishes if anything goes wrong.
+    """Replace a file at the end of the context, or remove the temporary file if an error occurs.
 
     Args:
-        path: of the file to be written; its folder is made if need be.
+        path: Path of the file; its folder is created if it does not exist.
 
     Yields:
-        The path to write to, with the same suffix.
+        The path of the temporary file, with the same suffix.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = unfinished(path)
+    temporary = unfinished_path(path)
     try:
         yield temporary
         os.replace(temporary, path)
@@ -31,13 +31,13 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def unfinished(path: Path) -> Path:
-    """What a file or folder is called until it is whole: hidden, and named after the process that writes it."""
+def unfinished_path(path: Path) -> Path:
+    """Return the path of a file or folder until it is complete: hidden, and with the number of the writing process."""
     return path.with_name(f".{path.stem}.{platform.node()}-{os.getpid()}{path.suffix}")
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Remove what was left unfinished in a folder by processes of this machine that are no more."""
+    """Remove unfinished files and folders of dead processes of this machine from a folder."""
     name = re.compile(rf"\..+\.{re.escape(platform.node())}-(\d+)(\.\w+)?")
     for path in folder.glob(".*"):
         found = name.fullmatch(path.name)
@@ -46,24 +46,26 @@ def clear_unfinished(folder: Path) -> None:
 
 
 def prepare_folder(folder: Path) -> None:
-    """See now rather than after the work whether results can be written to a folder; and tidy it up.
+    """Check before the work that results can be written to a folder, and remove unfinished files from it.
+
+    A new folder is not left behind; it is created with the first result.
 
     Raises:
-        OSError: they cannot.
+        OSError: The folder cannot be written.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     clear_unfinished(folder)
-    probe = unfinished(folder / "probe")
+    probe = unfinished_path(folder / "probe")
     probe.touch()
     probe.unlink()
-    for path in made:  # they come back with the first result
-        with suppress(OSError):  # another run writes there by now, or it is another's parent, as `a/..` is
+    for path in new:
+        with suppress(OSError):  # in use by another run, or the parent of another folder, such as `a/..`
             path.rmdir()
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write a table; floats get six decimals, None and NaN an empty cell."""
+    """Write a table. Floats have six decimals; None and NaN give an empty cell."""
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
@@ -71,25 +73,25 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) 
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write plain data, readable for people."""
+    """Write plain data as indented JSON."""
     write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text."""
+    """Write a text file."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def _alive(process: int) -> bool:
-    """Whether a process runs; where that cannot be asked without harm, it is taken to."""
+    """Return whether a process is alive; true on systems that offer no safe check."""
     if os.name != "posix":
         return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:  # it is somebody else's
+    except PermissionError:  # a process of another user
         return True
     return True
 

@@ -1,4 +1,4 @@
-"""The software, the scenario and the parameters that decide a result."""
+"""Provenance of a result: the software, the scenario and the parameters that determine it."""
 
 import dataclasses
 import platform
@@ -9,7 +9,7 @@ from typing import Any
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
 
-# The packages that decide what numbers come out.
+# Packages that affect the numbers of a result.
 _PACKAGES = (
     "numpy",
     "opencv-python-headless",
@@ -25,34 +25,34 @@ _PACKAGES = (
 
 
 def provenance(game: Game, seed: int) -> dict[str, Any]:
-    """All that decides a result but the attackers: the software, the full scenario, the trust model and the seed.
+    """Return everything that determines a result except the attackers: software, scenario, trust model and seed.
 
-    It holds no time and no host, so the same run writes the same bytes.
+    It has no time and no host name, so the same run writes the same bytes.
     """
     return {
         **software(),
         "seed": seed,
-        "trust_model": described(game.model),
+        "trust_model": describe(game.model),
         "scenario": game.scenario.model_dump(mode="json"),
     }
 
 
 def software() -> dict[str, Any]:
-    """This package, Python and the packages that decide what numbers come out, with their versions."""
+    """Return the versions of this package, of Python, and of the packages that affect the numbers of a result."""
     return {
         "package": {"name": "roletrust-env", "version": version("roletrust-env")},
         "python": platform.python_version(),
-        "packages": {name: found for name in _PACKAGES if (found := _version(name))},
+        "packages": {name: number for name in _PACKAGES if (number := _version(name))},
     }
 
 
 def describe_policies(attackers: Mapping[str, Policy]) -> dict[str, dict[str, Any]]:
-    """Who attacks, and how."""
-    return {agent: described(policy) for agent, policy in attackers.items()}
+    """Return the class and the parameters of each attacker's policy."""
+    return {agent: describe(policy) for agent, policy in attackers.items()}
 
 
-def described(thing: Any) -> dict[str, Any]:
-    """The class and the parameters of a model or policy."""
+def describe(thing: Any) -> dict[str, Any]:
+    """Return the class and the parameters of a model or policy."""
     parameters = dataclasses.asdict(thing) if dataclasses.is_dataclass(thing) and not isinstance(thing, type) else {}
     return {"class": f"{type(thing).__module__}.{type(thing).__qualname__}", "parameters": parameters}
 

@@ -1,4 +1,4 @@
-"""Files that somebody else wrote: they are what they say they are, or refused in one line, and never run."""
+"""Files from untrusted sources: each is validated or refused with a message of one line, and never executed."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ _MAX_GROUP_ROUNDS = 10_000_000
 
 
 class UntrustedModel(BaseModel):
-    """Data from elsewhere: no field too many, no type but its own, no number that is none."""
+    """Base class of untrusted data: no extra fields, no type conversion, and only finite numbers."""
 
     model_config = ConfigDict(
         frozen=True, strict=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -23,11 +23,15 @@ Kind = TypeVar("Kind", bound=UntrustedModel)
 
 
 def read_limited(path: Path, limit: int) -> bytes:
-    """A file that is not too large; no more of it is read than is allowed.
+    """Read a file of limited size. At most one byte above the limit is read.
+
+    Args:
+        path: Path of the file.
+        limit: Largest size, bytes.
 
     Raises:
-        ValueError: it has more bytes.
-        OSError: it cannot be read.
+        ValueError: The file is larger.
+        OSError: The file cannot be read.
     """
     with path.open("rb") as file:
         data = file.read(limit + 1)
@@ -37,22 +41,22 @@ def read_limited(path: Path, limit: int) -> bytes:
 
 
 def parse_json(text: bytes) -> Any:
-    """JSON as its standard has it: pydantic alone would let NaN pass, and the last of two fields of one name win.
+    """Parse strict JSON, without NaN and without two fields of one name, both of which pydantic would accept.
 
     Raises:
-        ValueError: it is none, it is nested too deeply, or one of these is in it.
+        ValueError: The text is not such JSON, or it is nested too deeply.
     """
     try:
-        return json.loads(text.decode(), object_pairs_hook=_once, parse_constant=_no_number)
+        return json.loads(text.decode(), object_pairs_hook=_unique_fields, parse_constant=_refuse_constant)
     except RecursionError:
         raise ValueError("the JSON is nested too deeply") from None
 
 
 def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:
-    """Data of some kind, from JSON that `parse_json` takes.
+    """Validate JSON as data of a kind. Call `parse_json` first to check that it is strict JSON.
 
     Raises:
-        ValueError: a field is wrong; it says which, and what is allowed.
+        ValueError: A field is wrong; the message names it and the allowed values.
     """
     try:
         return kind.model_validate_json(text)
@@ -61,24 +65,27 @@ def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:
 
 
 def check_scenario_size(scenario: Any) -> None:
-    """Refuse a scenario, as JSON has it, that would take long to look at.
+    """Refuse a scenario that would take too long to validate.
+
+    Args:
+        scenario: Scenario, as parsed JSON.
 
     Raises:
-        ValueError: it has too many groups of agents, or rounds; or it does not say how many.
+        ValueError: The scenario has too many groups of agents or rounds, or their number is missing.
     """
     groups, rounds = scenario.get("agents"), scenario.get("max_cycles", 1)
     if not isinstance(groups, list) or not isinstance(rounds, int):
-        raise ValueError("the scenario has no list of agents, or no whole number of rounds")
+        raise ValueError("the scenario must have a list of agents and a whole number of rounds")
     if len(groups) * rounds > _MAX_GROUP_ROUNDS:
         raise ValueError(f"the scenario has {len(groups)} groups of agents and {rounds} rounds: too many")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a field stands twice in the JSON")
-    return found
+def _unique_fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        raise ValueError("the JSON has two fields of one name")
+    return fields
 
 
-def _no_number(text: str) -> Any:
-    raise ValueError(f"the JSON holds {text}, which is no number")
+def _refuse_constant(text: str) -> Any:
+    raise ValueError(f"the JSON has {text}, which is not a number")

@@ -14,7 +14,8 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import Round, rollout
-from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
+from roletrust_env.world.group import AgentGroup
+from roletrust_env.world.scenario import Choice, Scenario
 
 _RATERS, _PROVIDERS = ("sr_0", "srsp_0"), ("sp_0", "srsp_0")
 _SEATS: dict[Channel, tuple[str, ...]] = {
@@ -133,7 +134,7 @@ def check_games(attack: Policy) -> None:
 
 
 def _game(attack: Policy, like: Array) -> Game:
-    groups = (
+    groups: tuple[AgentGroup, ...] = (
         AgentGroup(role="SR", count=2, noise=0.1),
         AgentGroup(role="SP", count=3),
         AgentGroup(role="SR+SP", count=2, noise=0.1),

@@ -12,47 +12,47 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, largest, namespace, total
+from roletrust_env.arrays import Array, is_compiling, largest, namespace, total
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
-"""Of `_sinc_polynomial`, the constant first."""
+"""Coefficients of `_sinc_polynomial`, the constant first."""
 
 _LARGE, _BLOCK = 1_000_000, 100_000
-"""Ratings in a round from which on NumPy takes them in blocks, and as many in a block as about 30 raters of 3,000."""
+"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
 
-_TINY = 1e-30  # stands in for a branch at 0, and is lost in rounding everywhere else
+_TINY = 1e-30  # replaces a branch at 0; elsewhere it is lost in rounding
 
 
 def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
-    """Trust of a rater, ToR (Algorithm 1): how near a rater's notes are to the average note.
+    """Return the trust of each rater, ToR (Algorithm 1): how near its ratings are to the average ratings.
 
         fbar[j] = mean over the raters i of j of f[i, j]
         QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - fbar[j]|)
         ToR[i] <- lam * QoR[i] + (1 - lam) * ToR[i]
 
     Args:
-        ratings: f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
-        mask: m, shape (S, P, ...), boolean, true where i rated j in this round.
-        previous: ToR before the round, shape (S, ...), in [0, 1].
-        lam: weight of the newest round, in [0.5, 1].
+        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        mask: Mask m, shape (S, P, ...), boolean, true where i rated j in this round.
+        previous: Trust ToR before the round, shape (S, ...), in [0, 1].
+        lam: Weight of the newest round, in [0.5, 1].
 
     Returns:
-        ToR after the round, shape (S, ...), in [0, 1]. A rater that rated nobody keeps its ToR.
+        ToR after the round, shape (S, ...), in [0, 1]. A rater without ratings in this round keeps its ToR.
 
     Raises:
-        ValueError: `lam` is outside [0.5, 1], or the shapes do not belong together.
+        ValueError: If `lam` is outside [0.5, 1], or the shapes do not match.
 
     Example:
         >>> import numpy as np
-        >>> notes = np.array([[1.0, 1.0], [1.0, 1.0], [0.5, 0.5]])
-        >>> rater_trust(notes, notes >= 0, previous=np.ones(3), lam=1.0).round(4)
+        >>> ratings = np.array([[1.0, 1.0], [1.0, 1.0], [0.5, 0.5]])
+        >>> rater_trust(ratings, ratings >= 0, previous=np.ones(3), lam=1.0).round(4)
         array([0.5918, 0.5918, 0.4226])
     """
     if not 0.5 <= lam <= 1:
         raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
     _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
-    notes = Notes.of(ratings, mask)
-    return smooth(rater_quality(notes), previous, lam, notes.given)
+    masked = MaskedRatings.of(ratings, mask)
+    return smooth(rater_quality(masked), previous, lam, masked.given)
 
 
 def provider_trust(
@@ -65,27 +65,27 @@ def provider_trust(
     last_ratings: Array,
     elapsed: Array,
 ) -> Array:
-    """Trust of a provider, ToP (Algorithm 2): how good its notes are, how steady, and how trusted their raters.
+    """Return the trust of each provider, ToP (Algorithm 2): its ratings' level, their steadiness, their raters' trust.
 
-        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last note i gave j|
+        rho[i, j] = sinc(1 - f[i, j]) * sinc(delta[i, j]) ** dt[i, j],   delta = |f - the last rating that i gave j|
         QoP[j]    = mean over the raters i of j of rho[i, j] * ToR[i] * f[i, j]
         ToP[j]   <- lam * QoP[j] + (1 - lam) * ToP[j]
 
     Args:
-        ratings: f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
-        mask: m, shape (S, P, ...), boolean, true where i rated j in this round.
-        tor: ToR as just updated by this round, shape (S, ...), in [0, 1].
-        previous: ToP before the round, shape (P, ...), in [0, 1].
-        lam: weight of the newest round, in [0.5, 1).
-        last_ratings: the note that i gave j last, shape (S, P, ...); ignored where `elapsed` is 0.
-        elapsed: dt, service periods since i last rated j, shape (S, P, ...), and 0 where i never did: a first rating
-            has sinc(delta) ** 0 = 1.
+        ratings: Ratings f, shape (S, P, ...), each in [0, 1]. Cells outside the mask are ignored, whatever they hold.
+        mask: Mask m, shape (S, P, ...), boolean, true where i rated j in this round.
+        tor: Trust ToR as just updated by this round, shape (S, ...), in [0, 1].
+        previous: Trust ToP before the round, shape (P, ...), in [0, 1].
+        lam: Weight of the newest round, in [0.5, 1).
+        last_ratings: Last rating that i gave j, shape (S, P, ...); ignored where `elapsed` is 0.
+        elapsed: Time dt, in service periods since i last rated j, shape (S, P, ...), and 0 where i never did: a first
+            rating has sinc(delta) ** 0 = 1.
 
     Returns:
-        ToP after the round, shape (P, ...), in [0, 1]. A provider that nobody rated keeps its ToP.
+        ToP after the round, shape (P, ...), in [0, 1]. A provider without ratings keeps its ToP.
 
     Raises:
-        ValueError: `lam` is outside [0.5, 1), or the shapes do not belong together.
+        ValueError: If `lam` is outside [0.5, 1), or the shapes do not match.
     """
     if not 0.5 <= lam < 1:
         raise ValueError(f"lam is {lam!r}; for the trust of a provider it must lie in [0.5, 1)")
@@ -97,29 +97,29 @@ def provider_trust(
         last_ratings=(last_ratings, "SP"),
         elapsed=(elapsed, "SP"),
     )
-    notes = Notes.of(ratings, mask)
-    quality = provider_quality(notes, tor, last_ratings, _like(elapsed, ratings))
-    return smooth(quality, previous, lam, notes.received)
+    masked = MaskedRatings.of(ratings, mask)
+    quality = provider_quality(masked, tor, last_ratings, _like(elapsed, ratings))
+    return smooth(quality, previous, lam, masked.received)
 
 
 def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
-    """Trust of an agent that plays both roles, ToA (Algorithm 3): its two trusts, weighted by what it did.
+    """Return the trust of each agent, ToA (Algorithm 3): its two trusts, weighted by how often it played each role.
 
         alpha[k] = rated[k] / (rated[k] + provided[k])
         ToA[k]   = alpha[k] * ToR[k] + (1 - alpha[k]) * ToP[k]
 
     Args:
-        tor: ToR of each agent, shape (N, ...), in [0, 1].
-        top: ToP of each agent, shape (N, ...), in [0, 1].
-        rated: number of services that the agent rated so far, shape (N, ...), at least 0.
-        provided: number of services that the agent provided so far, shape (N, ...), at least 0.
-        initial: the trust of an agent that has done neither, in [0, 1].
+        tor: Trust ToR of each agent, shape (N, ...), in [0, 1].
+        top: Trust ToP of each agent, shape (N, ...), in [0, 1].
+        rated: Number of services that the agent rated so far, shape (N, ...), at least 0.
+        provided: Number of services that the agent provided so far, shape (N, ...), at least 0.
+        initial: Trust of an agent that did neither, in [0, 1].
 
     Returns:
-        ToA, shape (N, ...), in [0, 1].
+        The trust ToA, shape (N, ...), in [0, 1].
 
     Raises:
-        ValueError: `initial` is outside [0, 1].
+        ValueError: If `initial` is outside [0, 1].
 
     Example:
         >>> import numpy as np
@@ -142,15 +142,15 @@ class Trusts(NamedTuple):
     top: Array
 
 
-class Notes(NamedTuple):
-    """The ratings of one round made ready for means, once for all the means that a model takes.
+class MaskedRatings(NamedTuple):
+    """The ratings of one round, prepared once for all the means that a model takes of them.
 
     Attributes:
-        values: the ratings inside the mask and 0 elsewhere, shape (S, P, ...).
-        weights: 1 inside the mask and 0 elsewhere, shape (S, P, ...), in the dtype of the ratings; None where
-            everybody rated everybody.
-        received: the number of ratings of each provider, shape (P, ...); one number where it is S for all.
-        given: the number of ratings by each rater, shape (S, ...); one number where it is P for all.
+        values: Ratings inside the mask and 0 elsewhere, shape (S, P, ...).
+        weights: Weights, 1 inside the mask and 0 elsewhere, shape (S, P, ...), in the dtype of the ratings; None if
+            every rater rated every provider.
+        received: Number of ratings of each provider, shape (P, ...); one number where it is S for all.
+        given: Number of ratings by each rater, shape (S, ...); one number where it is P for all.
     """
 
     values: Array
@@ -159,8 +159,8 @@ class Notes(NamedTuple):
     given: Array
 
     @classmethod
-    def of(cls, ratings: Array, mask: Array | None) -> "Notes":
-        """The notes of ratings inside a mask, both of shape (S, P, ...); None is a mask that is true everywhere."""
+    def of(cls, ratings: Array, mask: Array | None) -> "MaskedRatings":
+        """Return the ratings inside a mask, both of shape (S, P, ...); None is a mask that is true everywhere."""
         if mask is None:
             return cls(ratings, None, *ratings.shape[:2])
         xp = namespace(ratings)
@@ -169,84 +169,86 @@ class Notes(NamedTuple):
         return cls(values, weights, total(weights, 0), total(weights, 1))
 
     def weigh(self, cells: Array) -> Array:
-        """The cells inside the mask, and 0 elsewhere."""
+        """Return the cells inside the mask, and 0 elsewhere."""
         return cells if self.weights is None else self.weights * cells
 
     def blocks(self) -> list[slice]:
-        """The raters in blocks whose notes fit into a processor's cache; all in one where a library sees to that."""
+        """Return slices of raters whose ratings fit into a processor's cache; one slice if the library does that."""
         raters, values = len(self.values), self.values
         if not isinstance(values, np.ndarray) or values.size <= _LARGE:
             return [slice(raters)]
         rows = max(1, _BLOCK * raters // values.size)
         return [slice(at, at + rows) for at in range(0, raters, rows)]
 
-    def of_raters(self, some: slice) -> "Notes":
-        """The notes of some raters; `received` still counts all."""
+    def of_raters(self, some: slice) -> "MaskedRatings":
+        """Return the ratings of some raters; `received` still counts all."""
         weights = None if self.weights is None else self.weights[some]
-        return Notes(self.values[some], weights, self.received, self.given if weights is None else self.given[some])
+        return MaskedRatings(
+            self.values[some], weights, self.received, self.given if weights is None else self.given[some]
+        )
 
 
 Root = Callable[[Array], Array]
-"""What takes the place of a square root."""
+"""A function in place of the square root."""
 
 
-def rater_quality(notes: Notes, root: Root | None = None) -> Array:
-    """QoR of Algorithm 1, shape (S, ...); 1 for a rater that rated nobody.
+def rater_quality(masked: MaskedRatings, root: Root | None = None) -> Array:
+    """Return QoR of Algorithm 1, shape (S, ...); 1 for a rater without ratings.
 
     Args:
-        notes: of the round.
-        root: instead of the square root, for who needs a slope at 0.
+        masked: Ratings of the round.
+        root: Function in place of the square root, for callers that need a slope at 0.
     """
-    xp = namespace(notes.values)
+    xp = namespace(masked.values)
     root = root or xp.sqrt
-    # Counted down from the best note, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    best = largest(notes.values)
-    blocks = notes.blocks()
+    # Relative to the best rating, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
+    best = largest(masked.values)
+    blocks = masked.blocks()
     if len(blocks) == 1:
-        below = notes.weigh(notes.values - best)
-        return _nearness(notes, below - total(below, 0) * _share(notes.received), root)
-    parts = [notes.of_raters(some) for some in blocks]
+        below = masked.weigh(masked.values - best)
+        return _nearness(masked, below - total(below, 0) * _share(masked.received), root)
+    parts = [masked.of_raters(some) for some in blocks]
     below = reduce(operator.add, (total(part.weigh(part.values - best), 0) for part in parts))
-    average = below * _share(notes.received)
+    average = below * _share(masked.received)
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
-def _nearness(notes: Notes, apart: Array, root: Root) -> Array:
-    """1 less the mean root of how far apart each rater's notes are from the average ones."""
-    return 1.0 - total(notes.weigh(root(abs(apart))), 1) * _share(notes.given)
+def _nearness(masked: MaskedRatings, apart: Array, root: Root) -> Array:
+    """Return 1 minus the mean root of the distances of each rater's ratings to the average ratings."""
+    return 1.0 - total(masked.weigh(root(abs(apart))), 1) * _share(masked.given)
 
 
-def provider_quality(notes: Notes, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
-    """QoP of Algorithm 2, shape (P, ...); 0 for a provider that nobody rated.
+def provider_quality(masked: MaskedRatings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+    """Return QoP of Algorithm 2, shape (P, ...); 0 for a provider without ratings.
 
     Args:
-        notes: of the round.
-        tor: ToR as just updated by this round, shape (S, ...).
-        last_ratings: the note that i gave j last, shape (S, P, ...).
-        elapsed: dt, see `provider_trust`; None where it is 1 everywhere.
+        masked: Ratings of the round.
+        tor: Trust ToR as just updated by this round, shape (S, ...).
+        last_ratings: Last rating that i gave j, shape (S, P, ...).
+        elapsed: Time dt, see `provider_trust`; None where it is 1 everywhere.
     """
-    if len(blocks := notes.blocks()) == 1:
-        worth = _worth(notes.values, tor, last_ratings, elapsed)
+    if len(blocks := masked.blocks()) == 1:
+        worth = _worth(masked.values, tor, last_ratings, elapsed)
     else:
         worth = reduce(
             operator.add,
             (
-                _worth(notes.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
+                _worth(masked.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
                 for some in blocks
             ),
         )
-    return worth * _share(notes.received)
+    return worth * _share(masked.received)
 
 
 def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
-    """The sum over raters of rho * ToR * f, shape (P, ...)."""
+    """Return the sum over raters of rho * ToR * f, shape (P, ...)."""
     steady = sinc(values - last_ratings)
     rho = sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
     return total(rho * tor[:, None, ...] * values, 0)
 
 
 def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
-    """The mean of the values inside the mask along an axis, 0 where there are none, and their number.
+    """Return the mean of the values inside the mask along an axis, 0 where there are none, and their number.
 
     A mask of None is true everywhere.
     """
@@ -257,56 +259,56 @@ def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array,
 
 
 def weighted_mean(values: Array, weights: Array, *, axis: int) -> Array:
-    """The sum of weight times value over the sum of weights along an axis, and 0 where all weights are 0.
+    """Return the weighted mean along an axis, and 0 where all weights are 0.
 
     Args:
-        values: finite, also where the weight is 0.
-        weights: at least 0, of a shape that goes with that of the values.
-        axis: along which to sum.
+        values: Values, finite also where the weight is 0.
+        weights: Weights of at least 0, in a shape that broadcasts with the values.
+        axis: Axis of the mean.
     """
     return total(weights * values, axis) / (total(weights, axis) + _TINY)
 
 
 def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
-    """Lam * value + (1 - lam) * previous where the value is a mean of something, and the previous value elsewhere.
+    """Return the exponential mean lam * value + (1 - lam) * previous, and the previous value where the count is 0.
 
-    Written as a step from the previous value, which is then exact where there is nothing to step to.
+    It is computed as a step from the previous value, so that it is exact where the step is 0.
 
     Args:
-        value: the mean of a round, as of `masked_mean`.
-        previous: the smoothed value before the round.
-        lam: weight of the newest round.
-        count: of how many it is the mean; 0 where nothing happened.
+        value: Mean of a round, as from `masked_mean`.
+        previous: Exponential mean before the round.
+        lam: Weight of the newest round.
+        count: Number of values in the mean; 0 where there are none.
     """
     return previous + lam * occurred(count) * (value - previous)
 
 
 def _share(count: Array) -> Array:
-    """What a sum is multiplied by to become a mean of so many, since the sum of none is 0: a division for all, once."""
+    """Return the factor that turns a sum of so many values into a mean, and an empty sum into 0."""
     return 1.0 / (count + _TINY)
 
 
 def occurred(count: Array) -> Array:
-    """1 where a count is above 0, and 0 where it is 0, in the dtype of the count."""
+    """Return 1 where a count is above 0 and 0 where it is 0, in the dtype of the count."""
     return count / (count + _TINY)
 
 
 def sinc(x: Array) -> Array:
-    """sin(pi x) / (pi x) for x in [0, 1], and exactly 1 at x = 0.
+    """Return sin(pi x) / (pi x) for x in [0, 1], exactly 1 at x = 0.
 
     The absolute value keeps the result at or above 0 where float32 rounds pi up, so that sin(pi) < 0.
     """
     xp = namespace(x)
-    if compiling(x) and x.dtype == xp.float32:
+    if is_compiling(x) and x.dtype == xp.float32:
         return _sinc_polynomial(x)
     angle = math.pi * x + _TINY
     return abs(xp.sin(angle) / angle)
 
 
 def _sinc_polynomial(x: Array) -> Array:
-    """The same by arithmetic alone, right to the rounding of float32: exactly 1 at x = 0, and 0 at x = 1.
+    """Return sinc by arithmetic alone, accurate to the rounding of float32: exactly 1 at x = 0 and 0 at x = 1.
 
-    That is (1 - x^2) (1 + x^2 p(x^2)), where p, of degree 4, was fitted to sinc at 200 Chebyshev nodes.
+    The formula is (1 - x^2) (1 + x^2 p(x^2)), where p, of degree 4, was fitted to sinc at 200 Chebyshev nodes.
     """
     square = x * x
     p = _SINC[-1]
@@ -316,12 +318,12 @@ def _sinc_polynomial(x: Array) -> Array:
 
 
 def _like(counts: Array, values: Array) -> Array:
-    """Counts, which may be integers, in the dtype of the values, so that the result keeps it."""
+    """Return counts, which may be integers, in the dtype of the values, so that results keep it."""
     return counts if counts.dtype == values.dtype else namespace(counts).astype(counts, values.dtype)
 
 
 def _check_shapes(ratings: Array, **others: tuple[Array, str]) -> None:
-    """Refuse arrays whose shapes do not belong to that of the ratings; `others` come with their axes."""
+    """Refuse arrays whose shapes do not match that of the ratings; `others` are arrays with their axes."""
     shape = ratings.shape
     needed = {"SP": shape, "S": shape[:1] + shape[2:], "P": shape[1:]}
     for name, (array, axes) in others.items():

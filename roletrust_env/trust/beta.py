@@ -1,15 +1,14 @@
-"""The Beta distribution in array arithmetic, for models that hold an opinion as successes and failures.
+"""The Beta distribution in array arithmetic, for models that count successes and failures.
 
-Written for a and b of 1 up to a million, which is more than a game counts. With float64, masses are right to 1e-9 for a
-and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (those of less than 1e-3 to 1e-6). With float32,
-quantiles are right to 2e-6, and masses to 1e-5 for a and b up to a hundred, but only to 1e-3 at ten thousand, and worse
-beyond. All run on NumPy and on torch, batched, in a fixed
-number of operations.
+The functions take a and b from 1 to a million, which is more than a game counts. In float64, masses are accurate
+to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (quantiles below 1e-3 to 1e-6). In
+float32, quantiles are accurate to 2e-6, and masses to 1e-5 for a and b up to a hundred, to 1e-3 at ten thousand, and
+worse beyond. All functions run on NumPy and torch, on batches, in a fixed number of operations.
 
-The variable is the log odds, in which the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
-log-concave, and falls off at least exponentially. So a tail is an integral over an interval of known length, which
-Gauss and Legendre's rule takes with a few dozen nodes, and no logarithm of a large gamma function has to be taken: the
-height of the peak is known from Stirling's formula, of which only the small remainders are computed.
+The variable is the log odds. In it the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
+log-concave, and falls off at least exponentially. A tail is therefore an integral over an interval of known length,
+which the Gauss-Legendre rule computes with a few dozen nodes. Logarithms of large gamma functions are not needed:
+Stirling's formula gives the height of the peak, and only its small remainders are computed.
 """
 
 import math
@@ -19,31 +18,31 @@ import numpy as np
 from roletrust_env.arrays import Array, namespace
 
 _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0]])) / 2).tolist()
-"""Gauss and Legendre's rule of 24 nodes on [0, 1]."""
+"""The Gauss-Legendre rule with 24 nodes on [0, 1]."""
 
-_LOST = 16.0  # a density is neglected where it has fallen to exp(-16), 1e-7, of where a tail begins, which is little
-_SHIFTS = 3  # of the argument of Stirling's series, so that it is at least 4
-_TINY = 1e-30  # stands in for 0 in logarithms
+_LOST = 16.0  # a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
+_SHIFTS = 3  # shifts the argument of Stirling's series to at least 4
+_TINY = 1e-30  # replaces 0 in logarithms
 
 
 def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array:
-    """The mean of Beta(r + 2 initial, s + 2 (1 - initial)): `initial` is the base rate, worth two ratings.
+    """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)): `initial` is the base rate, worth two ratings.
 
     Args:
-        successes: r, at least 0, of any shape.
-        failures: s, at least 0, of the same shape.
-        initial: the mean without evidence, in [0, 1]; 0.5 makes it Laplace's (r + 1) / (r + s + 2).
+        successes: Successes r, at least 0, of any shape.
+        failures: Failures s, at least 0, of the same shape.
+        initial: Mean without evidence, in [0, 1]; 0.5 gives Laplace's (r + 1) / (r + s + 2).
     """
     return (successes + 2 * initial) / (successes + failures + 2)
 
 
 def mass_below(x: Array, a: Array, b: Array) -> Array:
-    """The mass of Beta(a, b) below x: the regularised incomplete beta function I_x(a, b).
+    """Return the mass of Beta(a, b) below x, the regularised incomplete beta function I_x(a, b).
 
     Args:
-        x: an array that broadcasts with a and b; what is outside [0, 1] counts as the nearer end.
-        a: at least 1.
-        b: at least 1, of the shape and dtype of a.
+        x: Array that broadcasts with a and b; values outside [0, 1] count as the nearer end.
+        a: First parameter, at least 1.
+        b: Second parameter, at least 1, of the shape and dtype of a.
 
     Returns:
         An array in [0, 1], in the dtype of a.
@@ -63,20 +62,20 @@ def mass_below(x: Array, a: Array, b: Array) -> Array:
 
 
 def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
-    """The mass of Beta(a, b) between two bounds, low <= high, at least 0 whatever is rounded; see `mass_below`."""
+    """Return the mass of Beta(a, b) between two bounds, low <= high, never below 0; see `mass_below`."""
     return namespace(a).clip(mass_below(high, a, b) - mass_below(low, a, b), 0.0, 1.0)
 
 
 def quantile(q: float, a: Array, b: Array) -> Array:
-    """The x below which a mass q of Beta(a, b) lies.
+    """Return the x below which a mass q of Beta(a, b) lies.
 
-    Newton's method on the logarithm of the mass, which is concave, as the density is log-concave in the log odds:
-    after one step it comes from below and cannot overshoot.
+    Newton's method is applied to the logarithm of the mass, which is concave since the density is log-concave in the
+    log odds. After one step it approaches from below and cannot overshoot.
 
     Args:
-        q: in [1e-6, 1 - 1e-6].
-        a: at least 1.
-        b: at least 1, of the shape and dtype of a.
+        q: Mass, in [1e-6, 1 - 1e-6].
+        a: First parameter, at least 1.
+        b: Second parameter, at least 1, of the shape and dtype of a.
 
     Returns:
         An array in [0, 1], of the shape and dtype of a.
@@ -92,7 +91,7 @@ def quantile(q: float, a: Array, b: Array) -> Array:
     t = math.sqrt(-2 * math.log(q))
     normal = (2.30753 + 0.27061 * t) / (1 + 0.99229 * t + 0.04481 * t * t) - t  # Abramowitz and Stegun 26.2.22
     offset, height = normal / xp.sqrt(_precision(a, b)), _log_height(a, b)
-    for _ in range(4 if q >= 0.01 else 5):  # steps from the normal one
+    for _ in range(4 if q >= 0.01 else 5):  # steps from the quantile of the normal distribution
         tail = _tail(offset, a, b)
         offset = offset - (height + _fall(offset, a, b) + xp.log(tail) - math.log(q)) * tail
     odds = a / b * xp.exp(offset)
@@ -100,26 +99,26 @@ def quantile(q: float, a: Array, b: Array) -> Array:
 
 
 def _precision(a: Array, b: Array) -> Array:
-    """How sharply the density bends at its peak: one over the square of the width of the bell."""
+    """Return the curvature of the density at its peak: one over the square of the width of the bell."""
     return a * b / (a + b)
 
 
 def _fall(offset: Array, a: Array, b: Array) -> Array:
-    """The logarithm of the density over that of its peak, at an offset of the log odds from the peak; 0 or less."""
+    """Return the log of the density relative to its peak, at an offset of the log odds from the peak; 0 or less."""
     xp, mean = namespace(a), a / (a + b)
     return a * offset - (a + b) * xp.log(1.0 - mean + mean * xp.exp(offset))
 
 
 def _log_height(a: Array, b: Array) -> Array:
-    """The logarithm of the density in the log odds, at its peak."""
+    """Return the logarithm of the density in the log odds, at its peak."""
     xp = namespace(a)
     return 0.5 * xp.log(_precision(a, b) / (2 * math.pi)) + _remainder(a + b) - _remainder(a) - _remainder(b)
 
 
 def _tail(offset: Array, a: Array, b: Array) -> Array:
-    """The mass below an offset from the peak, over the density there.
+    """Return the mass below an offset from the peak, relative to the density there.
 
-    The interval is the sum of two that would do, of a bell and of an exponential tail.
+    The length of the interval is the sum of two sufficient ones, of a bell and of an exponential tail.
     """
     xp = namespace(a)
     nodes, weights = (
@@ -132,7 +131,7 @@ def _tail(offset: Array, a: Array, b: Array) -> Array:
 
 
 def _remainder(z: Array) -> Array:
-    """What Stirling's formula leaves of ln gamma(z): ln gamma(z) - (z - 1/2) ln z + z - ln(2 pi) / 2, for z >= 1."""
+    """Return the remainder of Stirling's formula: ln gamma(z) - (z - 1/2) ln z + z - ln(2 pi) / 2, for z >= 1."""
     xp, remainder = namespace(z), 0.0 * z
     for _ in range(_SHIFTS):
         remainder = remainder + ((z + 0.5) * xp.log1p(1.0 / z) - 1.0)

@@ -1,32 +1,32 @@
-"""Checks of trust models of other packages: before a game, and round by round."""
+"""Checks of trust models from other packages: before a game, and in each round."""
 
 from typing import Any
 
 import numpy as np
 
-from roletrust_env.arrays import Array, compiling, copied, library_of, namespace
+from roletrust_env.arrays import Array, copy, is_compiling, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
 
 
 def needs_watching(model: TrustModel[Any]) -> bool:
-    """Return whether a model comes from another package. Those of this package are tested, and a check takes time."""
+    """Return whether a model comes from another package. Our own models are tested, and checks take time."""
     return not type(model).__module__.startswith("roletrust_env.")
 
 
 def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:
-    """Play one round with a model, in which all pairs but the first meet and all ratings are low.
+    """Try a model on one round, in which all pairs but the first meet and all ratings are low.
 
-    A model of another package plays the round twice. The second result must be the same, so that the games of a batch,
-    of a planner and after a reset are independent of each other.
+    A model from another package plays the round twice. It must not change its inputs and must not keep data in itself:
+    otherwise the games of a batch, of a planner and after a reset would influence each other.
 
     Args:
-        model: Trust model to check.
-        peers: Whether a rater and a provider are one agent, boolean, shape (S, P).
-        like: Array of the library, dtype and device that the game runs on.
+        model: Model to try.
+        peers: Pairs, shape (S, P), boolean, true where a rater and a provider are one agent.
+        like: Array of the library, dtype and device of the game.
 
     Raises:
-        ValueError: The model raises an error; a trust is no array of the library and dtype of the game, has the wrong
-            shape or is not in [0, 1]; or the same round has another result the second time.
+        ValueError: If the model raises an exception; if a read-out is not an array of the game's library and dtype, has
+            the wrong shape or is not in [0, 1]; or if the second play of the round has another result.
     """
     xp, where = namespace(like), f"trust model {model!r} cannot play one round"
     ratings = xp.zeros((*peers.shape, 1), dtype=like.dtype, device=like.device) + 0.25
@@ -41,7 +41,7 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
         return
     if not bool((ratings == 0.25).all()) or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
         raise ValueError(f"{where}: it writes to the ratings or to the mask, which it must leave as they are")
-    first = [copied(trust) for trust in trusts]
+    first = [copy(trust) for trust in trusts]
     for changes, state in (("itself", start_model(model, ratings, peers)), ("the state it is given", start)):
         _, *again = _updated(model, state, ratings, mask, where)
         if any(bool((abs(one - other) > 1e-6).any()) for one, other in zip(first, again, strict=True)):
@@ -54,17 +54,17 @@ def watched_update(
     """Return the state after a round and the trust of raters and of providers, once these are checked.
 
     Args:
-        model: see `TrustModel`.
-        state: of the model, before the round.
-        ratings: see `TrustModel.update`.
-        mask: see `TrustModel.update`.
-        round: number of rounds played so far, (...), for the error.
+        model: Trust model, see `TrustModel`.
+        state: State of the model before the round.
+        ratings: Ratings, see `TrustModel.update`.
+        mask: Mask, see `TrustModel.update`.
+        round: Number of rounds played so far, (...), for the error.
 
     Raises:
-        ValueError: the model raised something, or a read-out has another shape than (S, ...) and (P, ...) or another
-            dtype than the ratings, is NaN or outside [0, 1]. The message names the model and the round.
+        ValueError: If the model raises an exception, or if a read-out has another shape than (S, ...) and (P, ...) or
+            another dtype than the ratings, is NaN or outside [0, 1]. The message names the model and the round.
     """
-    if compiling(ratings):  # a compiler cannot stop half-way
+    if is_compiling(ratings):  # compiled code cannot raise errors
         after = model.update(state, ratings, mask)
         return after, model.rater_trust(after), model.provider_trust(after)
     where = f"trust model {model!r}, round {int(round.reshape(-1)[0])}"
@@ -74,7 +74,7 @@ def watched_update(
 def _updated(
     model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str, advice: str = ""
 ) -> tuple[State, Array, Array]:
-    """The state after a round, and the trust of raters and providers after a check."""
+    """Return the state after a round, and the valid trust of raters and providers."""
     try:
         after = model.update(state, ratings, mask)
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
@@ -86,7 +86,7 @@ def _updated(
 
 
 def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where: str) -> None:
-    """Refuse a trust that is no array of the library, shape, dtype and range that the game needs."""
+    """Refuse a read-out with another type, shape, dtype or range than the game needs."""
     if not isinstance(trust, type(ratings)):
         raise ValueError(
             f"{where}: {name} is a {type(trust).__name__}; it must be a {type(ratings).__name__}{_on_library(ratings)}"

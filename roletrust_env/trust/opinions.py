@@ -1,7 +1,7 @@
 """The algebra of opinions of subjective logic: belief, disbelief and uncertainty, which sum to 1.
 
 Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006). Written with operators only, so that
-the parts of an opinion may be arrays of any shape that fit one another; nothing here knows of judges and providers.
+the parts of an opinion may be arrays of any shapes that broadcast. This module knows nothing of judges and providers.
 """
 
 from typing import Any, NamedTuple
@@ -13,9 +13,9 @@ class Opinion(NamedTuple):
     """An opinion, or an array of opinions.
 
     Attributes:
-        belief: b, in [0, 1].
-        disbelief: d, in [0, 1].
-        uncertainty: u, in [0, 1]; above 0 for an opinion from evidence, of which there is never infinitely much.
+        belief: Belief b, in [0, 1].
+        disbelief: Disbelief d, in [0, 1].
+        uncertainty: Uncertainty u, in [0, 1]; above 0 for an opinion from evidence, which is finite.
     """
 
     belief: Array
@@ -24,7 +24,7 @@ class Opinion(NamedTuple):
 
     @classmethod
     def of(cls, successes: Array, failures: Array) -> "Opinion":
-        """From evidence, (r, s, 2) / (r + s + 2); none makes the vacuous opinion (0, 0, 1).
+        """Return the opinion from evidence, (r, s, 2) / (r + s + 2); without evidence, the vacuous one, (0, 0, 1).
 
         Example:
             >>> Opinion.of(6.0, 2.0)
@@ -34,11 +34,11 @@ class Opinion(NamedTuple):
         return cls(successes / evidence, failures / evidence, 2 / evidence)
 
     def at(self, index: Any) -> "Opinion":
-        """Some of the opinions of an array, by an index as an array takes it."""
+        """Return some opinions of an array of opinions, by an array index."""
         return Opinion(self.belief[index], self.disbelief[index], self.uncertainty[index])
 
     def discounted(self, adviser: "Opinion") -> "Opinion":
-        """This opinion as it counts for a judge whose opinion of the adviser that told it is given.
+        """Return this opinion, reported by an adviser, discounted by a judge's opinion of the adviser.
 
         Example:
             >>> Opinion(0.5, 0.25, 0.25).discounted(adviser=Opinion(0.5, 0.5, 0.0))
@@ -49,10 +49,10 @@ class Opinion(NamedTuple):
         return Opinion(b * self.belief, b * self.disbelief, uncertainty)
 
     def fused(self, other: "Opinion") -> "Opinion":
-        """Both opinions in one, as if their evidence were put together.
+        """Return the opinion from the evidence of both opinions.
 
-        With k = u1 + u2 - u1 u2, b = (b1 u2 + b2 u1) / k, d likewise, and u = u1 u2 / k. Two opinions without
-        uncertainty, whose k is 0, leave no room for a third: their mean is taken, the limit of equally certain ones.
+        With k = u1 + u2 - u1 u2, b = (b1 u2 + b2 u1) / k, d likewise, and u = u1 u2 / k. For two opinions
+        without uncertainty k is 0; the result is then their mean, the limit of equally certain opinions.
 
         Example:
             >>> Opinion(0.5, 0.0, 0.5).fused(Opinion(0.0, 0.5, 0.5)).belief == 1 / 3
@@ -68,9 +68,9 @@ class Opinion(NamedTuple):
         )
 
     def fused_along(self, axis: int) -> "Opinion":
-        """All the opinions along an axis in one, each with an uncertainty above 0.
+        """Return the fusion of all opinions along an axis, each with an uncertainty above 0.
 
-        The same as fusing one after the other: b / u and d / u, which are half the evidence, add up.
+        This equals fusing them one after the other: b / u and d / u, half the evidence, add up.
         """
         belief = total(self.belief / self.uncertainty, axis)
         disbelief = total(self.disbelief / self.uncertainty, axis)
@@ -78,5 +78,5 @@ class Opinion(NamedTuple):
         return Opinion(belief * uncertainty, disbelief * uncertainty, uncertainty)
 
     def expectation(self, base_rate: float) -> Array:
-        """E = b + a u, where the base rate a says what to expect when nothing is known."""
+        """Return E = b + a u, where the base rate a is the expectation without evidence."""
         return self.belief + base_rate * self.uncertainty

@@ -1,18 +1,18 @@
-"""How alike two raters are: what they said, on the mean, of the providers that both have rated."""
+"""Similarity of two raters: their mean ratings of the providers that both have rated."""
 
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.algorithms import Notes, occurred
+from roletrust_env.trust.algorithms import MaskedRatings, occurred
 from roletrust_env.trust.judges import by_judges, in_common
 
 
 class Experience(NamedTuple):
-    """What every rater has said of every provider so far.
+    """All ratings so far, by rater and provider.
 
     Attributes:
-        counts: number of ratings, shape (S, P, ...).
-        sums: of the ratings, shape (S, P, ...).
+        counts: Number of ratings, shape (S, P, ...).
+        sums: Sum of the ratings, shape (S, P, ...).
     """
 
     counts: Array
@@ -20,22 +20,22 @@ class Experience(NamedTuple):
 
     @classmethod
     def none(cls, like: Array) -> "Experience":
-        """No rating yet; for `like` see `TrustModel.start`."""
+        """Return the experience before any rating; for `like` see `TrustModel.start`."""
         xp = namespace(like)
         return cls(xp.zeros_like(like), xp.zeros_like(like))
 
-    def after(self, notes: Notes) -> "Experience":
-        """With the ratings of one more round."""
-        return Experience(self.counts + notes.weights, self.sums + notes.values)
+    def after(self, masked: MaskedRatings) -> "Experience":
+        """Return the experience after one more round."""
+        return Experience(self.counts + masked.weights, self.sums + masked.values)
 
 
 class Likened(NamedTuple):
-    """What a model remembers that weighs raters by how alike judge and rater have rated.
+    """Memory of a model that weights raters by their similarity to the judge.
 
     Attributes:
-        known: all ratings so far.
-        trust: of each judge in each provider, shape (S, P, ...).
-        credence: of each judge in each rater, shape (S, S, ...).
+        known: All ratings so far.
+        trust: Trust of each judge in each provider, shape (S, P, ...).
+        credence: Credence of each judge in each rater, shape (S, S, ...).
     """
 
     known: Experience
@@ -44,14 +44,14 @@ class Likened(NamedTuple):
 
 
 def disagreement(known: Experience) -> tuple[Array, Array]:
-    """The mean over providers in common of the squared difference of two raters' mean ratings, and their number.
+    """Return the mean squared difference of two raters' mean ratings over common providers, and their number.
 
-    The differences are taken one by one, (S, S, P, ...) for a moment, and not by a matrix product: of raters who agree
-    that would leave the rounding of large sums, which a root magnifies.
+    The differences are taken one by one, in temporary arrays of shape (S, S, P, ...). A matrix product would leave the
+    rounding error of large sums for raters who agree, which a root magnifies.
 
     Returns:
-        The mean squares, shape (S, S, ...), in [0, 1], and 0 with nothing in common; and the number of providers in
-        common, likewise.
+        The mean squares, shape (S, S, ...), in [0, 1], and 0 without common providers; and the number of common
+        providers, of the same shape.
     """
     xp = namespace(known.sums)
     rated = occurred(known.counts)

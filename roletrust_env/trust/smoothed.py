@@ -1,4 +1,4 @@
-"""What the models share that remember nothing but trust."""
+"""The common part of models that remember nothing but trust."""
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
@@ -8,11 +8,11 @@ from roletrust_env.trust.algorithms import Trusts
 
 @checked_dataclass
 class Smoothed:
-    """The part of a trust model that remembers nothing but trust: where it starts and how it is read.
+    """Base of trust models that remember nothing but trust: initial state and read-outs.
 
     Attributes:
-        lam: weight of the newest round, in [0.5, 1).
-        initial: trust before any rating, in [0, 1].
+        lam: Weight of the newest round, in [0.5, 1).
+        initial: Trust before any rating, in [0, 1].
     """
 
     lam: Lam = 0.5
@@ -20,14 +20,14 @@ class Smoothed:
     rates_raters = True
 
     def start(self, like: Array) -> Trusts:
-        """Initial trust for everyone. See `TrustModel.start`."""
+        """Return the initial trust of all agents. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
 
     def rater_trust(self, state: Trusts) -> Array:
-        """The trust of the raters, shape (S, ...)."""
+        """Return the trust of the raters, shape (S, ...)."""
         return state.tor
 
     def provider_trust(self, state: Trusts) -> Array:
-        """The trust of the providers, shape (P, ...)."""
+        """Return the trust of the providers, shape (P, ...)."""
         return state.top

@@ -1,4 +1,4 @@
-"""The world: scenarios, who is there, who serves whom, and what is perceived."""
+"""World: scenarios, presence of agents, access to services, and perception of their quality."""
 
 from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.presets import make_scenario, register_scenario, scenarios
@@ -8,7 +8,7 @@ from roletrust_env.world.scenario import (
     Everyone,
     InRange,
     Perturbation,
-    RatingChannel,
+    RatingDelivery,
     Rewards,
     Scenario,
     load_scenario,
@@ -21,7 +21,7 @@ __all__ = [
     "Everyone",
     "InRange",
     "Perturbation",
-    "RatingChannel",
+    "RatingDelivery",
     "Rewards",
     "Scenario",
     "load_scenario",

@@ -1,47 +1,47 @@
-"""A group of agents in a scenario: what is fixed of each before a game starts."""
+"""Group of agents in a scenario."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
-from roletrust_env.ranges import DrawnBias, DrawnScale, DrawnShare, Share
+from roletrust_env.ranges import BiasOrRange, ScaleOrRange, Share, ShareOrRange
 from roletrust_env.world.base_model import FrozenModel
 
 Role = Literal["SR", "SP", "SR+SP"]
 
 
 class AgentGroup(FrozenModel):
-    """Agents of one kind.
+    """Agents with the same role and the same parameters.
 
-    What has a range is drawn for each agent and each game, uniformly, and lasts for the game.
+    A parameter with a range is drawn uniformly for each agent and each game, and does not change during the game.
     """
 
     role: Role
-    """`SR` rates services, `SP` provides them, `SR+SP` does both."""
+    """Role: `SR` rates services, `SP` provides them, `SR+SP` does both."""
     count: Annotated[int, Field(ge=1, le=100_000)] = 1
-    """Number of agents; each is an identity of its own, also one that joins late."""
+    """Number of agents. Each of them has its own identity, also if it joins late."""
     reserve: Annotated[int, Field(ge=0, le=1000)] = 0
-    """Further identities of each agent, not there until it takes them: newcomers to all others (not in PettingZoo)."""
+    """Further identities of each agent, absent until it takes them: newcomers to all others (not in PettingZoo)."""
     turns: tuple[Role, ...] = ()
-    """For `SR+SP` agents: the roles that they play in turn, over and over; empty: both roles in every round."""
+    """Roles that `SR+SP` agents play in turn, again and again; if empty, they play both roles in every round."""
     turn_length: PositiveInt = 1
-    """Rounds that a turn lasts."""
+    """Number of rounds that a turn lasts."""
     joins: NonNegativeInt = 0
-    """First round in which a member may be present."""
+    """First round in which an agent of the group can be present."""
     join_rate: Share = 1.0
-    """Probability, in each round from `joins` on, that a member that is not there yet joins."""
+    """Probability that an agent that has not joined yet joins, in each round from `joins` on."""
     leaves: PositiveInt | None = None
-    """First round in which no member is present any more."""
+    """First round in which no agent of the group is present any more."""
     leave_rate: Share = 0.0
-    """Probability, in each round, that a present member leaves, for good."""
+    """Probability that a present agent leaves for good, in each round."""
     noise: NonNegativeFloat = 0.0
-    """Standard deviation of a rater's perception of quality (synthetic service only)."""
-    ability: DrawnShare = 1.0
-    """What a provider delivers of the quality that it chooses: a number, or a range (low, high) to draw it from."""
-    bias: DrawnBias = 0.0
-    """What a rater adds to what it perceives (synthetic service only): a number, or a range (low, high)."""
-    scale: DrawnScale = 1.0
-    """What it multiplies quality by before (synthetic service only): a number, or a range (low, high)."""
+    """Standard deviation of the noise in a rater's perception of quality (synthetic service only)."""
+    ability: ShareOrRange = 1.0
+    """Share of the chosen quality that a provider delivers: a number, or a range (low, high) from which it is drawn."""
+    bias: BiasOrRange = 0.0
+    """Number that a rater adds to the quality (synthetic service only), or a range (low, high)."""
+    scale: ScaleOrRange = 1.0
+    """Factor by which a rater multiplies the quality before (synthetic service only), or a range (low, high)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -58,16 +58,16 @@ class AgentGroup(FrozenModel):
         return self
 
     def role_in(self, round: int) -> Role:
-        """The role that its members play in a round."""
+        """Return the role that the agents of the group play in a round."""
         return self.turns[round // self.turn_length % len(self.turns)] if self.turns else self.role
 
     @property
     def subjective(self) -> bool:
-        """Whether its raters have a bias or a scale of their own."""
+        """Whether the raters of the group have a bias or a scale."""
         return self.bias != 0 or self.scale != 1
 
     @property
     def open(self) -> bool:
-        """Whether members join or leave while the game runs."""
+        """Whether agents of the group join or leave during the game."""
         late = self.joins > 0 or self.join_rate < 1
         return late or self.leaves is not None or self.leave_rate > 0 or self.reserve > 0

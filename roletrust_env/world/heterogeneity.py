@@ -1,4 +1,4 @@
-"""What sets agents apart for a whole game: what a provider can deliver, and how a rater sees it."""
+"""Differences between agents that last for a whole game: the ability of providers, and the perception of raters."""
 
 from typing import Literal, NamedTuple
 
@@ -12,74 +12,80 @@ Property = Literal["ability", "bias", "scale"]
 
 
 class Perception(NamedTuple):
-    """How raters see services: as `scale` times quality plus `bias`, each of shape (S, ...)."""
+    """Perception of each rater: `scale` times quality plus `bias`.
+
+    Attributes:
+        bias: Bias of each rater, shape (S, ...).
+        scale: Scale of each rater, shape (S, ...).
+    """
 
     bias: Array
     scale: Array
 
 
-class Nature(NamedTuple):
-    """What agents are like in a game.
+class AgentProperties(NamedTuple):
+    """Properties of the agents in a game.
 
     Attributes:
-        ability: delivered quality as a share of the one that a provider chose, (P, ...); None where all deliver it.
-        taste: how raters see; None where all see quality as it is.
+        ability: Delivered quality as a share of the quality that a provider chose, shape (P, ...); None if every
+            provider delivers all of it.
+        perception: Bias and scale of the raters; None if all raters perceive the quality as it is.
     """
 
     ability: Array | None
-    taste: Perception | None
+    perception: Perception | None
 
 
-class Natures:
-    """What the agents of a scenario are like in a game that starts.
+class AgentPropertySampler:
+    """Draws the properties of the agents of a scenario at the start of a game.
 
     Args:
-        roster: whose groups say what their agents are like.
-        like: an array of the library, dtype and device to work with.
+        roster: Agents and their groups, which give the ranges of the properties.
+        like: Array of the library, dtype and device to work with.
     """
 
     def __init__(self, roster: Roster, like: Array) -> None:
-        def bounds(trait: Property) -> tuple[Array, Array]:
-            low, high = _ranges(roster, trait).T
-            axis = roster.providers if trait == "ability" else roster.raters
+        def bounds(name: Property) -> tuple[Array, Array]:
+            low, high = _ranges(roster, name).T
+            axis = roster.providers if name == "ability" else roster.raters
             low, width = (
                 namespace(like).asarray(axis(x), dtype=like.dtype, device=like.device) for x in (low, high - low)
             )
             return low, width
 
-        alike = all(group.ability == 1 for group in roster.groups)
-        self._ability = None if alike else bounds("ability")
+        all_able = all(group.ability == 1 for group in roster.groups)
+        self._ability = None if all_able else bounds("ability")
         subjective = any(group.subjective for group in roster.groups)
-        self._taste = (bounds("bias"), bounds("scale")) if subjective else None
+        self._perception = (bounds("bias"), bounds("scale")) if subjective else None
 
-    def start(self, nothing: Array, ability: Array | None, bias: Array | None, scale: Array | None) -> Nature:
-        """The nature of the agents in games that start.
+    def start(self, zeros: Array, ability: Array | None, bias: Array | None, scale: Array | None) -> AgentProperties:
+        """Return the properties of the agents at the start of a batch of games.
 
         Args:
-            nothing: zeros, shape (S, P, ...).
-            ability: uniform luck, shape (P, ...); None where no range is given.
-            bias: the same, (S, ...).
-            scale: the same, (S, ...).
+            zeros: Zeros of shape (S, P, ...).
+            ability: Uniform noise of shape (P, ...); None if no group gives a range.
+            bias: Uniform noise of shape (S, ...); None if no group gives a range.
+            scale: Uniform noise of shape (S, ...); None if no group gives a range.
         """
-        taste = None
-        if self._taste is not None:
-            rows = nothing[:, 0, ...]
-            taste = Perception(_drawn(rows, self._taste[0], bias), _drawn(rows, self._taste[1], scale))
-        return Nature(None if self._ability is None else _drawn(nothing[0], self._ability, ability), taste)
+        perception = None
+        if self._perception is not None:
+            rows = zeros[:, 0, ...]
+            perception = Perception(_scale(rows, self._perception[0], bias), _scale(rows, self._perception[1], scale))
+        return AgentProperties(None if self._ability is None else _scale(zeros[0], self._ability, ability), perception)
 
 
-def varies(roster: Roster, trait: Property) -> bool:
-    """Whether a trait is drawn anew for each game, of anybody."""
-    low, high = _ranges(roster, trait).T
+def varies(roster: Roster, name: Property) -> bool:
+    """Return whether a property is drawn anew for each game, for any agent."""
+    low, high = _ranges(roster, name).T
     return bool((low < high).any())
 
 
-def _ranges(roster: Roster, trait: Property) -> npt.NDArray[np.float64]:
-    """The lowest and the highest that a trait can be, for each agent, (N, 2)."""
-    return np.asarray([np.broadcast_to(getattr(group, trait), 2) for group in roster.groups], float)
+def _ranges(roster: Roster, name: Property) -> npt.NDArray[np.float64]:
+    """Return the lowest and the highest value of a property for each agent, shape (N, 2)."""
+    return np.asarray([np.broadcast_to(getattr(group, name), 2) for group in roster.groups], float)
 
 
-def _drawn(nothing: Array, bounds: tuple[Array, Array], luck: Array | None) -> Array:
-    """A trait, shape (n, ...), from its lowest value and its width, (n,) each."""
-    low, width = (bound.reshape(bound.shape + (1,) * (nothing.ndim - 1)) for bound in bounds)
-    return nothing + low if luck is None else low + width * luck
+def _scale(zeros: Array, bounds: tuple[Array, Array], noise: Array | None) -> Array:
+    """Return uniform noise of shape (n, ...) scaled to ranges, given by their low ends and their widths, (n,) each."""
+    low, width = (bound.reshape(bound.shape + (1,) * (zeros.ndim - 1)) for bound in bounds)
+    return zeros + low if noise is None else low + width * noise

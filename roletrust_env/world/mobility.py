@@ -1,4 +1,4 @@
-"""Robots that move: random waypoints in a square arena."""
+"""Moving robots: the random-waypoint model in a square arena."""
 
 from typing import NamedTuple
 
@@ -6,32 +6,43 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.world.scenario import InRange
 
 
-class Places(NamedTuple):
-    """Where the agents are and where they are heading, in metres, shape (N, 2, ...) each."""
+class Motion(NamedTuple):
+    """Position and waypoint of each agent.
+
+    Attributes:
+        position: Position in metres, shape (N, 2, ...).
+        goal: Waypoint that the agent heads for, in metres, shape (N, 2, ...).
+    """
 
     position: Array
     goal: Array
 
 
-def place(rule: InRange, position: Array, goal: Array) -> Places:
-    """Scatter the agents over the arena; both arguments are uniform noise of shape (N, 2, ...)."""
-    return Places(position * rule.arena, goal * rule.arena)
-
-
-def move(rule: InRange, places: Places, goal: Array) -> Places:
-    """One round of the random-waypoint walk: towards the goal at constant speed, then to a new one.
+def scatter(rule: InRange, position: Array, goal: Array) -> Motion:
+    """Place the agents and their waypoints in the arena.
 
     Args:
-        rule: the arena and the speed.
-        places: where the agents are; left as they are.
-        goal: uniform noise, shape (N, 2, ...): the next goal of those that arrive, as a share of the arena.
+        rule: Size of the arena.
+        position: Uniform noise of shape (N, 2, ...).
+        goal: Uniform noise of shape (N, 2, ...).
+    """
+    return Motion(position * rule.arena, goal * rule.arena)
+
+
+def move(rule: InRange, motion: Motion, goal: Array) -> Motion:
+    """Return the motion after one round: each agent moves towards its waypoint at constant speed.
+
+    Args:
+        rule: Size of the arena, and speed.
+        motion: Motion before the round; it is not changed.
+        goal: Uniform noise of shape (N, 2, ...): next waypoint of the agents that arrive, as a share of the arena.
     """
     xp = namespace(goal)
-    way = places.goal - places.position
+    way = motion.goal - motion.position
     distance = xp.sqrt((way**2).sum(axis=1))[:, None, ...]
     arrives = distance <= rule.speed
     stride = way * (rule.speed / xp.where(arrives, 1.0, distance))
-    return Places(
-        xp.where(arrives, places.goal, places.position + stride),
-        xp.where(arrives, goal * rule.arena, places.goal),
+    return Motion(
+        xp.where(arrives, motion.goal, motion.position + stride),
+        xp.where(arrives, goal * rule.arena, motion.goal),
     )

@@ -1,37 +1,38 @@
-"""How strongly services are perturbed, and when."""
+"""Strength of the perturbations in each round."""
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, compiling, namespace
+from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.world.scenario import Perturbation, Scenario
 
 
 class Perturbations:
-    """The perturbations of a scenario; where several overlap, the strongest counts.
+    """Perturbations of a scenario. Where several overlap, the strongest one counts.
 
     Args:
-        scenario: whose perturbations they are.
-        like: an array of the library, dtype and device to work with.
+        scenario: Scenario with the perturbations.
+        like: Array of the library, dtype and device to work with.
     """
 
     def __init__(self, scenario: Scenario, like: Array) -> None:
         xp = namespace(like)
-        self._blows = sorted(scenario.perturbations, key=_strength)
+        self._perturbations = sorted(scenario.perturbations, key=_strength)
         table = np.zeros(scenario.max_cycles)
-        for blow in self._blows:
-            table[blow.start : blow.stop] = blow.strength
+        for perturbation in self._perturbations:
+            table[perturbation.start : perturbation.stop] = perturbation.strength
         self._table = xp.asarray(table, dtype=like.dtype, device=like.device)
 
     def strength(self, round: Array) -> Array:
-        """The strength in a round, both of shape (...)."""
-        if not compiling(round):
+        """Return the strength in each round; rounds and strengths have the same shape (...)."""
+        if not is_compiling(round):
             return self._table[round]
         now = cast(round, self._table.dtype)  # compared twice as fast as integers of 64 bits
         strength = 0.0 * now
-        for blow in self._blows:
-            strength = namespace(now).where((now >= blow.start) & (now < blow.stop), blow.strength, strength)
+        for perturbation in self._perturbations:
+            active = (now >= perturbation.start) & (now < perturbation.stop)
+            strength = namespace(now).where(active, perturbation.strength, strength)
         return strength
 
 
-def _strength(blow: Perturbation) -> float:
-    return blow.strength
+def _strength(perturbation: Perturbation) -> float:
+    return perturbation.strength

@@ -1,4 +1,4 @@
-"""Who is present: joining, leaving, and admission control."""
+"""Presence of agents: joining, leaving, and admission control."""
 
 from typing import Any, NamedTuple
 
@@ -12,12 +12,13 @@ WAITING, PRESENT, LEFT, CUT_OFF = 0, 1, 2, 3
 
 
 class Population(NamedTuple):
-    """Where each agent is in its life.
+    """Presence of each agent.
 
     Attributes:
-        phase: shape (N, ...), integer: `WAITING`, `PRESENT`, `LEFT` or `CUT_OFF`. The last two are for good: whoever
-            wants to come back comes as another identity.
-        low: shape (N, ...), integer: rounds in succession that a present agent's trust has been under the threshold.
+        phase: `WAITING`, `PRESENT`, `LEFT` or `CUT_OFF`, integers of shape (N, ...). The last two are final: an agent
+            can come back only under another identity.
+        low: Number of successive rounds in which the trust of a present agent was below the threshold, integers of
+            shape (N, ...).
     """
 
     phase: Array
@@ -25,18 +26,18 @@ class Population(NamedTuple):
 
 
 class Presence:
-    """The rules of joining, leaving and being cut off.
+    """Rules of joining, leaving and admission control.
 
     Args:
-        scenario: whose groups join and leave and whose admission control applies.
-        roster: the scenario's agents.
-        like: an array of the library, dtype and device to work with.
+        scenario: Scenario with the groups and the admission control.
+        roster: Agents of the scenario.
+        like: Array of the library, dtype and device to work with.
     """
 
     def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
         self._admission = scenario.admission
         self.changes = scenario.admission is not None or any(group.open for group in scenario.agents)
-        """Whether anybody ever joins, leaves or is cut off; if not, there is no need to ask who is present."""
+        """Whether agents can join, leave or be cut off. If not, all agents are present in every round."""
 
         def column(values: list[Any]) -> Array:
             return namespace(like).asarray(np.asarray(values, float), dtype=like.dtype, device=like.device)
@@ -46,46 +47,47 @@ class Presence:
         self._join_rate = column([group.join_rate for group in roster.groups])
         self._leaves = column([never if group.leaves is None else group.leaves for group in roster.groups])
         self._leave_rate = column([group.leave_rate for group in roster.groups])
-        self._owned = None
-        if any(roster.turn):
-            self._owned = column([group.reserve for group in roster.groups]) > 0, column(list(roster.turn)) > 0
+        self._reserves = None
+        if any(roster.identity_index):
+            has_reserve = column([group.reserve for group in roster.groups]) > 0
+            self._reserves = has_reserve, column(list(roster.identity_index)) > 0
 
-    def start(self, luck: Array) -> Population:
-        """The population of round 0. `luck` is uniform noise of shape (N, ...)."""
-        xp = namespace(luck)
-        waiting = xp.zeros_like(luck, dtype=xp.int32)
-        return Population(self._come_and_go(waiting, waiting[0], luck, None), waiting)
+    def start(self, noise: Array) -> Population:
+        """Return the population of round 0, given uniform noise of shape (N, ...)."""
+        xp = namespace(noise)
+        waiting = xp.zeros_like(noise, dtype=xp.int32)
+        return Population(self._join_and_leave(waiting, waiting[0], noise, None), waiting)
 
     def step(
-        self, population: Population, round: Array, trust: Array, luck: Array, wanted: Array | None = None
+        self, population: Population, round: Array, trust: Array, noise: Array, wanted: Array | None = None
     ) -> Population:
-        """The population of the next round.
+        """Return the population of the next round.
 
         Args:
-            population: of the round that ends.
-            round: number of the round that begins, shape (...).
-            trust: of each agent after the round that ends, shape (N, ...).
-            luck: uniform noise, shape (N, ...).
-            wanted: where an owner with identities in reserve wants an identity to be there, boolean, (N, ...): one that
-                is there and not wanted leaves for good, and one in reserve comes when it is wanted. It counts for
-                agents of groups with a reserve only; None leaves everybody where they are.
+            population: Population of the round that ends.
+            round: Number of the round that begins, shape (...).
+            trust: Trust of each agent after the round that ends, shape (N, ...).
+            noise: Uniform noise, shape (N, ...).
+            wanted: Boolean array of shape (N, ...), true where an owner wants an identity to be present. It matters
+                only for agents of groups with identities in reserve: a present identity that is not wanted leaves for
+                good, and a waiting one joins when it is wanted. None changes nothing.
         """
-        xp = namespace(luck)
+        xp = namespace(noise)
         phase, low = population
         if self._admission is not None:
             low = xp.where((phase == PRESENT) & (trust < self._admission.threshold), low + 1, 0)
             phase = xp.where(low >= self._admission.rounds, CUT_OFF, phase)
-        return Population(self._come_and_go(phase, round, luck, wanted), low)
+        return Population(self._join_and_leave(phase, round, noise, wanted), low)
 
-    def _come_and_go(self, phase: Array, round: Array, luck: Array, wanted: Array | None) -> Array:
+    def _join_and_leave(self, phase: Array, round: Array, noise: Array, wanted: Array | None) -> Array:
         def over(column: Array) -> Array:
-            return column.reshape(column.shape + (1,) * (luck.ndim - 1))
+            return column.reshape(column.shape + (1,) * (noise.ndim - 1))
 
-        xp = namespace(luck)
-        joins = (phase == WAITING) & (round >= over(self._joins)) & (luck < over(self._join_rate))
-        leaves = (phase == PRESENT) & (luck < over(self._leave_rate))
-        if self._owned is not None:
-            has_reserve, in_reserve = map(over, self._owned)
+        xp = namespace(noise)
+        joins = (phase == WAITING) & (round >= over(self._joins)) & (noise < over(self._join_rate))
+        leaves = (phase == PRESENT) & (noise < over(self._leave_rate))
+        if self._reserves is not None:
+            has_reserve, in_reserve = map(over, self._reserves)
             joins = joins & (~in_reserve if wanted is None else ~in_reserve | wanted)
             if wanted is not None:
                 leaves = leaves | (phase == PRESENT) & has_reserve & ~wanted

@@ -1,4 +1,4 @@
-"""Scenarios with a name."""
+"""Registry of scenarios, and the scenarios that come with the library."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from roletrust_env.world.scenario import (
     Choice,
     InRange,
     Perturbation,
-    RatingChannel,
+    RatingDelivery,
     Scenario,
     load_scenario,
 )
@@ -18,22 +18,22 @@ registry: Registry[Scenario] = Registry("scenario", "roletrust_env.scenarios", S
 
 
 def register_scenario(scenario: Scenario) -> None:
-    """Make a scenario known by its name.
+    """Register a scenario under its name.
 
     Raises:
-        ValueError: the name is taken or is not a word.
+        ValueError: The name is taken or is not a word.
     """
     registry.register(scenario.name, lambda: scenario)
 
 
 def make_scenario(scenario: str | Path | Scenario) -> Scenario:
-    """A scenario by name, from a TOML or YAML file, or as it is.
+    """Return a scenario given by its name, by the path of a TOML or YAML file, or as an object.
 
     Args:
-        scenario: a registered name, the path of a file, or a `Scenario`.
+        scenario: Registered name, path of a file, or `Scenario`, which is returned as it is.
 
     Raises:
-        ValueError: the name is unknown or the file is not a valid scenario.
+        ValueError: The name is unknown or the file is not a valid scenario.
 
     Example:
         >>> make_scenario("paper-3x3").period_s
@@ -49,7 +49,7 @@ def make_scenario(scenario: str | Path | Scenario) -> Scenario:
 
 
 def scenarios() -> dict[str, str]:
-    """The known scenarios: name and one line of description, or what is wrong with a plug-in."""
+    """Return the known scenarios: name and one-line description, or the error of a plug-in."""
     return {name: _describe(name) for name in registry.names()}
 
 
@@ -76,6 +76,7 @@ _PAPER = Scenario(
     max_cycles=240,
 )
 
+# The descriptions are part of the fingerprint of a benchmark suite: a change would make old submissions differ from it.
 for _preset in (
     _PAPER,
     _PAPER.change(
@@ -109,7 +110,7 @@ for _preset in (
             AgentGroup(role="SR+SP", count=2, noise=0.01),
         ),
         access=InRange(radius=4.0, arena=10.0, speed=0.3),
-        ratings=RatingChannel(lost=0.1, late=0.2, delay=2),
+        ratings=RatingDelivery(lost=0.1, late=0.2, delay=2),
         max_cycles=300,
     ),
     Scenario(
@@ -146,7 +147,7 @@ for _preset in (
             AgentGroup(role="SP", count=12, ability=(0.3, 1.0)),
         ),
         access=Choice(providers=2, temperature=0.1),
-        ratings=RatingChannel(lost=0.05),
+        ratings=RatingDelivery(lost=0.05),
         values=(1.0, 1.0, 1.0, 5.0),
         max_cycles=200,
     ),

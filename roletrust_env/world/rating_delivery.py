@@ -1,45 +1,50 @@
-"""The way of a rating to the trust manager: some are lost, some come late."""
+"""Delivery of ratings to the trust manager: some ratings are lost or arrive late."""
 
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.world.scenario import RatingChannel
+from roletrust_env.world.scenario import RatingDelivery
 
 
 class InTransit(NamedTuple):
-    """Ratings that are late, by the round in which they arrive: shape (delay, S, P, ...); row 0 arrives next."""
+    """Late ratings, by the round in which they arrive.
+
+    Attributes:
+        ratings: Values of shape (delay, S, P, ...); row 0 arrives next.
+        sent: Boolean array of the same shape, true where there is a rating.
+    """
 
     ratings: Array
     sent: Array
 
 
-def start(rule: RatingChannel, like: Array) -> InTransit:
-    """Nothing in transit. `like` has shape (S, P, ...)."""
+def start(rule: RatingDelivery, like: Array) -> InTransit:
+    """Return an empty transit for ratings like an array of shape (S, P, ...)."""
     xp = namespace(like)
     empty = xp.stack([xp.zeros_like(like)] * rule.delay)
     return InTransit(empty, empty > 0)
 
 
 def deliver(
-    rule: RatingChannel,
+    rule: RatingDelivery,
     transit: InTransit | None,
     ratings: Array,
     sent: Array,
     lost: Array | None,
     late: Array | None,
 ) -> tuple[Array, Array, InTransit | None]:
-    """What arrives in this round.
+    """Deliver the ratings of one round.
 
     Args:
-        rule: the probabilities and the delay.
-        transit: the ratings that are late; None where the rule makes none late.
-        ratings: those sent now, shape (S, P, ...).
-        sent: boolean, shape (S, P, ...): which cells hold a rating.
-        lost: uniform noise, shape (S, P, ...); None where the rule loses none.
-        late: uniform noise, shape (S, P, ...); None where the rule makes none late.
+        rule: Probabilities of losses and delays, and length of the delay.
+        transit: Late ratings; None if the rule delays no ratings.
+        ratings: Ratings sent in this round, shape (S, P, ...).
+        sent: Boolean array of shape (S, P, ...), true where there is a rating.
+        lost: Uniform noise, shape (S, P, ...); None if the rule loses no ratings.
+        late: Uniform noise, shape (S, P, ...); None if the rule delays no ratings.
 
     Returns:
-        The ratings that arrive, where they do, and what is in transit afterwards.
+        The ratings that arrive in this round, a boolean array of where they arrive, and the late ratings afterwards.
     """
     if lost is not None:
         sent = sent & (lost >= rule.lost)

@@ -1,4 +1,4 @@
-"""The agents of a scenario: their names, their roles, and their places on the rater, provider and agent axes."""
+"""Roster: names and roles of the agents of a scenario, and their indices among raters, providers and agents."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -41,33 +41,36 @@ def role_in_name(agent: str) -> Role:
 
 @dataclass(frozen=True)
 class Roster:
-    """The agents of a scenario in the order SR, SP, SR+SP, so that every axis is a slice of another.
+    """Agents of a scenario in the order SR, SP, SR+SP.
 
-    Agents: `[SR | SP | SR+SP]`; raters: `[SR | SR+SP]`; providers: `[SP | SR+SP]`. An identity in reserve is an agent
-    of its own, behind all of its role that are not.
+    With this order the raters and the providers are made of slices of the agents. Agents: `[SR | SP | SR+SP]`; raters:
+    `[SR | SR+SP]`; providers: `[SP | SR+SP]`. Each identity in reserve is an agent of its own. It comes after all first
+    identities of its role.
 
     Attributes:
-        groups: the group of each agent, in this order.
-        turn: of each agent among the identities of one owner: 0 is the first, and those from 1 on are in reserve.
-        before: the identity before it, as a place among the agents; of a first one its own.
+        groups: Group of each agent.
+        identity_index: Index of each agent among the identities of its owner: 0 for the first identity, 1 and above for
+            those in reserve.
+        previous_identity: Index of the agent that is the previous identity of the same owner; for a first identity, its
+            own index.
     """
 
     groups: tuple[AgentGroup, ...]
-    turn: tuple[int, ...]
-    before: tuple[int, ...]
+    identity_index: tuple[int, ...]
+    previous_identity: tuple[int, ...]
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Roster":
-        """The roster of a scenario."""
+        """Return the roster of a scenario."""
         owners = [group for group in scenario.agents for _ in range(group.count)]
         order: dict[Role, int] = {"SR": 0, "SP": 1, "SR+SP": 2}
-        agents = [(owner, turn) for owner, group in enumerate(owners) for turn in range(1 + group.reserve)]
+        agents = [(owner, k) for owner, group in enumerate(owners) for k in range(1 + group.reserve)]
         agents.sort(key=lambda agent: (order[owners[agent[0]].role], agent[1] > 0))
-        place = {agent: n for n, agent in enumerate(agents)}
+        index = {agent: n for n, agent in enumerate(agents)}
         return cls(
             groups=tuple(owners[owner] for owner, _ in agents),
-            turn=tuple(turn for _, turn in agents),
-            before=tuple(place[owner, max(turn - 1, 0)] for owner, turn in agents),
+            identity_index=tuple(k for _, k in agents),
+            previous_identity=tuple(index[owner, max(k - 1, 0)] for owner, k in agents),
         )
 
     @cached_property
@@ -77,32 +80,32 @@ class Roster:
 
     @cached_property
     def n_agents(self) -> int:
-        """N, the number of agents."""
+        """Number of agents, N."""
         return len(self.groups)
 
     @cached_property
     def n_both(self) -> int:
-        """The number of SR+SP agents; they are the last ones on every axis."""
+        """Number of SR+SP agents. They are the last ones on every axis."""
         return self._count["SR+SP"]
 
     @cached_property
     def n_raters(self) -> int:
-        """S, the number of agents that can rate."""
+        """Number of raters, S."""
         return self._count["SR"] + self.n_both
 
     @cached_property
     def n_providers(self) -> int:
-        """P, the number of agents that can provide."""
+        """Number of providers, P."""
         return self._count["SP"] + self.n_both
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The agents' names: `sr_0 ...`, `sp_0 ...`, `srsp_0 ...`."""
+        """Names of the agents: `sr_0 ...`, `sp_0 ...`, `srsp_0 ...`."""
         return tuple(f"{PREFIXES[role]}_{i}" for role, n in self._count.items() for i in range(n))
 
     @cached_property
     def roles(self) -> dict[str, Role]:
-        """The role of each agent, by name."""
+        """Role of each agent, by its name."""
         return dict(zip(self.names, (group.role for group in self.groups), strict=True))
 
     def role(self, name: str) -> Role:
@@ -117,63 +120,70 @@ class Roster:
 
     @cached_property
     def rater_names(self) -> tuple[str, ...]:
-        """The names on the rater axis."""
+        """Names of the raters."""
         return self.names[: self._count["SR"]] + self.names[self.n_agents - self.n_both :]
 
     @cached_property
     def provider_names(self) -> tuple[str, ...]:
-        """The names on the provider axis."""
+        """Names of the providers."""
         return self.names[self._count["SR"] :]
 
     @cached_property
     def owners(self) -> dict[str, str]:
-        """Each agent's name, and that of the first identity of its owner, which is its own but for those in reserve."""
+        """Name of the owner of each agent, by the name of the agent. An owner has the name of its first identity."""
         owners: dict[str, str] = {}
-        for _, name, before in sorted(zip(self.turn, self.names, self.before, strict=True)):
-            owners[name] = owners.get(self.names[before], name)
+        for _, name, previous in sorted(zip(self.identity_index, self.names, self.previous_identity, strict=True)):
+            owners[name] = owners.get(self.names[previous], name)
         return {name: owners[name] for name in self.names}
 
     def with_reserves(self, by_name: Mapping[str, T]) -> dict[str, T]:
-        """What is said of agents by name, such as how they play, said of their identities in reserve, too."""
+        """Return a mapping by name of agent in which the identities in reserve have the value of their owner."""
         return {name: by_name[owner] for name, owner in self.owners.items() if owner in by_name}
 
     @cached_property
-    def first_names(self) -> tuple[str, ...]:
-        """The names of all agents but the identities in reserve."""
-        return tuple(name for name, turn in zip(self.names, self.turn, strict=True) if turn == 0)
+    def owner_names(self) -> tuple[str, ...]:
+        """Names of all agents except the identities in reserve."""
+        return tuple(name for name, k in zip(self.names, self.identity_index, strict=True) if k == 0)
 
     @cached_property
-    def stranger(self) -> npt.NDArray[np.bool_]:
-        """Shape (S, P): true where rater and provider are two identities, so that one may rate the other."""
+    def not_self(self) -> npt.NDArray[np.bool_]:
+        """Boolean array of shape (S, P), true where rater and provider are not the same agent."""
         raters, providers = np.asarray(self.rater_names), np.asarray(self.provider_names)
         return np.asarray(raters[:, None] != providers)
 
     def raters(self, of_agents: Array) -> Array:
-        """The rows of the raters, (S, ...), of an array over agents, (N, ...)."""
+        """Return the rows of the raters, shape (S, ...), of an array over agents, shape (N, ...)."""
         sr = of_agents[: self._count["SR"]]
         return namespace(of_agents).concat([sr, of_agents[self.n_agents - self.n_both :]]) if self.n_both else sr
 
     def providers(self, of_agents: Array) -> Array:
-        """The rows of the providers, (P, ...), of an array over agents, (N, ...)."""
+        """Return the rows of the providers, shape (P, ...), of an array over agents, shape (N, ...)."""
         return of_agents[self._count["SR"] :]
 
     def agents(self, of_raters: Array, of_providers: Array, of_both: Array | None) -> Array:
-        """An array over agents, (N, ...), of one over raters, one over providers and one over SR+SP agents."""
+        """Return an array over agents, shape (N, ...), from one each over raters, providers and SR+SP agents."""
         parts = [of_raters, of_providers]
         if of_both is not None:
             parts = [of_raters[: self._count["SR"]], of_providers[: self._count["SP"]], of_both]
         return namespace(of_raters).concat(parts)
 
     def both(self, of_raters_or_providers: Array) -> Array:
-        """The rows of the SR+SP agents of an array over raters or over providers."""
+        """Return the rows of the SR+SP agents of an array over raters or over providers."""
         return of_raters_or_providers[of_raters_or_providers.shape[0] - self.n_both :]
 
-    def on_duty(self, max_cycles: int) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Who rates and who provides in which round: two arrays, (max_cycles, S) and (max_cycles, P)."""
+    def role_schedule(self, max_cycles: int) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """Return which raters rate and which providers provide, by their role in each round.
+
+        Args:
+            max_cycles: Number of rounds.
+
+        Returns:
+            Two boolean arrays of the shapes (max_cycles, S) and (max_cycles, P).
+        """
 
         def plays(role: Role) -> npt.NDArray[np.bool_]:
-            duty = {group: [role in group.role_in(r) for r in range(max_cycles)] for group in set(self.groups)}
-            return np.asarray([duty[group] for group in self.groups])
+            rounds = {group: [role in group.role_in(r) for r in range(max_cycles)] for group in set(self.groups)}
+            return np.asarray([rounds[group] for group in self.groups])
 
         return self.raters(plays("SR")).T, self.providers(plays("SP")).T
 

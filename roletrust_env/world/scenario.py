@@ -1,4 +1,4 @@
-"""A scenario: everything that is fixed before a game starts, as frozen, validated data."""
+"""Scenario: everything that is fixed before a game starts, as frozen, validated data."""
 
 import tomllib
 from collections.abc import Callable, Mapping
@@ -22,56 +22,56 @@ from roletrust_env.world.group import AgentGroup
 
 
 class Everyone(FrozenModel):
-    """Every rater is served by every provider, as in the paper."""
+    """Access without restrictions: every provider serves every rater, as in the paper."""
 
     kind: Literal["everyone"] = "everyone"
     """`everyone`."""
 
 
 class InRange(FrozenModel):
-    """Agents are robots that move from waypoint to waypoint; a rater is served by the providers near it."""
+    """Access by distance: agents are robots that move between waypoints, and providers serve the raters near them."""
 
     kind: Literal["in-range"] = "in-range"
     """`in-range`."""
     radius: PositiveFloat = 4.0
     """Distance up to which a service reaches, in metres."""
     arena: PositiveFloat = 10.0
-    """Side of the square arena, in metres."""
+    """Side length of the square arena, in metres."""
     speed: NonNegativeFloat = 0.25
     """Distance that a robot moves in a round, in metres."""
 
 
 class Choice(FrozenModel):
-    """Each rater chooses a few providers by their published trust."""
+    """Access by choice: each rater chooses a few providers by their published trust."""
 
     kind: Literal["choice"] = "choice"
     """`choice`."""
     providers: PositiveInt = 1
-    """How many providers each rater chooses in a round."""
+    """Number of providers that each rater chooses in a round."""
     temperature: NonNegativeFloat = 0.0
-    """0 chooses greedily, ties broken at random; above 0, by softmax of trust / temperature, without replacement."""
+    """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties break at random."""
 
 
-class RatingChannel(FrozenModel):
-    """What happens to ratings on their way to the trust manager."""
+class RatingDelivery(FrozenModel):
+    """Losses and delays of ratings on their way to the trust manager."""
 
     lost: Share = 0.0
     """Probability that a rating is lost."""
     late: Share = 0.0
-    """Probability that a rating that is not lost comes late."""
+    """Probability that a rating that is not lost arrives late."""
     delay: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Rounds by which a late rating is late. It yields to a newer rating that arrives in the same round."""
+    """Delay of a late rating, in rounds. If a newer rating arrives in the same round, the late one is dropped."""
 
 
 class Perturbation(FrozenModel):
-    """A disturbance that strikes all services for a while, as the fast-moving target does in the paper."""
+    """Perturbation of all services for some rounds, like the fast-moving target in the paper."""
 
     start: NonNegativeInt
-    """First round struck."""
+    """First round of the perturbation."""
     stop: PositiveInt
-    """First round after it."""
+    """First round after the perturbation."""
     strength: Share = 1.0
-    """Share of every service's quality that is lost; through the camera, how fast the target moves."""
+    """Share of the quality that every service loses; with the camera, the speed of the target."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -81,16 +81,16 @@ class Perturbation(FrozenModel):
 
 
 class Admission(FrozenModel):
-    """Admission control: an agent whose trust stays too low is cut off, for good."""
+    """Admission control: an agent whose trust stays too low is cut off for good."""
 
     threshold: Share
-    """Trust under which an agent is in danger."""
+    """Trust below which a round counts towards the cut-off."""
     rounds: PositiveInt = 5
-    """Rounds in succession under the threshold after which it is cut off."""
+    """Number of successive rounds below the threshold after which the agent is cut off."""
 
 
 class Rewards(FrozenModel):
-    """Weights of the rewards that honest agents play for."""
+    """Weights in the rewards of honest agents."""
 
     rater_trust: NonNegativeFloat = 1.0
     """Weight of ToR in a rater's reward."""
@@ -99,7 +99,7 @@ class Rewards(FrozenModel):
     agent_trust: NonNegativeFloat = 1.0
     """Weight of ToA in the reward of an agent with both roles."""
     quality_cost: NonNegativeFloat = 0.1
-    """Cost of a service of quality 1 and value 1; the quality is that which is delivered."""
+    """Cost of a service of delivered quality 1 and value 1."""
 
 
 class Scenario(FrozenModel):
@@ -111,51 +111,51 @@ class Scenario(FrozenModel):
     """
 
     name: str = "custom"
-    """What it is called."""
+    """Name of the scenario."""
     description: str = ""
-    """One line on what it shows."""
+    """One-line description."""
     tags: tuple[str, ...] = ()
-    """Words to find it by."""
+    """Keywords for searching."""
     agents: tuple[AgentGroup, ...]
-    """The groups of agents."""
+    """Groups of agents."""
     access: Annotated[Everyone | InRange | Choice, Field(discriminator="kind")] = Everyone()
-    """Who is served by whom, and so who can rate whom; never oneself."""
+    """Rule by which providers serve raters, who can then rate them. No agent serves or rates itself."""
     service: Literal["synthetic", "hog"] = "synthetic"
-    """`synthetic`: perceived quality is a number. `hog`: a people detector looks at camera frames."""
+    """Service: `synthetic`, with a number as perceived quality, or `hog`, a people detector on camera frames."""
     frames: str | int | None = None
-    """For `hog`: a video file, an image folder or a camera number; None renders a scene, the same for every seed."""
+    """Frames of the service `hog`: a video, an image folder or a camera number; None renders the same scene always."""
     playback: Literal["once", "loop"] = "once"
-    """Of a video or image folder: `once`, and it must last as long as the game; `loop`: again and again."""
-    ratings: RatingChannel = RatingChannel()
-    """How many ratings get lost or come late: `lost`, `late`, `delay`."""
+    """Playback of a video or image folder: `once`, which must last as long as the game, or `loop`."""
+    ratings: RatingDelivery = RatingDelivery()
+    """Losses and delays of ratings: `lost`, `late`, `delay`."""
     perturbations: tuple[Perturbation, ...] = ()
-    """What strikes all services for a while: `start`, `stop`, `strength`."""
+    """Perturbations of all services: `start`, `stop`, `strength`."""
     values: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
-    """The value of each service is drawn from these, each as likely; the provider knows it before it serves."""
+    """Values of a service, one of which is drawn uniformly each time; the provider knows it before it serves."""
     admission: Admission | None = None
-    """Who is cut off for good: `threshold`, `rounds`; None cuts nobody off."""
+    """Admission control: `threshold`, `rounds`; None cuts no agent off."""
     rewards: Rewards = Rewards()
-    """Weights of the rewards of honest agents."""
+    """Weights in the rewards of honest agents."""
     max_cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 120
     """Length of the game, in rounds."""
     period_s: PositiveFloat = 0.5
-    """Seconds from one service to the next."""
+    """Length of a round, in seconds."""
     lam: Lam = 0.5
     """Weight of the newest round in every trust."""
     initial_trust: Share = 0.5
-    """Trust of everyone before any rating."""
+    """Trust of every agent before any rating."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not any(self._somebody_rates(round) for round in range(self.max_cycles)):
             roles = ", ".join(f"{g.count} {' then '.join(g.turns) or g.role}" for g in self.agents) or "none at all"
             raise ValueError(
-                f"agents: {roles}; nobody could rate anybody. In some round there must be a rater (SR or SR+SP) "
+                f"agents: {roles}; no agent can rate another. In some round there must be a rater (SR or SR+SP) "
                 "and another agent that provides (SP or SR+SP)"
             )
         providers = sum(group.count for group in self.agents if group.role != "SR")
         if isinstance(self.access, Choice) and self.access.providers > providers:
-            raise ValueError(f"access.providers is {self.access.providers}; there are {providers} to choose from")
+            raise ValueError(f"access.providers is {self.access.providers}; there are only {providers} providers")
         if self.frames == "" or (isinstance(self.frames, int) and not 0 <= self.frames < 2**31):
             raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
         if self.frames is not None and self.service != "hog":
@@ -167,22 +167,22 @@ class Scenario(FrozenModel):
         return self
 
     def _somebody_rates(self, round: int) -> bool:
-        """Whether, in this round, one agent rates and another one provides."""
-        there = [g for g in self.agents if g.joins <= round and (g.leaves is None or round < g.leaves)]
-        playing = [(group.role_in(round), group.count) for group in there]
+        """Return whether, in a round, one agent can rate and another one can provide."""
+        present = [g for g in self.agents if g.joins <= round and (g.leaves is None or round < g.leaves)]
+        playing = [(group.role_in(round), group.count) for group in present]
         raters = sum(count for role, count in playing if role != "SP")
         providers = sum(count for role, count in playing if role != "SR")
         both = sum(count for role, count in playing if role == "SR+SP")
         return raters > 0 and providers > 0 and not raters == providers == both == 1
 
     def change(self, /, **changes: Any) -> "Scenario":
-        """The same scenario with other values of some fields, validated anew.
+        """Return a copy of the scenario with other values of some fields, validated anew.
 
         Args:
-            **changes: fields of the scenario; and `noise`, which replaces every group's perception noise.
+            **changes: Fields of the scenario, and `noise`, which replaces the perception noise of every group.
 
         Raises:
-            ValueError: a field does not exist or a value is not allowed.
+            ValueError: A field does not exist or a value is not allowed.
         """
         source, noise = f"scenario {self.name!r}", changes.pop("noise", None)
         changed = read_scenario({**self.model_dump(), **changes}, source)
@@ -193,14 +193,14 @@ class Scenario(FrozenModel):
 
 
 def read_scenario(data: Mapping[str, Any], source: str) -> Scenario:
-    """Make a scenario of plain data.
+    """Return the scenario described by plain data.
 
     Args:
-        data: the fields of `Scenario`, nested as in a TOML file.
-        source: where the data came from, for error messages.
+        data: Fields of `Scenario`, nested as in a TOML file.
+        source: Source of the data, for error messages.
 
     Raises:
-        ValueError: names each wrong field, its value and what is allowed.
+        ValueError: Some fields are wrong. The message gives each of them with its value and the values allowed.
     """
     try:
         return Scenario.model_validate(data)
@@ -212,19 +212,19 @@ def load_scenario(path: str | Path) -> Scenario:
     """Read a scenario from a TOML or YAML file.
 
     Raises:
-        ValueError: the file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
+        ValueError: The file cannot be read, is neither TOML nor YAML, or holds no valid scenario.
     """
     path = Path(path)
     readers: dict[str, Callable[[str], Any]] = {".toml": tomllib.loads, ".yaml": _parse_yaml, ".yml": _parse_yaml}
     if path.suffix not in readers:
-        raise ValueError(f"scenario file {path}: its name must end in one of {', '.join(readers)}")
+        raise ValueError(f"scenario file {path}: the name must end in one of {', '.join(readers)}")
     try:
         data = readers[path.suffix](path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"scenario file {path} cannot be read: {error.strerror}") from None
     except RecursionError:
         raise ValueError(f"scenario file {path} is broken: it is nested too deeply") from None
-    except ValueError as error:  # the parsers' own errors and wrong UTF-8 are ValueErrors
+    except ValueError as error:  # raised by the parsers, and for invalid UTF-8
         raise ValueError(f"scenario file {path} is broken: {error}") from None
     if not isinstance(data, dict):
         raise ValueError(f"scenario file {path} holds a {type(data).__name__}; it must hold fields with values")
@@ -235,7 +235,7 @@ def _parse_yaml(text: str) -> Any:
     try:
         import yaml
     except ImportError:
-        raise ValueError("YAML needs PyYAML: pip install 'roletrust-env[cli]'; TOML needs nothing") from None
+        raise ValueError("YAML needs PyYAML: pip install 'roletrust-env[cli]'; TOML needs no package") from None
 
     try:
         return yaml.safe_load(text)

@@ -1,4 +1,4 @@
-"""From the quality that a provider chose to the quality that each rater perceives."""
+"""Services: from the quality that a provider delivers to the quality that each rater perceives."""
 
 from typing import Any, Protocol
 
@@ -11,33 +11,35 @@ from roletrust_env.world.scenario import Scenario
 
 
 class Service(Protocol):
-    """What lies between a provider's quality and a rater's perception of it."""
+    """Protocol of services: they turn the quality of providers into the perception of raters."""
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Perception | None) -> Array:
-        """The quality that each rater perceives in each service.
+    def perceive(
+        self, quality: Array, strength: Array, round: Array, noise: Array, perception: Perception | None
+    ) -> Array:
+        """Return the quality that each rater perceives in each service.
 
         Args:
-            quality: as delivered, shape (P, ...), or to each rater, (S, P, ...), in [0, 1].
-            strength: of the perturbation that strikes all services, shape (...), in [0, 1].
-            round: number of the round, shape (...).
-            noise: standard normal, shape (S, P, ...).
-            taste: the raters' own bias and scale; None where they have none.
+            quality: Delivered quality in [0, 1], shape (P, ...), or for each rater, shape (S, P, ...).
+            strength: Strength of the perturbation in [0, 1], shape (...).
+            round: Number of the round, shape (...).
+            noise: Standard normal noise, shape (S, P, ...).
+            perception: Bias and scale of the raters; None if they have none.
 
         Returns:
-            Perceived quality, shape (S, P, ...), in [0, 1].
+            Perceived quality in [0, 1], shape (S, P, ...).
         """
         ...
 
 
 class SyntheticService:
-    """Perceived quality is delivered quality, dimmed by perturbations, plus the rater's Gaussian noise, clipped.
+    """Service in which a rater perceives the delivered quality, reduced by perturbations, plus noise, clipped.
 
-    A rater with a bias and a scale of its own perceives scale x quality + bias + noise, clipped: it is subjective, and
+    A rater with a bias and a scale perceives scale x quality + bias + noise, clipped. Such a rater is subjective, but
     not dishonest.
 
     Args:
-        roster: whose raters have their perception noise.
-        like: an array of the library, dtype and device to work with.
+        roster: Agents with the perception noise of the raters.
+        like: Array of the library, dtype and device to work with.
     """
 
     def __init__(self, roster: Roster, like: Array) -> None:
@@ -45,29 +47,31 @@ class SyntheticService:
             return namespace(like).asarray(values, dtype=like.dtype, device=like.device)
 
         noise = roster.raters(np.asarray([group.noise for group in roster.groups]))
-        alike = bool((noise == noise[0]).all())
-        self._deviation = constant(noise[0] if alike else noise[:, None])
-        # Arrays, since numbers cost twice as much as small arrays; so does `clip`.
+        all_equal = bool((noise == noise[0]).all())
+        self._deviation = constant(noise[0] if all_equal else noise[:, None])
+        # Arrays, because Python numbers take twice the time of small arrays, and so does `clip`.
         self._bounds = constant(0), constant(1)
 
-    def perceive(self, quality: Array, strength: Array, round: Array, noise: Array, taste: Perception | None) -> Array:
+    def perceive(
+        self, quality: Array, strength: Array, round: Array, noise: Array, perception: Perception | None
+    ) -> Array:
         """See `Service.perceive`."""
         deviation = self._deviation
         if deviation.ndim and noise.ndim > 2:
             deviation = deviation.reshape(deviation.shape + (1,) * (noise.ndim - 2))
-        xp, (least, most) = namespace(noise), self._bounds
-        seen = quality * (1 - strength)
-        if taste is not None:
-            seen = taste.scale[:, None, ...] * seen + taste.bias[:, None, ...]
-        return xp.minimum(xp.maximum(seen + deviation * noise, least), most)
+        xp, (low, high) = namespace(noise), self._bounds
+        perceived = quality * (1 - strength)
+        if perception is not None:
+            perceived = perception.scale[:, None, ...] * perceived + perception.bias[:, None, ...]
+        return xp.minimum(xp.maximum(perceived + deviation * noise, low), high)
 
 
 def make_service(scenario: Scenario, roster: Roster, like: Array) -> Service:
-    """The service of a scenario; OpenCV is imported only for one that looks at camera frames."""
+    """Return the service of a scenario. OpenCV is imported only for the service `hog`."""
     if scenario.service == "synthetic":
         return SyntheticService(roster, like)
     if not isinstance(like, np.ndarray):
-        raise ValueError("the service 'hog' is NumPy's; it cannot be played with arrays of another library")
+        raise ValueError("the service 'hog' needs NumPy; it does not support arrays of another library")
     try:
         from roletrust_env.world.vision import HogService
     except ImportError as error:

@@ -51,7 +51,7 @@ def made(name):
     """An attack with its usual parameters, but that sleepers wake early enough to be seen."""
     facts = {"length": SMALL.max_cycles, "accomplices": (0, 4)}
     early = {"start": 3, "wakes_at": 0.5} if name.startswith("camouflage") else {}
-    return make_attacker(name, **registry.taken(name, {**facts, **early}))
+    return make_attacker(name, **registry.accepted_parameters(name, {**facts, **early}))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -102,7 +102,7 @@ def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
             load_suite(path)
     with pytest.raises(ValueError, match="cannot be read"):
         load_suite(tmp_path / "none.toml")
-    with pytest.raises(ValueError, match=r"unknown suite 'brief'; known: .*quick"):
+    with pytest.raises(ValueError, match=r"unknown suite 'brief'. Known: .*quick"):
         load_suite("brief")
 
 

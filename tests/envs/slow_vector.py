@@ -22,7 +22,7 @@ class Slice(Random):
         return super().uniform((*shape, GAMES))[..., self.e]
 
     def draw(self, game: Game, start: bool = False) -> Noise:
-        luck = game.luck(self.round_key(), (GAMES,), start=start)
+        luck = game.noise(self.round_key(), (GAMES,), start=start)
         return Noise(*(None if part is None else part[..., self.e] for part in luck))
 
 

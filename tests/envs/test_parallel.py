@@ -140,7 +140,7 @@ def test_the_spaces_are_dictionaries_too_and_the_luck_can_be_shared() -> None:
         ({"render_mode": "hologram"}, ["render_mode", "'hologram'", "human", "rgb_array", "ansi"]),
         ({"lam": 1.0}, ["lam", "1.0", "[0.5, 1)"]),
         ({"max_cycles": 0}, ["max_cycles", "0", "greater than"]),
-        ({"agents": ({"role": "SR"},)}, ["agents", "nobody could rate anybody"]),
+        ({"agents": ({"role": "SR"},)}, ["agents", "no agent can rate another"]),
     ],
     ids=str,
 )

@@ -230,7 +230,7 @@ def test_others_play_as_they_are_told():
         ({"role": "srsp"}, "no agent in scenario"),
         ({"role": "sr", "scenario": "open-system"}, "come and go"),
         ({"role": "sr", "others": {"sr_0": Policy()}}, "'sr_0' learns"),
-        ({"role": "sr", "games": 0}, "num_envs"),
+        ({"role": "sr", "games": 0}, "games is 0"),
     ],
 )
 def test_roles_that_cannot_be_slots_are_refused(options, message):
@@ -241,3 +241,41 @@ def test_roles_that_cannot_be_slots_are_refused(options, message):
 def test_one_policy_learns_for_all_raters():
     env = role_env("sr")
     PPO("MlpPolicy", env, n_steps=10, batch_size=30, n_epochs=1, seed=0, device="cpu").learn(90)
+
+
+@pytest.mark.parametrize("games", [0, -1, 2.5, "3", True, None])
+def test_a_wrong_number_of_games_is_refused(games):
+    with pytest.raises(ValueError, match=r"num_envs is .*; it must be a whole number, 1 or more"):
+        provider(games)
+    with pytest.raises(ValueError, match=r"games is .*; it must be a whole number, 1 or more"):
+        role_env(role="sr", games=games)
+
+
+def test_a_slot_that_is_not_there_is_named():
+    with pytest.raises(IndexError, match="there is no slot 4; the 4 slots are 0 to 3"):
+        provider().get_attr("spec", 4)
+
+
+def test_infos_have_the_trust_of_the_compromised_and_of_the_honest():
+    """As published after the round, of the same game that a batch of Gymnasium plays."""
+    task = make_task("open-system", ("sr_0", "sp_1"), max_cycles=40)
+    env = AttackVecEnv(task, 5, seed=3)
+    env.reset()
+    names = task.game.roster.names
+    for actions in actions_of(env, 30):
+        *_, infos = env.step(actions)
+        state = env._batch.games
+        trust, present = task.game.agent_trust(state), task.game.present(state)
+        for game, info in enumerate(infos):
+            assert info["trust"] == {name: trust[names.index(name), game] for name in ("sr_0", "sp_1")}
+            honest = [i for i, name in enumerate(names) if name not in ("sr_0", "sp_1") and present[i, game]]
+            assert info["honest_trust"] == pytest.approx(trust[honest, game].mean(), abs=1e-6)
+
+
+def test_an_environment_for_sb3_shows_itself():
+    env = provider()
+    assert repr(env).startswith(
+        "AttackVecEnv('paper-3x3', RoleTrust(lam=0.5, initial=0.5), agents: 3 SR + 3 SP, rounds: 5"
+    )
+    env.reset()
+    assert "<img" in env._repr_html_()

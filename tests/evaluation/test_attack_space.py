@@ -11,7 +11,7 @@ from roletrust_baselines import BadMouthing, OnOff
 
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST, Mixture, Space, as_spec
-from roletrust_env.ranges import Accomplices, Kept, Searched, Share, Tried, Victims
+from roletrust_env.ranges import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Own(Policy):
 
     delay: int = 7
     bad: Share = 0.1
-    rounds: Annotated[int, Searched(2, 5)] = 2
+    rounds: Annotated[int, SearchRange(2, 5)] = 2
     mood: Literal["sour", "sweet", "bitter"] = "sour"
-    power: Annotated[float, Searched(-1, 3), Tried(0.5)] = 1.0
-    quiet: Annotated[Share, Kept()] = 0.0
+    power: Annotated[float, SearchRange(-1, 3), GridValues(0.5)] = 1.0
+    quiet: Annotated[Share, NotSearched()] = 0.0
     places: Annotated[tuple[int, ...], Victims()] = (0,)
     ring: Annotated[tuple[int, ...], Accomplices()] = ()
 
@@ -95,7 +95,7 @@ class Demanding(Policy):
 class Contrary(Policy):
     """Refuses what it declares."""
 
-    rounds: Annotated[PositiveInt, Searched(0, 5)] = 1
+    rounds: Annotated[PositiveInt, SearchRange(0, 5)] = 1
 
 
 def test_what_cannot_be_searched_says_why():
@@ -104,8 +104,8 @@ def test_what_cannot_be_searched_says_why():
     assert Space(partial(Demanding, bad=0.5), (), (), 50).size == 0
     with pytest.raises(ValueError, match=r"attack Contrary .* refuses {'rounds': 0}: rounds is 0: .* greater than 0"):
         Space(Contrary, (), (), 50).decode([0.0])
-    with pytest.raises(ValueError, match=r"attack Tried cannot be searched, it makes .*Tried.*, no Policy"):
-        Space(Tried, (), (), 50)
+    with pytest.raises(ValueError, match=r"attack GridValues cannot be searched, it makes .*GridValues.*, no Policy"):
+        Space(GridValues, (), (), 50)
     for low, high in ((2, 1), (0, float("inf")), (float("nan"), 1)):
-        with pytest.raises(ValueError, match=f"low={low}, high={high}.* no range"):
-            Searched(low, high)
+        with pytest.raises(ValueError, match=f"low={low}, high={high}.* is not a range"):
+            SearchRange(low, high)

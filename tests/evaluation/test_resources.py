@@ -56,11 +56,11 @@ def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked)
 def test_measured_attackers_take_what_was_foreseen():
     from roletrust_agents.learned.network_attacker import NetworkAttacker
     from roletrust_agents.learned.policy import play_task
-    from roletrust_agents.learned.saved import carded_task, load_attacker
+    from roletrust_agents.learned.saved import load_attacker, task_from_card
 
     attacker = load_attacker(ZOO / "collusion-10x10")
     card, network = attacker.card, attacker.network
-    task = carded_task(card.task, card.trust_model, card.scenario.change(max_cycles=10))
+    task = task_from_card(card.task, card.trust_model, card.scenario.change(max_cycles=10))
     foreseen = 1000 * task_memory(task, NetworkAttacker(network, "black_box"))
     assert 0.9 < foreseen / peak(lambda: play_task(task, network, games=1000, seed=0)) < 1.35
 
@@ -68,10 +68,14 @@ def test_measured_attackers_take_what_was_foreseen():
 @pytest.mark.parametrize(
     ("command", "option", "work"),
     [
-        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "commands.play.play_games"),
-        (["zoo", "provider-3x3"], "--games ", "commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--games ", "commands.ladder.climb"),
-        (["train", "RaterAttack", "--set", "max_cycles=10"], "--learner games=", "training.loop.train"),
+        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "roletrust_experiments.commands.play.play_games"),
+        (["zoo", "provider-3x3"], "--games ", "roletrust_experiments.commands.zoo.measure"),
+        (["ladder", "RaterAttack"], "--games ", "roletrust_experiments.commands.ladder.climb"),
+        (
+            ["train", "RaterAttack", "--set", "max_cycles=10"],
+            "--learner PPO:games=",
+            "roletrust_agents.training.loop.train",
+        ),
     ],
     ids=["play", "zoo", "ladder", "train"],
 )
@@ -82,8 +86,8 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
     def begin(*_, **__):
         raise BegunError("it has begun")
 
-    monkeypatch.setattr(f"roletrust_experiments.{work}", begin)
-    monkeypatch.setattr("roletrust_experiments.training.loop.MANY", 50)  # quickly tried
+    monkeypatch.setattr(work, begin)
+    monkeypatch.setattr("roletrust_agents.training.loop.MANY", 50)  # quickly tried
     monkeypatch.setattr(resources, "available", lambda: 1e9)
     monkeypatch.chdir(tmp_path)
 
@@ -93,7 +97,7 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
         return " ".join(result.stderr.split())
 
     said = attempt(9_000_000)
-    name = option.strip("= ")
+    name = option.strip("= ").replace("PPO:", "")
     pattern = (
         rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "
     )

@@ -1,4 +1,4 @@
-"""What is written behind `--attack`, `--trust-model` and `--set`."""
+"""What is written behind `--attack`, `--model` and `--set`."""
 
 import sys
 
@@ -48,10 +48,10 @@ def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, mon
         "from dataclasses import dataclass\n"
         "from typing import Annotated, ClassVar\n"
         "from roletrust_env import Policy\n"
-        "from roletrust_env.ranges import Searched\n"
+        "from roletrust_env.ranges import SearchRange\n"
         "@dataclass(frozen=True)\n"
         "class Shift(Policy):\n"
-        "    by: Annotated[int, Searched(-3, 3)] = 0\n"
+        "    by: Annotated[int, SearchRange(-3, 3)] = 0\n"
         "    attacks: ClassVar = frozenset({'ratings'})\n"
     )
     about = tmp_path / "package_of_lies-1.0.dist-info"
@@ -98,8 +98,8 @@ def test_nothing_is_called_before_it_is_known_what_it_is(tmp_path, mine, name):
     "arguments",
     [
         ["play", "--attack", "sr_1=os:system:command=touch called"],
-        ["play", "--trust-model", "mine_for_attacks:touch"],
-        ["ladder", "RaterAttack", "--trust-model", "mine_for_attacks:touch"],
+        ["play", "--model", "mine_for_attacks:touch"],
+        ["ladder", "RaterAttack", "--model", "mine_for_attacks:touch"],
     ],
 )
 def test_no_command_calls_what_it_should_not(tmp_path, mine, arguments):

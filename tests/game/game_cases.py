@@ -130,7 +130,7 @@ def luck(game: Game, seed: int, batch: tuple[int, ...] = ()) -> tuple[Noise, lis
         return np.where(rng.random((*shape, *batch)) < 0.5, rng.integers(0, 5, (*shape, *batch)) / 4, rng.random())
 
     def wanted() -> np.ndarray | None:
-        return rng.random((game.roster.n_agents, *batch)) < 0.8 if any(game.roster.turn) else None
+        return rng.random((game.roster.n_agents, *batch)) < 0.8 if any(game.roster.identity_index) else None
 
     def kept() -> np.ndarray | None:
         return rng.random((s, p, *batch)) < 0.2 if rng.random() < 0.5 else None

@@ -20,7 +20,7 @@ def serving(game: Game, before: Any, after: Any, provider: str) -> bool:
     """Whether a provider serves in the round between two states."""
     at = game.roster.names.index(provider)
     there = all(state.population is None or state.population.phase[at] == PRESENT for state in (before, after))
-    duty = game.roster.on_duty(game.scenario.max_cycles)[1][before.round]
+    duty = game.roster.role_schedule(game.scenario.max_cycles)[1][before.round]
     return there and bool(duty[game.roster.provider_names.index(provider)])
 
 

@@ -12,6 +12,7 @@ from hypothesis import given
 from slow_game import Slow
 
 from roletrust_env import Actions, Game, Noise, Scenario
+from roletrust_env.game.summary import summarise
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING
 
 
@@ -34,7 +35,7 @@ def assert_matches_reference(scenario: Scenario, seed: int) -> None:
         else:
             assert state.population.phase.tolist() == list(slow.phase.values())
         if slow.place is not None:
-            np.testing.assert_allclose(state.places.position, list(slow.place.values()), **TOLERANCE)
+            np.testing.assert_allclose(state.motion.position, list(slow.place.values()), **TOLERANCE)
 
 
 @EVERY_ACCESS
@@ -75,7 +76,7 @@ def test_a_batch_may_have_several_axes() -> None:
     folded = play(game, fold(start), *(map(fold, trees) for trees in rounds))
     for flat, two in zip(play(game, start, *rounds), folded, strict=True):
         assert_close(two, fold(flat))
-        np.testing.assert_allclose(game.summary(two[0]), fold(game.summary(flat[0])), **TOLERANCE)
+        np.testing.assert_allclose(summarise(game, two[0]), fold(summarise(game, flat[0])), **TOLERANCE)
 
 
 @many(40)
@@ -87,7 +88,7 @@ def test_numpy_and_torch_agree(scenario: Scenario, seed: int, batch: tuple[int, 
     for (state, rewards), (tensor_state, tensor_rewards) in zip(play(game, start, *rounds), tensors, strict=True):
         assert all(isinstance(array, torch.Tensor) for array in arrays(tensor_state))
         assert_close((tensor_state, tensor_rewards), (state, rewards))
-        assert_close(tensor_game.summary(tensor_state), game.summary(state))
+        assert_close(summarise(tensor_game, tensor_state), summarise(game, state))
         assert_close(tensor_game.views(tensor_state), game.views(state))
         assert_close(tensor_game.observations(tensor_state), game.observations(state))
 
@@ -104,7 +105,7 @@ def test_everything_stays_in_range_and_precision(scenario: Scenario, seed: int, 
     start, *rounds = luck(Game(scenario), seed)
     kinds = None
     for state, rewards in play(game, each(cast, start), *([each(cast, tree) for tree in trees] for trees in rounds)):
-        seen = [*game.published(state), game.agent_trust(state), game.summary(state)]
+        seen = [*game.published(state), game.agent_trust(state), summarise(game, state)]
         seen += [array for array in game.observations(state) if array is not None]
         assert {array.dtype for array in seen} == {cast(0.0).dtype}
         assert all(np.all((np.asarray(a) >= 0) & (np.asarray(a) <= 1)) for a in seen)

@@ -38,25 +38,28 @@ def phases(joint_policy: JointPolicy, seed: int = 0, batch: tuple[int, ...] = ()
 
 def test_identities_in_reserve_are_agents_behind_the_others_of_their_role() -> None:
     roster = Roster.of(SCENARIO)
-    assert roster.first_names == ("sr_0", "sr_1", "sr_2", "sr_3", "sp_0", "sp_1", "sp_2", "srsp_0")
+    assert roster.owner_names == ("sr_0", "sr_1", "sr_2", "sr_3", "sp_0", "sp_1", "sp_2", "srsp_0")
     reserves = {name: owner for name, owner in roster.owners.items() if name != owner}
     assert reserves == {
         **{"sr_4": "sr_3", "sp_3": "sp_0", "sp_4": "sp_0", "sp_5": "sp_1", "sp_6": "sp_1"},
         **{"srsp_1": "srsp_0", "srsp_2": "srsp_0"},
     }
-    before = {name: roster.names[roster.before[n]] for n, name in enumerate(roster.names)}
+    before = {name: roster.names[roster.previous_identity[n]] for n, name in enumerate(roster.names)}
     assert roster.with_reserves({"sp_1": 5, "sr_0": 6}) == {"sr_0": 6, "sp_1": 5, "sp_5": 5, "sp_6": 5}
     assert before["sp_6"] == "sp_5"
     assert before["sp_5"] == "sp_1"
     assert before["sp_1"] == "sp_1"
-    assert [roster.turn[roster.names.index(name)] for name in ("sp_1", "sp_5", "sp_6")] == [0, 1, 2]
+    assert [roster.identity_index[roster.names.index(name)] for name in ("sp_1", "sp_5", "sp_6")] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("policies", [{}, {"sp_0": OnOff(), "sr_3": BadMouthing()}], ids=["honest", "others"])
 def test_who_does_not_call_them_leaves_them_where_they_are(policies: dict[str, Policy]) -> None:
     seen = phases(joint_policy(policies))
     assert np.array_equal(
-        seen, np.broadcast_to(np.where(np.asarray(joint_policy().game.roster.turn) > 0, WAITING, PRESENT), seen.shape)
+        seen,
+        np.broadcast_to(
+            np.where(np.asarray(joint_policy().game.roster.identity_index) > 0, WAITING, PRESENT), seen.shape
+        ),
     )
 
 
@@ -139,7 +142,7 @@ def test_in_pettingzoo_they_stay_away() -> None:
     env = parallel_env(SCENARIO)
     env.reset(seed=0)
     while env.agents:
-        assert tuple(env.agents) == env.game.roster.first_names
+        assert tuple(env.agents) == env.game.roster.owner_names
         env.step({agent: env.action_space(agent).sample() for agent in env.agents})
 
 

@@ -6,6 +6,7 @@ import torch
 from game_cases import ACCESS, assert_close, busy, each, luck, play
 
 from roletrust_env import Actions, Game, Random, Scenario, make_scenario
+from roletrust_env.game.summary import summarise
 from roletrust_env.trust import Mean
 from roletrust_env.world.presence import CUT_OFF, PRESENT
 
@@ -102,7 +103,7 @@ def test_admission_counts_beyond_a_byte() -> None:
 def test_extremes(scenario: Scenario) -> None:
     game = Game(scenario)
     for state, _ in play(game, *luck(game, 0)):
-        for array in (*game.published(state), game.agent_trust(state), game.summary(state)):
+        for array in (*game.published(state), game.agent_trust(state), summarise(game, state)):
             assert np.all((array >= 0) & (array <= 1))
 
 
@@ -116,7 +117,7 @@ def test_luck_at_its_limits_is_harmless(dtype: type) -> None:
         start, *noises = (each(lambda a, x=extreme: np.full_like(a, x, dtype), n) for n in (start, *noises))
         *_, (state, _) = play(game, start, actions, noises)
         assert np.all(state.value == dtype(1.0 if extreme else 0.2))
-        assert np.all(np.isfinite(game.summary(state)))
+        assert np.all(np.isfinite(summarise(game, state)))
 
 
 def test_whom_admission_cuts_off_is_seen_in_the_published_trust() -> None:

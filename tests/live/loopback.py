@@ -1,4 +1,4 @@
-"""A team's raters on loopback, without robots: they rate what nobody serves, and behave as badly as they are told."""
+"""The raters of a team on loopback, without robots. Tests make them silent, late, lossy or too loud."""
 
 import contextlib
 import multiprocessing
@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -19,11 +19,13 @@ from roletrust_env.trust import make_trust_model
 PERIOD = 250_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 PATIENCE_S = 120.0
-FLOOD = 1000  # messages a second
+FLOOD = 1000  # messages per second
 
-# One server that has imported what nodes need; from there they start at once.
+# A server that has imported the modules of the nodes, so that they start quickly.
 SPAWN = multiprocessing.get_context("forkserver")
-SPAWN.set_forkserver_preload([f"roletrust_env.live.nodes.{name}" for name in ("assess", "cam", "manage")])
+SPAWN.set_forkserver_preload(
+    [f"roletrust_env.live.nodes.{name}" for name in ("rater_node", "camera_node", "manager_node")]
+)
 
 
 _started = []
@@ -31,7 +33,7 @@ _started = []
 
 @pytest.fixture(autouse=True)
 def own_domain(monkeypatch):
-    """A domain in which nobody else is, and nobody is left after the test."""
+    """Use a DDS domain of the test's own, and stop all processes after it."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     yield
@@ -48,7 +50,7 @@ def keys(tmp_path):
 
 
 def process(run, **arguments):
-    """A process that runs a node."""
+    """Start a process that runs a node."""
     made = SPAWN.Process(target=run, kwargs=arguments, daemon=True)
     made.start()
     _started.append(made)
@@ -56,13 +58,13 @@ def process(run, **arguments):
 
 
 def managed(folder, **arguments):
-    """A manager's process; its journal is in the folder, and the keys."""
+    """Start a manager; the folder has its journal and the keys."""
     given = {"journal": folder / "journal", "period": PERIOD, "team": TEAM, "keys": folder / "keys", **arguments}
-    return process(run_manager, model=make_trust_model("role-trust"), **given)
+    return process(run_manager_node, model=make_trust_model("role-trust"), **given)
 
 
 class Listener(contextlib.AbstractContextManager):
-    """Hears a manager: trust, as (time, message), and what it reports."""
+    """Listens to a manager: its trust as (time, message), and its diagnostics."""
 
     def __init__(self):
         self.heard, self.reports, self.on = [], {}, True
@@ -85,12 +87,12 @@ class Listener(contextlib.AbstractContextManager):
                 self.reports = {pair.key: pair.value for pair in status.values}
 
     def wait_for(self, rounds):
-        """Until so many more rounds were published."""
+        """Wait for that many further rounds."""
         wanted = len(self.heard) + rounds
         until(lambda: len(self.heard) >= wanted, "rounds do not go on")
 
     def agrees_with(self, entries):
-        """See that no round was published twice, and each as it is in a journal that lacks none."""
+        """Check that every round was published once, with the trust of a complete journal."""
         kept = {entry.round: entry for entry in entries}
         assert sorted(kept) == list(range(len(entries)))
         assert len({said.round for _, said in self.heard}) == len(self.heard)
@@ -107,15 +109,15 @@ def until(holds, why):
 
 
 class Raters(Listener):
-    """Raters that rate round by round, each on a topic of its own.
+    """Raters that rate every round, each on its own topic.
 
     Attributes:
-        silent: who says nothing.
-        flooded: whose topics are drowned in nonsense, by themselves.
-        off: how far the clock of a rater is off, nanoseconds.
-        lost: the probability that a message is lost.
-        late: the probability that one comes up to a period late.
-        sent: (rater, stamp) of all messages, and how late each came, seconds; None if it was lost.
+        silent: Names of raters that send nothing.
+        flooded: Names of raters that flood their own topics with invalid messages.
+        off: Error of each rater's clock, nanoseconds.
+        lost: Probability that a message is lost.
+        late: Probability that a message is up to a period late.
+        sent: Delay of each message by (rater, stamp), seconds; None if it was lost.
     """
 
     def __init__(self, keys):
@@ -144,10 +146,12 @@ class Raters(Listener):
                     self._voices[one[1]].write(one[2])
                     waiting.remove(one)
                 time.sleep(0.005)
-            waiting += [(stamp + int(delay * 1e9), name, self._said(name, stamp)) for name, delay in self._fate(stamp)]
+            waiting += [
+                (stamp + int(delay * 1e9), name, self._message(name, stamp)) for name, delay in self._fate(stamp)
+            ]
 
     def _fate(self, stamp):
-        """Who rates in a round, and how late it comes."""
+        """Iterate over the raters of a round and the delays of their messages, seconds."""
         for name in TEAM.raters:
             lost, late, much = self._random.random(3)
             if name not in self.silent:
@@ -156,11 +160,11 @@ class Raters(Listener):
                 if delay is not None:
                     yield name, delay
 
-    def _said(self, name, stamp):
-        notes = dict(zip(TEAM.providers, self._random.random(3).tolist(), strict=True))
+    def _message(self, name, stamp):
+        ratings = dict(zip(TEAM.providers, self._random.random(3).tolist(), strict=True))
         stamp += self.off.get(name, 0)
-        signature = self._signers[name].sign(messages.encode(messages.ratings_message(name, stamp, notes)))
-        return messages.ratings_message(name, stamp, notes, signature)
+        signature = self._signers[name].sign(messages.encode(messages.ratings_message(name, stamp, ratings)))
+        return messages.ratings_message(name, stamp, ratings, signature)
 
     def _flood(self):
         while self.on:

@@ -1,10 +1,10 @@
-"""Messages as raters send them, and managers that hear them."""
+"""Managers, and messages to them."""
 
 import numpy as np
 
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.rating_validation import Ratings
-from roletrust_env.live.rounds import Patience
+from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.trust import make_trust_model
 
@@ -13,17 +13,17 @@ TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 
 def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
-    patience = Patience(PERIOD, silence=silence)
-    return Manager(make_trust_model(model), path, patience=patience, team=team, keyring=keyring)
+    timing = RoundTiming(PERIOD, silence=silence)
+    return Manager(make_trust_model(model), path, timing=timing, team=team, keyring=keyring)
 
 
-def said(rater, round, ratings):
-    """A message about a round: ratings by provider."""
+def rating_message(rater, round, ratings):
+    """Return a message of a round from ratings by provider."""
     return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
 
 
-def luck(rounds, seed=0, lost=0.2, team=TEAM):
-    """Ratings (R, S, P) and where they arrive; in each round something does."""
+def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):
+    """Return random ratings (R, S, P) and a mask of those that arrive; at least one does in each round."""
     random = np.random.default_rng(seed)
     shape = (rounds, *team.peers.shape)
     mask = random.random(shape) >= lost
@@ -32,13 +32,13 @@ def luck(rounds, seed=0, lost=0.2, team=TEAM):
 
 
 def feed(keeper, ratings, mask, team=TEAM, first=1):
-    """What a manager publishes of rounds that are numbered from `first`, with the clock going on in between."""
+    """Return the rounds that a manager publishes, numbered from `first`, with ticks in between."""
     published = []
     for r, (row_of, heard) in enumerate(zip(ratings, mask, strict=True), first):
         for i, rater in enumerate(team.raters):
-            notes = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
-            if notes:
-                published += keeper.hear(said(rater, r, notes), PERIOD * r + 20_000_000 + i)
+            row = {name: row_of[i, j] for j, name in enumerate(team.providers) if heard[i, j]}
+            if row:
+                published += keeper.receive(rating_message(rater, r, row), PERIOD * r + 20_000_000 + i)
         for share in (0.5, 0.75, 0.9):
             published += keeper.tick(int(PERIOD * (r + share)))
     return published

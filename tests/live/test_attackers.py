@@ -1,4 +1,4 @@
-"""Attackers on the wire: what a node's policy is shown, and what it does about it."""
+"""Attackers in the live system: the observations of a node's policy, and its decisions."""
 
 from pathlib import Path
 
@@ -10,25 +10,25 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, Policy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.live.nodes.assess import _Critic
-from roletrust_env.live.nodes.cam import _Seller
+from roletrust_env.live.nodes.camera_node import _QualitySelector
+from roletrust_env.live.nodes.rater_node import _RatingSelector
 from roletrust_env.world.roster import Roster
 
 ZOO = Path(__file__).parents[2] / "agents" / "roletrust_agents" / "zoo"
 RULES = make_scenario("paper-3x3").change(max_cycles=40, perturbations=()).change(noise=0.0)
 ROSTER = Roster.of(RULES)
-TOLD = {
+PARAMETERS = {
     "learned": f"path={ZOO / 'rater-3x3'}",
     "collusion": "accomplices=[sp_0]",
     "orchestrated": "accomplices=[sp_0]",
 }
 
 ELSEWHERE = {"self-promotion", "sybil", "whitewashing"}
-"""Of agents with both roles, or with identities in reserve."""
+"""Attacks of agents with both roles, or with identities in reserve."""
 
 
-class Board:
-    """Trust that a game published."""
+class PublishedBoard:
+    """The published trust of a game."""
 
     def __init__(self, tor, top):
         self.of = dict(zip((*ROSTER.rater_names, *ROSTER.provider_names), np.append(tor, top).tolist(), strict=True))
@@ -38,39 +38,63 @@ class Board:
 @pytest.mark.parametrize(
     "policy", [BadMouthing(level=0.2), learned(path=str(ZOO / "rater-3x3")), Policy()], ids=["lie", "learned", "honest"]
 )
-def test_a_rater_says_on_the_wire_what_it_says_in_the_game(policy):
+def test_a_live_rater_gives_the_same_ratings_as_in_the_game(policy):
     game = Game(RULES, "role-trust")
     history = record(JointPolicy(game, {"sr_2": policy}), game.random(seed=0))
-    board = Board(np.full(3, RULES.initial_trust), np.full(3, RULES.initial_trust))
-    critic = _Critic("sr_2", ROSTER.provider_names, policy, board, 0)
+    board = PublishedBoard(np.full(3, RULES.initial_trust), np.full(3, RULES.initial_trust))
+    selector = _RatingSelector("sr_2", ROSTER.provider_names, policy, board, 0)
     for round in range(len(history.tor)):
         if history.rated[round, 2].any():
             seen = dict(zip(ROSTER.provider_names, history.quality[round - 1].tolist(), strict=True))
-            said = critic.ratings(round, seen)
-            assert said == dict(zip(ROSTER.provider_names, history.ratings[round, 2].tolist(), strict=True)), round
+            ratings = selector.ratings(round, seen)
+            assert ratings == dict(zip(ROSTER.provider_names, history.ratings[round, 2].tolist(), strict=True)), round
         board.__init__(history.tor[round], history.top[round])
 
 
 @pytest.mark.parametrize("name", attackers.names())
-def test_every_attacker_of_the_registry_plays_where_a_node_has_its_channel(name):
-    told = TOLD.get(name, "")
+def test_every_registered_attacker_plays_if_the_node_has_its_channel(name):
+    parameters = PARAMETERS.get(name, "")
     try:
-        (policy,) = parse_attacks([f"sr_2={name}:{told}"], RULES).values()
+        (policy,) = parse_attacks([f"sr_2={name}:{parameters}"], RULES).values()
         JointPolicy(Game(RULES), {"sr_2": policy})
     except ValueError:
         assert name in ELSEWHERE or not attackers.factory(name).attacks & {"ratings", "silence"}
         return
-    critic = _Critic("sr_2", ROSTER.provider_names, policy, Board(np.full(3, 0.5), np.full(3, 0.5)), 0)
+    selector = _RatingSelector(
+        "sr_2", ROSTER.provider_names, policy, PublishedBoard(np.full(3, 0.5), np.full(3, 0.5)), 0
+    )
     for round in range(5):
-        said = critic.ratings(round, {"sp_0": 0.9, "sp_2": 0.8})
-        assert set(said) <= {"sp_0", "sp_2"}
-        assert all(0 <= rating <= 1 for rating in said.values())
+        ratings = selector.ratings(round, {"sp_0": 0.9, "sp_2": 0.8})
+        assert set(ratings) <= {"sp_0", "sp_2"}
+        assert all(0 <= rating <= 1 for rating in ratings.values())
 
 
-def test_a_trained_provider_reads_what_is_said_of_it():
+def test_a_trained_provider_reacts_to_its_ratings():
     policy = learned(path=str(ZOO / "provider-3x3"))
     rated = np.ones(3, bool)
-    praised, blamed = _Seller(policy, 0), _Seller(policy, 0)
+    praised, blamed = _QualitySelector(policy, 0), _QualitySelector(policy, 0)
     sold = [(praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated)) for r in range(20)]
     assert all(0 <= quality <= 1 for pair in sold for quality in pair)
     assert any(one != other for one, other in sold)
+
+
+class Withholding(Policy):
+    """Rates a quarter of the service, and sends no rating of the first provider."""
+
+    def ratings(self, view, memory, random):
+        return view.service / 4, memory
+
+    def withholds(self, view, memory, random):
+        return np.array([True, False, False]), (*memory, view)
+
+    def begin(self, random, shape):
+        return ()
+
+
+def test_a_policy_sees_the_ratings_that_it_sent_and_not_those_that_it_withheld():
+    selector = _RatingSelector("sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0)
+    for round in range(2):
+        assert selector.ratings(round, {"sp_0": 0.8, "sp_1": 0.4, "new": 0.3}) == {"sp_1": 0.1, "new": 0.3}
+    last = selector._memory[-1]
+    np.testing.assert_array_equal(last.ratings, [0, 0.1, 0])
+    np.testing.assert_array_equal(last.rated, [False, True, False])

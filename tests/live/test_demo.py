@@ -1,4 +1,4 @@
-"""The paper's robots on real middleware, with real people detection, as fast as this machine can look."""
+"""The paper's robots on real middleware with real people detection, as fast as this machine allows."""
 
 import json
 import os
@@ -12,22 +12,22 @@ from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.manager import replayed
+from roletrust_env.live.manager import replay_journal
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
 
 pytestmark = pytest.mark.live
 
-HEADROOM = 2.5  # rounds are so much longer than three raters take to look at three pictures each, at the worst
+HEADROOM = 2.5  # ratio of a round to the longest time that three raters take for three pictures each
 
 
 @pytest.fixture(scope="module")
 def speed():
-    """So that a round leaves time to look at all pictures, whatever else this machine does."""
+    """Return a speed at which a round is long enough for all pictures on this machine."""
     frames = open_frames(None, duration_s=1.0, period_s=0.5, loop=False)
     picture = view(np.ascontiguousarray(frames.frame(0, 0.0, 0.0)))
     taken_s = []
-    with ThreadPoolExecutor(3) as raters:  # OpenCV leaves Python's lock to others
+    with ThreadPoolExecutor(3) as raters:  # OpenCV releases the GIL
         for _ in range(8):
             began = time.monotonic()
             list(raters.map(lambda rater: [best_margin(picture) for _ in range(3)], range(3)))
@@ -39,12 +39,12 @@ def speed():
 def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
     attack, figure, seconds, speed, tmp_path, monkeypatch
 ):
-    """The claims' own tolerance, 0.06, is what perception noise of 0.005 costs: QoR falls by 0.822 sqrt(0.005) = 0.058.
+    """The claims' tolerance of 0.06 is the effect of perception noise of 0.005: QoR falls by 0.822 sqrt(0.005) = 0.058.
 
     The simulation sees the same scene through the same detector, with other noise on its links and without JPEG.
     """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    for attempt in range(3):  # a round that this machine was too busy for says nothing of trust
+    for attempt in range(3):  # a round that this machine was too busy for is no evidence about trust
         out = tmp_path / str(attempt)
         options = ["--attack", attack, "--seconds", str(seconds), "--speed", str(speed / 2**attempt), "--out", str(out)]
         done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
@@ -59,7 +59,7 @@ def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
             assert claim["values"] == pytest.approx(simulated["values"], abs=0.06)
     entries = list(read_journal(out / "journal.jsonl"))
     assert len(entries) == results["rounds"] > 0.9 * seconds / 0.5
-    assert replayed(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
+    assert replay_journal(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
     assert imageio.imread(out / "figure.png").shape[1] > 1500
     live, simulated = (np.genfromtxt(out / name, delimiter=",", names=True) for name in results["files"][:2])
     assert len(simulated) == seconds / 0.5

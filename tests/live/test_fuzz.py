@@ -1,4 +1,4 @@
-"""Messages that must move nothing, in great numbers, as bytes on a rater's topic."""
+"""Large numbers of invalid messages on a rater's topic, none of which may change trust."""
 
 import tracemalloc
 from functools import cache
@@ -6,44 +6,44 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, luck, manager
+from manager_cases import PERIOD, TEAM, manager, random_ratings
 
-from roletrust_env.live.nodes.manage import hear_raw
-from roletrust_env.live.rating_validation import Reason
+from roletrust_env.live.nodes.manager_node import receive_raw
+from roletrust_env.live.rating_validation import RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
 REASONS = {
-    "noise": {Reason.GARBAGE},
-    "cut": {Reason.GARBAGE},
-    "bent": set(Reason),
-    "unsigned": {Reason.UNSIGNED},
-    "forged": {Reason.MIS_SIGNED},
-    "replayed": {Reason.REPLAYED},
-    "elsewhere": {Reason.ELSEWHERE},
-    "past": {Reason.PAST},
-    "future": {Reason.FUTURE},
-    "bad": {Reason.NOT_A_NUMBER, Reason.OUT_OF_RANGE, Reason.REPLAYED},
-    "strange": {Reason.UNKNOWN_RATER},
+    "noise": {RefusalReason.GARBAGE},
+    "cut": {RefusalReason.GARBAGE},
+    "bent": set(RefusalReason),
+    "unsigned": {RefusalReason.UNSIGNED},
+    "forged": {RefusalReason.MIS_SIGNED},
+    "replayed": {RefusalReason.REPLAYED},
+    "elsewhere": {RefusalReason.ELSEWHERE},
+    "past": {RefusalReason.PAST},
+    "future": {RefusalReason.FUTURE},
+    "bad": {RefusalReason.NOT_A_NUMBER, RefusalReason.OUT_OF_RANGE, RefusalReason.REPLAYED},
+    "strange": {RefusalReason.UNKNOWN_RATER},
 }
-ROUNDS, TRACED = 20, 16  # memory is watched from that round on: it makes all of this slow
-POOL = 50  # messages of a round that took a signature; what is bent and cut is always another
+ROUNDS, TRACED = 20, 16  # memory is traced from that round on, since tracing is slow
+POOL = 50  # signed messages of a round; changed and cut messages are always new
 
 
 @pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.live)])
-def test_trust_is_that_of_a_run_without_them(count, tmp_path):
+def test_invalid_messages_do_not_change_trust(count, tmp_path):
     make_keys(tmp_path, [*TEAM.raters, "liar", "thief"])
     (tmp_path / "thief.pub").unlink()
     keys = PublicKeys(tmp_path)
     clean, noisy = manager(tmp_path / "clean", keyring=keys), manager(tmp_path / "noisy", keyring=keys)
-    random, (notes, _) = np.random.default_rng(0), luck(ROUNDS, lost=0.0)
+    random, (values, _) = np.random.default_rng(0), random_ratings(ROUNDS, lost=0.0)
     wanted, got, before, refused = [], [], 0, 0
     for r in range(1, ROUNDS + 1):
         now = PERIOD * r + 20_000_000
-        sent = [signed(tmp_path, name, PERIOD * r, row) for name, row in zip(TEAM.raters, notes[r - 1], strict=True)]
+        sent = [signed(tmp_path, name, PERIOD * r, row) for name, row in zip(TEAM.raters, values[r - 1], strict=True)]
         for name, raw in zip(TEAM.raters, sent, strict=True):
-            wanted += hear_raw(clean, name, raw, now)
-            got += hear_raw(noisy, name, raw, now)
+            wanted += receive_raw(clean, name, raw, now)
+            got += receive_raw(noisy, name, raw, now)
         made = {kind: [wrong(tmp_path, random, kind, sent, r) for _ in range(POOL)] for kind in REASONS}
         if r == TRACED:
             tracemalloc.start()
@@ -51,9 +51,9 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
         for kind in random.choice(list(REASONS), count // ROUNDS):
             cheap = kind in ("noise", "cut", "bent")
             topic, raw = wrong(tmp_path, random, kind, sent, r) if cheap else made[kind][random.integers(POOL)]
-            counted = noisy.gate.refused.copy()
-            assert hear_raw(noisy, topic, raw, now + 1) == []
-            reasons = {reason for _, reason in noisy.gate.refused - counted}
+            counted = noisy.validator.refusals.copy()
+            assert receive_raw(noisy, topic, raw, now + 1) == []
+            reasons = {reason for _, reason in noisy.validator.refusals - counted}
             assert reasons
             assert reasons <= REASONS[kind], kind
             refused += 1
@@ -61,8 +61,8 @@ def test_trust_is_that_of_a_run_without_them(count, tmp_path):
     tracemalloc.stop()
     assert got == wanted
     assert len(got) == ROUNDS
-    assert noisy.gate.refused.total() >= refused == ROUNDS * (count // ROUNDS)
-    assert len(noisy.gate.refused) < 100
+    assert noisy.validator.refusals.total() >= refused == ROUNDS * (count // ROUNDS)
+    assert len(noisy.validator.refusals) < 100
     assert grown < 500_000
 
 
@@ -70,7 +70,7 @@ signer_of = cache(Signer)
 
 
 def signed(folder, rater, stamp, row, signer=None):
-    """A message as `rater` sends it, or somebody else in its name."""
+    """Return a message of `rater`, signed by itself or by another rater."""
     ratings = dict(zip(TEAM.providers, map(float, row), strict=True))
     signature = signer_of(folder, signer or rater).sign(
         messages.encode(messages.ratings_message(rater, stamp, ratings))
@@ -79,7 +79,7 @@ def signed(folder, rater, stamp, row, signer=None):
 
 
 def wrong(folder, random, kind, sent, round):
-    """The topic that a message comes on, as the name of a rater, and its bytes."""
+    """Return the rater whose topic an invalid message is sent on, and its bytes."""
     place = int(random.integers(len(TEAM.raters)))
     name, raw, stamp, row = TEAM.raters[place], sent[place], PERIOD * round + PERIOD // 2, random.random(3)
     if kind == "noise":

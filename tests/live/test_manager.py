@@ -2,12 +2,13 @@ import json
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
 from roletrust_env import Game, JointPolicy, make_scenario
-from roletrust_env.live.journal import read_journal
-from roletrust_env.live.manager import replayed
-from roletrust_env.live.trust_tracker import Standing, Team
+from roletrust_env.live.journal import Journal, read_journal
+from roletrust_env.live.manager import replay_journal
+from roletrust_env.live.rating_validation import RefusalReason
+from roletrust_env.live.trust_tracker import Team, TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 
 
@@ -22,12 +23,12 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
         actions, memories = joint_policy.act(state, memories, random)
         state, _ = game.step(state, actions, game.draw(random))
         states.append(state)
-    heard = [state for state in states if state.rated.any()]  # not in the first round
+    heard = [state for state in states if state.rated.any()]  # none is rated in the first round
     keeper = manager(tmp_path / "journal", model=model, silence=1000)
     published = feed(keeper, [state.ratings for state in heard], [state.rated for state in heard])
     assert len(published) == len(heard) > 50
     for entry, state in zip(published, heard, strict=True):
-        mask = [[note is not None for note in entry.rows.get(name, [None] * 3)] for name in TEAM.raters]
+        mask = [[rating is not None for rating in entry.ratings.get(name, [None] * 3)] for name in TEAM.raters]
         np.testing.assert_array_equal(mask, state.rated)
         np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
         np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
@@ -35,8 +36,8 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
         assert list(entry.missing) == waited
 
 
-def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
-    ratings, mask = luck(40)
+def test_a_restarted_manager_continues_with_the_next_round(tmp_path):
+    ratings, mask = random_ratings(40)
     whole = feed(manager(tmp_path / "whole"), ratings, mask)
     first = manager(tmp_path / "journal")
     published = feed(first, ratings[:23], mask[:23])
@@ -48,8 +49,8 @@ def test_a_manager_that_begins_again_goes_on_with_the_round_after(tmp_path):
     assert list(read_journal(tmp_path / "journal")) == whole
 
 
-def test_what_was_heard_before_does_not_count_again(tmp_path):
-    ratings, mask = luck(5)
+def test_earlier_messages_do_not_count_again(tmp_path):
+    ratings, mask = random_ratings(5)
     first = manager(tmp_path / "journal")
     feed(first, ratings, mask)
     first.close()
@@ -62,7 +63,7 @@ def test_what_was_heard_before_does_not_count_again(tmp_path):
 def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
     path = tmp_path / "journal"
     first = manager(path)
-    published = feed(first, *luck(6))
+    published = feed(first, *random_ratings(6))
     first.close()
     path.write_bytes(path.read_bytes()[:-kept])
     second = manager(path)
@@ -71,22 +72,72 @@ def test_a_journal_cut_off_anywhere_loses_the_last_line_at_most(kept, tmp_path):
     assert path.read_bytes().endswith(b"\n")
 
 
+def test_a_restarted_manager_has_the_agents_of_its_journal_and_of_its_settings(tmp_path):
+    first = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    first.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    first.close()
+    second = manager(tmp_path / "journal", team=Team(("sr_1",), ("sp_1",)))
+    assert second.receive(rating_message("sr_0", 2, {"sp_0": 1.0, "sp_1": 0.5}), 2 * PERIOD) == []
+    (entry,) = second.tick(3 * PERIOD)
+    assert entry.team == Team(("sr_0", "sr_1"), ("sp_0", "sp_1"))
+    assert entry.ratings == {"sr_0": [1.0, 0.5]}
+    assert entry.missing == ("sr_1",)
+
+
+def test_a_message_of_the_last_round_is_refused_after_a_restart(tmp_path):
+    first = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    first.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    first.close()
+    second = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    assert second.receive(rating_message("sr_0", 1, {"sp_0": 0.0}), PERIOD) == []
+    assert second.validator.refusals == {("sr_0", RefusalReason.REPLAYED): 1}
+    assert second.receive(rating_message("sr_1", 1, {"sp_0": 0.0}), PERIOD) == []  # a new rater, but an old round
+    assert second.tick(3 * PERIOD) == []
+    assert second.rounds.unused == {"sr_1": 1}
+
+
+def test_a_journal_takes_the_next_round_only(tmp_path):
+    keeper = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
+    (entry,) = keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+    keeper.close()
+    with Journal(tmp_path / "other", {}) as journal:
+        with pytest.raises(ValueError, match="the next round of the journal is 0, not 1"):
+            journal.append(entry._replace(round=1))
+        journal.append(entry)
+        assert journal.rounds == 1
+        assert list(journal.entries()) == [entry]
+
+
+def test_a_journal_is_read_while_its_last_line_is_being_written(tmp_path):
+    keeper = manager(tmp_path / "journal")
+    published = feed(keeper, *random_ratings(5, lost=0.0))
+    text = (tmp_path / "journal").read_bytes()
+    (tmp_path / "half").write_bytes(text[:-20])
+    assert list(read_journal(tmp_path / "half")) == published[:-1]
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path):
+    (tmp_path / "journal").write_text('{"journal": 2}\n')
+    with pytest.raises(ValueError, match="is no journal of version 1"):
+        list(read_journal(tmp_path / "journal"))
+
+
 def test_replay_gives_the_same_trust_to_the_last_bit(tmp_path):
     first = manager(tmp_path / "journal")
-    published = feed(first, *luck(30))
-    assert replayed(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
+    published = feed(first, *random_ratings(30))
+    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == published[-1].trust
 
 
 def test_a_journal_that_was_tampered_with_is_refused(tmp_path):
     path = tmp_path / "journal"
     first = manager(path)
-    feed(first, *luck(6))
+    feed(first, *random_ratings(6))
     first.close()
     lines = path.read_text().splitlines()
     round = json.loads(lines[4])
     round["ratings"]["sr_0"] = [1.0, 1.0, 1.0]
     path.write_text("\n".join([*lines[:4], json.dumps(round), *lines[5:]]) + "\n")
-    with pytest.raises(ValueError, match="after round 2 trust was"):
+    with pytest.raises(ValueError, match="after round 2, but a replay"):
         manager(path)
 
 
@@ -96,9 +147,9 @@ def test_the_journal_of_another_model_is_refused(tmp_path):
         manager(tmp_path / "journal", model="mean")
 
 
-def test_two_managers_with_one_journal(tmp_path):
+def test_two_managers_cannot_share_a_journal(tmp_path):
     first = manager(tmp_path / "journal")
-    with pytest.raises(ValueError, match="manager that is running"):
+    with pytest.raises(ValueError, match="in use by another manager"):
         manager(tmp_path / "journal")
     first.close()
     manager(tmp_path / "journal")
@@ -107,7 +158,7 @@ def test_two_managers_with_one_journal(tmp_path):
 @pytest.mark.parametrize(
     "text", [b"{}", b"[1, 2]", b"my only copy", b'{"journal": 2', b"\xff\xfe\n\xff", b"dear diary\nit rains", b"{}\n{}"]
 )
-def test_a_file_of_something_else_is_left_as_it_is(text, tmp_path):
+def test_another_file_is_refused_and_not_changed(text, tmp_path):
     (tmp_path / "mine").write_bytes(text)
     with pytest.raises(ValueError, match="mine is no journal"):
         manager(tmp_path / "mine")
@@ -117,27 +168,31 @@ def test_a_file_of_something_else_is_left_as_it_is(text, tmp_path):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda lines: [*lines[:3], *lines[4:]], "round 2 stands where round 1 should be"),
-        (lambda lines: [*lines[:4], lines[3], *lines[4:]], "round 1 stands where round 2 should be"),
-        (lambda lines: [lines[0], *lines[2:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is none of its lines"),
-        (lambda lines: [*lines, b"\xff\xfe\n"], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is none of its lines"),
-        (lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]], "none of its"),
+        (lambda lines: [*lines[:3], *lines[4:]], "it has round 2 in place of round 1"),
+        (lambda lines: [*lines[:4], lines[3], *lines[4:]], "it has round 1 in place of round 2"),
+        (lambda lines: [lines[0], *lines[2:]], "is not a line of one"),
+        (lambda lines: [*lines[:3], b"{}\n", *lines[3:]], "'{}' is not a line of one"),
+        (lambda lines: [*lines, b"\xff\xfe\n"], "is not a line of one"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"ratings", b"rating_"), *lines[4:]], "is not a line of one"),
+        (lambda lines: [*lines[:3], lines[3].replace(b'"sr_1": [', b'"sr_1": [0.5, '), *lines[4:]], "is not a line of"),
+        (lambda lines: [*lines[:3], lines[3].replace(b"sr_1", b"sr_9"), *lines[4:]], "is not a line of one"),
+        (
+            lambda lines: [*lines[:3], lines[3].replace(b'"missing": []', b'"missing": 7'), *lines[4:]],
+            "not a line of one",
+        ),
     ],
 )
 def test_a_damaged_journal_is_refused_in_one_line(change, reason, tmp_path):
     path = tmp_path / "journal"
     with_all = manager(path)
-    feed(with_all, *luck(5, lost=0.0))
+    feed(with_all, *random_ratings(5, lost=0.0))
     with_all.close()
     path.write_bytes(b"".join(change(path.read_bytes().splitlines(keepends=True))))
     damaged = path.read_bytes()
-    with pytest.raises(ValueError, match=reason) as told:
+    with pytest.raises(ValueError, match=reason) as error:
         manager(path)
-    assert "journal is" in str(told.value)
-    assert "\n" not in str(told.value)
+    assert "journal is" in str(error.value)
+    assert "\n" not in str(error.value)
     assert path.read_bytes() == damaged
 
 
@@ -150,20 +205,20 @@ def test_another_file_is_no_journal(tmp_path):
 
 
 @pytest.mark.parametrize("model", trust_models())
-def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
+def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
-    ratings, mask = luck(20, team=few)
-    later, heard = luck(10, seed=1, team=many)
+    ratings, mask = random_ratings(20, team=few)
+    later, heard = random_ratings(10, seed=1, team=many)
     heard &= ~many.peers
     heard[0] = ~many.peers
     keeper = manager(tmp_path / "journal", model=model, team=few)
     before = feed(keeper, ratings, mask, team=few)
     for name in many.providers:
-        keeper.meet(name)
+        keeper.add_provider(name)
     after = feed(keeper, later, heard, team=many, first=21)
-    standing = Standing(make_trust_model(model), after[-1].team, [entry.rows for entry in [*before, *after]])
+    tracker = TrustTracker(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
     assert set(after[-1].team.raters) == set(many.raters)
-    assert after[-1].trust == standing.trust
+    assert after[-1].trust == tracker.trust
     keeper.close()
     again = manager(tmp_path / "journal", model=model, team=few)
     assert again.trust == after[-1].trust
@@ -172,13 +227,13 @@ def test_a_newcomer_is_as_one_who_was_there_and_silent(model, tmp_path):
 def test_an_agent_with_both_roles_has_a_trust_of_its_own(tmp_path):
     team = Team(("sr_0", "srsp_0"), ("sp_0", "srsp_0"))
     keeper = manager(tmp_path / "journal", team=team)
-    published = keeper.hear(said("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
-    published += keeper.hear(said("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
+    published = keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0, "srsp_0": 1.0}), PERIOD)
+    published += keeper.receive(rating_message("srsp_0", 1, {"sp_0": 1.0}), PERIOD)
     (entry,) = published
     assert entry.trust.toa == ((entry.trust.tor[1] + entry.trust.top[1]) / 2,)
 
 
-def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeypatch):
+def test_a_full_disk_stops_the_manager_before_it_publishes(tmp_path, monkeypatch):
     keeper = manager(tmp_path / "journal", team=Team(("sr_0",), ("sp_0",)))
 
     def full(*_):
@@ -186,4 +241,4 @@ def test_a_full_disk_stops_the_manager_before_it_says_anything(tmp_path, monkeyp
 
     monkeypatch.setattr("os.write", full)
     with pytest.raises(OSError, match="No space left"):
-        keeper.hear(said("sr_0", 1, {"sp_0": 1.0}), PERIOD)
+        keeper.receive(rating_message("sr_0", 1, {"sp_0": 1.0}), PERIOD)

@@ -1,4 +1,4 @@
-"""A team with a rater of ROS 2: it sees ours as its own, and is to the manager what ours are. `make test-ros2`."""
+"""A team with a rater written for ROS 2, which interoperates with the other nodes. Run by `make test-ros2`."""
 
 import json
 import os
@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from roletrust_baselines import BadMouthing
-from roletrust_experiments.commands.live.processes import Processes
-from ros2_home import ros2_home
+from roletrust_experiments.commands.live.processes import NodeProcesses
+from ros2_environment import ros2_environment
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.nodes.assess import run_assess
-from roletrust_env.live.nodes.cam import run_cam
-from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.nodes.running import Timeline
+from roletrust_env.live.nodes.camera_node import run_camera_node
+from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.rater_node import run_rater_node
+from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import make_keys
@@ -38,20 +38,20 @@ PEER = Path(__file__).parent / "clients" / "ros2.py"
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    """The rounds of a team, and what its rater of ROS 2 reports."""
-    home, folder, domain = ros2_home(), tmp_path_factory.mktemp("ros2"), 100 + os.getpid() % 100
+    """Return the rounds of a team, and the report of its ROS 2 rater."""
+    home, folder, domain = ros2_environment(), tmp_path_factory.mktemp("ros2"), 100 + os.getpid() % 100
     make_keys(folder, TEAM.raters)
     journal, report = folder / "journal", folder / "report.json"
-    with pytest.MonkeyPatch.context() as patch, Processes() as nodes:
+    with pytest.MonkeyPatch.context() as patch, NodeProcesses() as nodes:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.delenv("CYCLONEDDS_URI", raising=False)
         model = make_trust_model("role-trust")
-        nodes.start("manager", run_manager, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
+        nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
         for name in TEAM.raters[:-1]:
             policy = BadMouthing(level=LEVEL) if name == OURS else None
-            nodes.start(name, run_assess, name=name, scenario=RULES, policy=policy, keys=folder)
+            nodes.start(name, run_rater_node, name=name, scenario=RULES, policy=policy, keys=folder)
         for name in TEAM.providers:
-            nodes.start(name, run_cam, name=name, scenario=RULES)
+            nodes.start(name, run_camera_node, name=name, scenario=RULES)
         nodes.ready()
         command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, ROUNDS, report]
         peer = subprocess.Popen([*map(str, command)], env=home.environment(domain))
@@ -75,7 +75,9 @@ def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
         described = home.messages / "share" / f"{kind}.json"
         hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}
         assert around["hashes"][topic] == [hashes[kind]]
-    assert around["hashes"][f"/{THEIRS}/ratings"] == around["hashes"]["/sr_0/ratings"]  # theirs and ours
+    assert (
+        around["hashes"][f"/{THEIRS}/ratings"] == around["hashes"]["/sr_0/ratings"]
+    )  # published by ROS 2 and by this project
 
 
 def test_it_receives_trust_and_pictures_without_loss(played):
@@ -97,14 +99,16 @@ def test_it_receives_trust_and_pictures_without_loss(played):
         assert {(start, kind) for _, start, kind in report["images"][camera]} == {("ffd8", "jpeg")}
 
 
-def test_it_moves_trust_as_our_own_does(played):
+def test_its_trust_equals_that_of_our_own_rater(played):
     entries, *_ = played
-    assert all(set(entry.rows.get(THEIRS, [LEVEL])) == {LEVEL} for entry in entries)
-    both = [OURS in entry.rows and THEIRS in entry.rows for entry in entries]
+    assert all(set(entry.ratings.get(THEIRS, [LEVEL])) == {LEVEL} for entry in entries)
+    both = [OURS in entry.ratings and THEIRS in entry.ratings for entry in entries]
     assert np.mean(both[both.index(True) :]) > 0.9
     tor = np.array([entry.trust.tor for entry in entries])
     ours, theirs = TEAM.raters.index(OURS), TEAM.raters.index(THEIRS)
-    long = [k for k in range(MEMORY, len(both)) if all(both[k - MEMORY : k + 1])]  # that one was missed is forgotten
+    long = [
+        k for k in range(MEMORY, len(both)) if all(both[k - MEMORY : k + 1])
+    ]  # long enough after a missing rating that it has no effect
     assert len(long) > ROUNDS / 4
     np.testing.assert_allclose(tor[long, theirs], tor[long, ours], rtol=0, atol=0.01)
     assert tor[-1, theirs] < tor[-1, 0] - 0.1

@@ -12,10 +12,10 @@ from itertools import pairwise
 import pytest
 from light_team import run_robots, started
 from roletrust_experiments.timing.live_load import cpu_s
-from roletrust_experiments.view.server import run_view
+from roletrust_experiments.view.server import run_view_server
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.nodes.manage import run_manager
+from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -31,7 +31,7 @@ VIEWERS = 20
 
 
 class Stage:
-    """A team, and the page that shows it."""
+    """A team and its page."""
 
     def __init__(self, folder):
         self.journal = folder / "journal"
@@ -40,13 +40,13 @@ class Stage:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         settings = {"period": PERIOD, "team": TEAM, "keys": folder / "keys"}
-        self.manager = started(run_manager, make_trust_model("role-trust"), self.journal, **settings)
+        self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
         self.robots = started(run_robots, (0, 1), TEAM.providers, folder / "keys", PERIOD)
         self.third = started(run_robots, (2,), TEAM.providers, folder / "keys", PERIOD)
-        self.view = started(run_view, self.port, PERIOD / 1e9, attackers=("sr_2",))
+        self.view = started(run_view_server, self.port, PERIOD / 1e9, attackers=("sr_2",))
 
     def wait_for(self, rounds):
-        """Until so many more rounds are in the journal; they are returned."""
+        """Wait for that many further rounds in the journal and return them."""
         before, end = len(self.entries), time.monotonic() + PATIENCE_MS / 1000
         while len(self.entries) < before + rounds:
             assert time.monotonic() < end, "rounds do not go on"
@@ -73,7 +73,7 @@ def stage(tmp_path_factory):
 
 @pytest.fixture
 def page(stage, browser):
-    """The page; what its console complained of, and what it asked of others, is an error."""
+    """Open the page; messages in its console and requests to other servers are errors."""
     found, wrong = browser.new_page(viewport={"width": 1200, "height": 900}), []
     found.set_default_timeout(PATIENCE_MS)
     found.on("pageerror", lambda error: wrong.append(str(error)))
@@ -90,7 +90,7 @@ def page(stage, browser):
 
 
 def curve(page, name="tor"):
-    """The values of a figure's curves as the browser has them."""
+    """Return the values of a figure's curves in the browser."""
     data = f"Bokeh.documents[0].get_model_by_name('{name}-source').data"
     return page.evaluate(f"() => Object.fromEntries(Object.entries({data}).map(([key, values]) => [key, [...values]]))")
 
@@ -139,7 +139,10 @@ def test_only_this_machine_and_this_page_get_an_answer(stage):
             HTTPRequest(f"ws://localhost:{stage.port}/ws", headers={"Origin": "http://elsewhere.example"})
         )
 
-    with ThreadPoolExecutor(1) as aside, pytest.raises(HTTPClientError, match="403"):  # the browser has a loop here
+    with (
+        ThreadPoolExecutor(1) as aside,
+        pytest.raises(HTTPClientError, match="403"),
+    ):  # the browser's event loop runs in this thread
         aside.submit(lambda: asyncio.run(ask())).result()
 
 
@@ -172,7 +175,7 @@ def test_many_viewers_do_not_slow_the_manager(stage):
 
 
 def test_a_killed_robot_is_gone_within_two_periods(page, stage):
-    """Runs last: the robot does not come back. A period is what the browser sees of one."""
+    """Runs last, since the robot does not come back. A period is the longest time between two rounds in the browser."""
     moments, state = [time.monotonic()], page.locator(".state b")
     for _ in range(6):
         shown = state.inner_text()

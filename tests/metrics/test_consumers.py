@@ -5,7 +5,7 @@ import pytest
 from roletrust_baselines.provider.on_off import OnOff
 
 from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.metrics import auc, damage, robustness, seen, utility
+from roletrust_env.metrics import auc, damage, present_trust, robustness, utility
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:
@@ -38,8 +38,8 @@ def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() 
 def test_metrics_take_recorded_games() -> None:
     game = Game(make_scenario("paper-3x3").change(max_cycles=40))
     attacked, twin = (record(JointPolicy(game, policies), game.random(0), (5,)) for policies in ({"sp_2": OnOff()}, {}))
-    trust = seen(attacked)
-    assert damage(trust, seen(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
+    trust = present_trust(attacked)
+    assert damage(trust, present_trust(twin), [0, 1, 2, 3, 4]).value.shape == (5,)
     assert (auc(trust[-1, 3:], [2]).value == 1).all()
     assert (utility(attacked.top, attacked.offered).value > 0.9).all()
     assert robustness(attacked.served, [0, 1, 2], [0, 1]).value == pytest.approx(1 / 3)
@@ -55,5 +55,5 @@ def test_nobody_goes_to_who_is_absent() -> None:
 def test_who_is_not_there_has_no_trust() -> None:
     game = Game(make_scenario("open-system").change(max_cycles=8))
     history = record(JointPolicy(game, {}), game.random(0), (3,))
-    assert (np.isnan(seen(history)) == ~history.present).all()
+    assert (np.isnan(present_trust(history)) == ~history.present).all()
     assert not history.present.all()

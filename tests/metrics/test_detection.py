@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu
 
-from roletrust_env.metrics import auc, classified, false_alarms, rounds_to_detection
+from roletrust_env.metrics import auc, classify, false_alarms, rounds_to_detection
 
 NAN = np.nan
 
@@ -29,7 +29,7 @@ def test_auc_is_the_statistic_of_mann_and_whitney(notes: list[int], bad: int) ->
 
 def test_a_threshold_sorts() -> None:
     trust = np.array([0.9, 0.4, 0.6, 0.2, 0.7, NAN])  # attackers: 3, 4 and 5, who is gone
-    found = classified(trust, [3, 4, 5])
+    found = classify(trust, [3, 4, 5])
     assert found.precision.value == pytest.approx(1 / 2)
     assert found.recall.value == pytest.approx(1 / 2)
     assert found.false_alarms.value == pytest.approx(1 / 3)
@@ -37,7 +37,7 @@ def test_a_threshold_sorts() -> None:
 
 
 def test_what_nobody_is_sorted_by_is_undefined() -> None:
-    found = classified(np.array([0.9, 0.8]), [])
+    found = classify(np.array([0.9, 0.8]), [])
     assert found.false_alarms.value == 0
     assert np.isnan([found.mcc.value, found.precision.value, found.recall.value]).all()
     assert found.recall.why == "there are no attackers"
@@ -63,6 +63,6 @@ def test_false_alarms_are_counted_where_the_honest_are() -> None:
 
 def test_who_is_at_the_threshold_is_not_under_it() -> None:
     trust = np.array([0.5, 0.25])  # the second attacks
-    assert classified(trust, [1]).false_alarms.value == 0
-    assert classified(trust, [0]).recall.value == 0
+    assert classify(trust, [1]).false_alarms.value == 0
+    assert classify(trust, [0]).recall.value == 0
     assert false_alarms(trust[None], [0, 1]).value == 0.5

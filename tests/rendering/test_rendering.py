@@ -15,7 +15,7 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, env, parallel_env, scenarios
 from roletrust_env.rendering.drawing import Canvas, Picture
 from roletrust_env.rendering.renderer import Renderer
-from roletrust_env.rendering.scene import look
+from roletrust_env.rendering.scene import make_scene
 from roletrust_env.rendering.text import as_text
 from roletrust_env.world.group import AgentGroup
 
@@ -35,7 +35,7 @@ def play(name, rounds, policies=None, mode="rgb_array", seed=3, **changes):
 
 
 def scene_of(game):
-    return look(game.game, game._state, game.attackers)
+    return make_scene(game.game, game._state, game.attackers)
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -105,8 +105,8 @@ def test_attackers_are_marked(name):
 def test_absent_agents_look_different():
     game = play("open-system", 45, {"sp_1": OnOff()})
     scene = scene_of(game)
-    assert set(scene.raters.fates + scene.providers.fates) == {"", "waiting", "left", "cut off"}
-    everyone = scene._replace(raters=scene.raters._replace(fates=("",) * len(scene.raters.fates)))
+    assert set(scene.raters.absences + scene.providers.absences) == {"", "waiting", "left", "cut off"}
+    everyone = scene._replace(raters=scene.raters._replace(absences=("",) * len(scene.raters.absences)))
     canvas = Canvas(game.game.scenario)
     canvas.draw(scene, game._spectator.curves)
     shown = canvas.frame()
@@ -163,10 +163,10 @@ def test_text_of_absent_agents_and_missing_ratings():
     scene = scene_of(play("open-system", 60, {"sp_1": OnOff()}, "ansi"))
     text = as_text(scene)
     assert "attacker · cut off" in text
-    for name, fate in zip(scene.raters.names, scene.raters.fates, strict=True):
+    for name, absence in zip(scene.raters.names, scene.raters.absences, strict=True):
         line = next(line for line in text.splitlines() if line.startswith(f"{name} "))
-        assert fate in line
-        assert ("█" in line) == (not fate)
+        assert absence in line
+        assert ("█" in line) == (not absence)
 
 
 def test_text_of_a_large_game_is_a_summary():
@@ -183,7 +183,7 @@ def test_text_of_a_large_game_is_a_summary():
 def test_agents_with_both_roles_are_on_both_sides():
     scene = scene_of(play("robots-that-move", 5))
     assert scene.raters.names[-2:] == scene.providers.names[-2:] == ("srsp_0", "srsp_1")
-    assert all("ToA" in note for note in scene.raters.notes[-2:])
+    assert all("ToA" in note for note in scene.raters.captions[-2:])
 
 
 @pytest.mark.parametrize(("raters", "providers"), [(1, 1), (1, 30), (21, 2), (20, 20)])

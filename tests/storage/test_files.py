@@ -1,4 +1,4 @@
-"""Results on disk: whole or not there, and nothing left behind."""
+"""Results on disk: complete or absent, and no temporary files."""
 
 import os
 import platform
@@ -39,7 +39,7 @@ def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, erro
     assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
 
 
-def test_what_a_killed_run_left_goes_at_the_next_start_and_what_is_being_written_stays(tmp_path):
+def test_files_of_a_killed_run_are_removed_and_those_of_a_living_one_stay(tmp_path):
     for name in ("killed.csv", "living.csv"):
         writer = subprocess.Popen(
             [sys.executable, "-c", WRITER, str(tmp_path / name)],
@@ -55,7 +55,7 @@ def test_what_a_killed_run_left_goes_at_the_next_start_and_what_is_being_written
     others = [".bashrc", ".my.notes.1.txt", f".killed.elsewhere-{writer.pid}.csv"]
     for other in others:
         (tmp_path / other).touch()
-    (tmp_path / files.unfinished(tmp_path / "mine.csv").name).touch()
+    (tmp_path / files.unfinished_path(tmp_path / "mine.csv").name).touch()
     assert len(list(tmp_path.glob(".killed.*"))) == 2
     files.prepare_folder(tmp_path)
     here = f"{platform.node()}-{writer.pid}.csv"
@@ -65,7 +65,7 @@ def test_what_a_killed_run_left_goes_at_the_next_start_and_what_is_being_written
     writer.communicate()
 
 
-def test_a_folder_is_tried_and_left_as_it_was(tmp_path):
+def test_checking_a_folder_leaves_it_unchanged(tmp_path):
     (tmp_path / "probe").write_text("not to be lost")
     files.prepare_folder(tmp_path)
     files.prepare_folder(tmp_path / "a" / "b")
@@ -103,14 +103,14 @@ def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypat
 )
 def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command, out):
     def work(*_, **__):
-        raise AssertionError("it works before it knows where to write")
+        raise AssertionError("the work begins before the output folder is checked")
 
     for module, name in (
         ("commands.ladder", "climb"),
         ("commands.speed", "_race"),
         ("training.loop", "train"),
         ("commands.play", "play_games"),
-        ("commands.figures", "record"),
+        ("commands.figures", "track_curves"),
     ):
         monkeypatch.setattr(f"roletrust_experiments.{module}.{name}", work)
     (tmp_path / "file").write_text("in the way")

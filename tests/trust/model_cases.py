@@ -23,7 +23,7 @@ EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 
 def named(name: str) -> TrustModel[Any]:
     """The model of that name, with a `lam` of 0.7 and an `initial` of 0.3 if it takes them."""
-    return make_trust_model(name, **registry.taken(name, {"lam": 0.7, "initial": 0.3}))
+    return make_trust_model(name, **registry.accepted_parameters(name, {"lam": 0.7, "initial": 0.3}))
 
 
 def assert_close(actual: Iterable[Any], expected: Iterable[Any], tolerance: float) -> None:

@@ -26,6 +26,6 @@ def test_perturbations_compared_with_the_round_are_those_of_the_table(monkeypatc
     rounds = torch.arange(20)
     perturbations = perturbation.Perturbations(rules, torch.zeros(()))
     looked_up = perturbations.strength(rounds)
-    monkeypatch.setattr(perturbation, "compiling", lambda array: True)
+    monkeypatch.setattr(perturbation, "is_compiling", lambda array: True)
     assert torch.equal(perturbations.strength(rounds), looked_up)
     assert looked_up[[2, 3, 5, 6, 8, 9, 12, 15]].tolist() == [0, 0.5, 1, 1, 0.5, 0.25, 0, 0.75]

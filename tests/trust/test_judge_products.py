@@ -8,7 +8,7 @@ import torch
 from histories import played, random_history
 
 from roletrust_env.trust import judges, make_trust_model
-from roletrust_env.trust.judges import heeded, product, published_raters, with_self
+from roletrust_env.trust.judges import product, published_raters, weighted_advice, with_self
 
 
 @pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
@@ -22,7 +22,7 @@ def test_the_product_is_that_of_every_game(batch: tuple[int, ...], asarray: Any)
 
 def test_a_judge_hears_whom_it_believes() -> None:
     credence, sums = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    mean, weight = heeded(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
+    mean, weight = weighted_advice(credence, sums, np.array([[2.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
     assert mean == pytest.approx(np.array([[2 / 3, 0, 0.5 / 1.5], [0, 0, 1]]))
     assert weight.tolist() == [[3, 0, 1.5], [2, 0, 1]]
 

@@ -9,7 +9,7 @@ from roletrust_env.trust import judges
 def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     credence, said = rng.random((7, 7, 2)), rng.random((7, 3, 2))
-    at_once = judges.weighed(credence, said)
+    at_once = judges.credence_sum(credence, said)
     np.testing.assert_allclose(at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12)
     seen = []
     monkeypatch.setattr(judges, "_BLOCK", 2 * said.size)
@@ -20,15 +20,15 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
 
     assert np.array_equal(judges.by_judges(of, said), at_once)
     assert seen == [slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)]
-    assert np.array_equal(judges.weighed(credence, said), at_once)
+    assert np.array_equal(judges.credence_sum(credence, said), at_once)
 
 
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
     f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
-    outcomes, met = judges.told(f, m)
-    assert judges.compared(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
+    outcomes, met = judges.mask_ratings(f, m)
+    assert judges.compare_opinions(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
     assert judges.in_common(met).tolist() == [[2, 2], [2, 3]]
-    assert judges.news(met).tolist() == [True, True, True]
+    assert judges.is_rated(met).tolist() == [True, True, True]
 
 
 def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
@@ -41,8 +41,8 @@ def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
 def test_a_mean_absorbs_values_and_is_exact_where_there_are_none() -> None:
     before = np.array([0.1, 0.1, 0.3])
     weight, sums, count = np.array([2.0, 2.0, 0.0]), np.array([1.5, 0.0, 0.7]), np.array([2.0, 0.0, 1.0])
-    assert judges.absorbed(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
-    assert judges.absorbed(before, weight, sums, count)[1] == 0.1
+    assert judges.absorb(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
+    assert judges.absorb(before, weight, sums, count)[1] == 0.1
 
 
 def test_what_is_published_is_the_judges_mean_and_nobody_judges_itself() -> None:

@@ -63,8 +63,8 @@ def test_a_range_is_drawn_for_each_agent_and_each_game_and_lasts() -> None:
 
 
 def test_luck_of_bias_scale_and_ability_is_independent() -> None:
-    nature = start(crowd({"bias": (0, 1), "scale": (0, 1)}, {"ability": (0, 1), "count": 3}), 0, (5000,)).nature
-    draws = [nature.ability.ravel(), nature.taste.bias.ravel(), nature.taste.scale.ravel()]
+    properties = start(crowd({"bias": (0, 1), "scale": (0, 1)}, {"ability": (0, 1), "count": 3}), 0, (5000,)).properties
+    draws = [properties.ability.ravel(), properties.perception.bias.ravel(), properties.perception.scale.ravel()]
     assert np.abs(np.corrcoef(draws) - np.eye(3)).max() < 5 / np.sqrt(15_000)
 
 
@@ -92,8 +92,8 @@ def test_the_usual_nature_told_changes_no_bit(name: str) -> None:
     told = [g.model_dump() | ({} if g.role == "SR" else {"ability": (1, 1)}) for g in plain.agents]
     told = [g | ({} if g["role"] == "SP" else {"bias": (0, 0), "scale": (1, 1)}) for g in told]
     game, same = Game(plain), Game(plain.change(agents=told))
-    assert start(game.scenario).nature == (None, None)
-    assert start(same.scenario).nature.ability is not None
+    assert start(game.scenario).properties == (None, None)
+    assert start(same.scenario).properties.ability is not None
     histories = (record(JointPolicy(one, {}), one.random(0), (3,)) for one in (game, same))
     for a, b in zip(*histories, strict=True):
         np.testing.assert_array_equal(a, b)
@@ -128,9 +128,9 @@ def test_what_is_out_of_range_is_refused(
 
 
 def test_a_detector_has_no_taste() -> None:
-    taste = start(crowd({"bias": 0.1})).nature.taste
+    perception = start(crowd({"bias": 0.1})).properties.perception
     with pytest.raises(ValueError, match="no bias or scale"):
-        HogService(3, 4, period_s=0.5, max_cycles=5).perceive(np.ones(4), 0.0, 0, np.zeros((3, 4)), taste)
+        HogService(3, 4, period_s=0.5, max_cycles=5).perceive(np.ones(4), 0.0, 0, np.zeros((3, 4)), perception)
 
 
 def test_ranges_from_a_file(tmp_path: Any) -> None:

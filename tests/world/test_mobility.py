@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from roletrust_env.world import InRange
-from roletrust_env.world.mobility import Places, move, place
+from roletrust_env.world.mobility import Motion, move, scatter
 
 RULE = InRange(arena=8.0, speed=0.5)
 NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
@@ -15,12 +15,12 @@ NAMESPACES = pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids
 
 @NAMESPACES
 def test_a_robot_walks_straight_to_its_goal_and_then_to_the_next(asarray: Callable) -> None:
-    places = Places(asarray([[1.0, 1.0]]), asarray([[1.6, 1.8]]))  # a metre away: two rounds
+    motion = Motion(asarray([[1.0, 1.0]]), asarray([[1.6, 1.8]]))  # a metre away: two rounds
     following = asarray([[0.25, 0.75]])
-    first = move(RULE, places, following)
+    first = move(RULE, motion, following)
     np.testing.assert_allclose(first.position, [[1.3, 1.4]])
     np.testing.assert_allclose(first.goal, [[1.6, 1.8]])
-    assert float(places.position[0, 0]) == 1.0
+    assert float(motion.position[0, 0]) == 1.0
     second = move(RULE, first, following)
     np.testing.assert_allclose(second.position, [[1.6, 1.8]])
     third = move(RULE, second, following)
@@ -31,23 +31,23 @@ def test_a_robot_walks_straight_to_its_goal_and_then_to_the_next(asarray: Callab
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_robots_stay_in_the_arena_and_within_their_speed(speed: float, dtype: type) -> None:
     rule, rng = InRange(arena=7.3, speed=speed), np.random.default_rng(0)
-    places = place(rule, *rng.random((2, 40, 2, 5), dtype=dtype))
+    motion = scatter(rule, *rng.random((2, 40, 2, 5), dtype=dtype))
     for _ in range(60):
         goal = np.where(rng.random((40, 2, 5)) < 0.2, np.nextafter(dtype(1), dtype(0)), rng.random((40, 2, 5)))
-        after = move(rule, places, goal.astype(dtype))
-        stride = np.hypot(*np.moveaxis(after.position - places.position, 1, 0))
+        after = move(rule, motion, goal.astype(dtype))
+        stride = np.hypot(*np.moveaxis(after.position - motion.position, 1, 0))
         assert np.all(stride <= speed * (1 + 1e-5) + 1e-6)
         assert np.all((after.position >= 0) & (after.position / dtype(rule.arena) <= 1))
         assert after.position.dtype == after.goal.dtype == dtype
-        places = after
+        motion = after
 
 
 @NAMESPACES
 def test_robots_move_apart_from_each_other(asarray: Callable) -> None:
     rng = np.random.default_rng(0)
     position, goal, following = rng.random((3, 4, 2, 3))
-    many = move(RULE, place(RULE, asarray(position), asarray(goal)), asarray(following))
+    many = move(RULE, scatter(RULE, asarray(position), asarray(goal)), asarray(following))
     for n in range(4):
         for e in range(3):
-            one = place(RULE, asarray(position[n : n + 1, :, e]), asarray(goal[n : n + 1, :, e]))
+            one = scatter(RULE, asarray(position[n : n + 1, :, e]), asarray(goal[n : n + 1, :, e]))
             np.testing.assert_allclose(move(RULE, one, asarray(following[n : n + 1, :, e]))[0][0], many[0][n, :, e])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_env.world import Scenario
-from roletrust_env.world.roster import Roster
+from roletrust_env.world import AgentGroup, Scenario
+from roletrust_env.world.roster import Roster, role_in_name
 
 
 def roster(*roles: str, **group: object) -> Roster:
@@ -39,8 +39,8 @@ def test_every_axis_is_a_slice_of_another(roles: tuple[str, ...], asarray) -> No
 
 def test_nobody_is_a_stranger_to_itself() -> None:
     who = roster(*MIXED)
-    own = [(i, j) for i, j in np.argwhere(~who.stranger) if who.rater_names[i] == who.provider_names[j]]
-    assert len(own) == (~who.stranger).sum() == 2
+    own = [(i, j) for i, j in np.argwhere(~who.not_self) if who.rater_names[i] == who.provider_names[j]]
+    assert len(own) == (~who.not_self).sum() == 2
 
 
 def test_groups_keep_their_order() -> None:
@@ -49,13 +49,28 @@ def test_groups_keep_their_order() -> None:
 
 
 def test_turns() -> None:
-    rating, providing = roster("SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2).on_duty(8)
+    rating, providing = roster("SR", "SP", "SR+SP", turns=("SR", "SP", "SR+SP"), turn_length=2).role_schedule(8)
     assert rating[:, 0].all()
     assert providing[:, 0].all()
     assert rating[:, 1].tolist() == [True, True, False, False, True, True, True, True]
     assert providing[:, 1].tolist() == [False, False, True, True, True, True, False, False]
-    rating, providing = roster("SR", "SP", "SR+SP").on_duty(3)
+    rating, providing = roster("SR", "SP", "SR+SP").role_schedule(3)
     assert rating.shape == (3, 2)
     assert providing.shape == (3, 2)
     assert rating.all()
     assert providing.all()
+
+
+def test_the_role_of_an_agent_is_that_of_its_group() -> None:
+    groups = (AgentGroup(role="SR+SP", count=2), AgentGroup(role="SP", reserve=1), AgentGroup(role="SR", count=2))
+    who = Roster.of(Scenario(agents=groups))
+    assert who.roles == {
+        **dict.fromkeys(("sr_0", "sr_1"), "SR"),
+        **dict.fromkeys(("sp_0", "sp_1"), "SP"),
+        **dict.fromkeys(("srsp_0", "srsp_1"), "SR+SP"),
+    }
+    assert [who.role(name) for name in who.names] == [role_in_name(name) for name in who.names]
+    with pytest.raises(ValueError, match="there is no agent 'sp_2'; the scenario has sr_0, sr_1, sp_0"):
+        who.role("sp_2")
+    with pytest.raises(ValueError, match=r"there is no agent 'judge_0'; agents are called sr_0, sp_0, srsp_0 \.\.\."):
+        role_in_name("judge_0")

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from roletrust_env import Game, Random, Scenario, load_scenario, make_scenario, parallel_env, scenarios
+from roletrust_env.game.summary import summarise
 from roletrust_env.world.scenario import read_scenario
 
 AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
@@ -42,7 +43,7 @@ AGENTS = [{"role": "SR", "count": 2}, {"role": "SP", "count": 2}]
         ({"agents": [*AGENTS, {"role": "SR", "join_rate": 0}]}, ["agents.2", "join_rate is 0", "above 0"]),
         ({"access": {"kind": "wifi"}}, ["access", "'wifi'", "'everyone'", "'in-range'", "'choice'"]),
         ({"access": {"kind": "in-range", "radius": -1}}, ["access", "radius", "-1", "greater than"]),
-        ({"access": {"kind": "choice", "providers": 3}}, ["access.providers", "3", "2 to choose from"]),
+        ({"access": {"kind": "choice", "providers": 3}}, ["access.providers", "3", "only 2 providers"]),
         ({"ratings": {"lost": 1.1}}, ["ratings.lost", "1.1", "[0, 1]"]),
         ({"ratings": {"late": 0.1, "delay": 0}}, ["ratings.delay", "0", "greater than"]),
         ({"perturbations": [{"start": 4, "stop": 4}]}, ["perturbations.0", "stop is 4", "start, 4"]),
@@ -92,7 +93,7 @@ def test_an_unknown_field_is_answered_with_the_known_ones(fields: dict[str, Any]
     ids=str,
 )
 def test_roles_that_leave_nobody_to_rate_are_refused(agents: list[dict[str, Any]]) -> None:
-    with pytest.raises(ValueError, match="nobody could rate anybody"):
+    with pytest.raises(ValueError, match="no agent can rate another"):
         read_scenario({"agents": agents}, "my file")
 
 
@@ -270,7 +271,7 @@ def plays(scenario: Scenario) -> None:
     if scenario.service == "synthetic":
         game, random = Game(scenario.change(max_cycles=1)), Random(np.random.default_rng(0))
         state = game.start(game.draw(random, start=True))
-        assert np.all(np.isfinite(game.summary(state)))
+        assert np.all(np.isfinite(summarise(game, state)))
 
 
 @pytest.mark.parametrize(
@@ -279,7 +280,7 @@ def plays(scenario: Scenario) -> None:
         ({"service": "hog", "frames": -1}, "frames is -1"),
         ({"service": "hog", "frames": ""}, "frames is ''"),
         ({"agents": [{"role": "SR", "count": 10**9}, {"role": "SP"}]}, "count"),
-        ({"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]}, "nobody could rate anybody"),
+        ({"agents": [{"role": "SR", "leaves": 3}, {"role": "SP", "joins": 5}]}, "no agent can rate another"),
     ],
 )
 def test_more_that_cannot_be_played_is_refused(changes, message):

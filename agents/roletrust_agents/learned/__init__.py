@@ -1,4 +1,4 @@
-"""Trained attackers: their networks, their files, and how they play."""
+"""Trained attackers: networks, files and policies."""
 
 from roletrust_agents.learned.policy import LearnedPolicy, learned, learned_policy, play_task
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker, save_attacker

@@ -1,4 +1,4 @@
-"""What is known of a saved attacker but its weights: its card, plain data that is checked when it is read."""
+"""Card of a saved attacker: all data except its weights, validated when it is read."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
@@ -25,28 +25,28 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,100}$")]
 
 
 class ModelCard(UntrustedModel):
-    """A trust model, by name and parameters."""
+    """Trust model, given by its name and its parameters."""
 
     name: Name
     parameters: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
 
     def make(self) -> TrustModel[Any]:
-        """The trust model; one of another package is found if that is installed."""
+        """Return the trust model. If it is of another package, that package must be installed."""
         return make_trust_model(self.name, **self.parameters)
 
 
 class Price(UntrustedModel):
-    """The price of being told apart, see `roletrust_env.game.attack_task.Stealth`."""
+    """Price of a trust gap to the honest agents, see `roletrust_env.game.stealth.Stealth`."""
 
     weight: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     tolerance: Annotated[float, Field(ge=0, le=1)] = 0.1
 
 
 class TaskCard(UntrustedModel):
-    """What the attacker was trained for."""
+    """Task that the attacker was trained for."""
 
     id: Annotated[str, Field(max_length=100)]
-    """Of the Gymnasium task whose defaults it began with."""
+    """Id of the Gymnasium task with the defaults."""
     compromised: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
     objective: Objective
     stealth: Price = Price()
@@ -55,14 +55,14 @@ class TaskCard(UntrustedModel):
 
 
 class InputField(UntrustedModel):
-    """A field of the observation, such as `sp_2.trust`, and how many entries it has."""
+    """Field of the observation, such as `sp_2.trust`, and the number of its entries."""
 
     name: Annotated[str, Field(max_length=200)]
     size: Annotated[int, Field(ge=0, le=100_000)]
 
 
 class InputCard(UntrustedModel):
-    """The observation: what stands where, and how it is normalised."""
+    """Observation: its fields in order, and its normalisation."""
 
     fields: Annotated[tuple[InputField, ...], Field(max_length=20_000)]
     mean: Annotated[tuple[Number, ...], Field(max_length=100_000)]
@@ -70,13 +70,13 @@ class InputCard(UntrustedModel):
 
 
 class TrainingCard(UntrustedModel):
-    """How it was trained."""
+    """Training of the attacker."""
 
     algorithm: Annotated[str, Field(max_length=100)]
     steps: Count
-    """Rounds that it learned from, of all games together."""
+    """Number of rounds of experience, in all games together."""
     rounds: Count = 0
-    """All that were played: also those that observations are normalised by, and those that the best was chosen by."""
+    """Number of all rounds played, including those for the normalisation of observations and for model selection."""
     seed: Count
     seconds: Annotated[float, Field(ge=0, le=1e9)]
     settings: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
@@ -84,18 +84,18 @@ class TrainingCard(UntrustedModel):
 
 
 class ScoreCard(UntrustedModel):
-    """Mean reward per round of whole games that it was not trained on, with half its 95% confidence interval."""
+    """Mean reward per round in games that were not used for training, and half its 95% confidence interval."""
 
     mean: Number
     half_95: Annotated[float, Field(ge=0, le=1e6)]
     games: Annotated[int, Field(ge=1, le=10**9)]
     seed: Count
     honest: Number
-    """What honest play scores in the same games."""
+    """Mean reward of honest play in the same games."""
 
 
 class Card(UntrustedModel):
-    """All that there is to know of a saved attacker but its weights."""
+    """All data of a saved attacker except its weights."""
 
     format: Literal["roletrust-attacker"] = "roletrust-attacker"
     format_version: Literal[1] = 1
@@ -113,26 +113,33 @@ class Card(UntrustedModel):
     def _check(self) -> Self:
         if sum(group.count for group in self.scenario.agents) > _MAX_AGENTS:
             raise ValueError(f"the scenario has more than {_MAX_AGENTS} agents")
-        roster, task, seen = Roster.of(self.scenario), self.task, self.observation
+        roster, task, observation = Roster.of(self.scenario), self.task, self.observation
         for names, known in ((task.compromised, roster.names), (task.accomplices, roster.provider_names)):
             if len(set(names)) < len(names) or not set(names) <= set(known):
-                raise ValueError(f"{', '.join(names)} are not agents of the scenario, each once")
-        total = sum(field.size for field in seen.fields)
-        if seen.fields != observation_fields(self.scenario, task.compromised, task.knowledge, total):
+                raise ValueError(f"{', '.join(names)} must be different agents of the scenario")
+        total = sum(field.size for field in observation.fields)
+        if observation.fields != observation_fields(self.scenario, task.compromised, task.knowledge, total):
             raise ValueError("the fields of the observation are not those of the task")
-        if not total == len(seen.mean) == len(seen.variance) == self.architecture.inputs:
+        if not total == len(observation.mean) == len(observation.variance) == self.architecture.inputs:
             raise ValueError("the observation, its normalisation and the network's inputs differ in size")
         providing = sum(name in roster.provider_names for name in task.compromised)
         rating = sum(name in roster.rater_names for name in task.compromised)
         if self.architecture.outputs != providing + roster.n_providers * rating:
-            raise ValueError("the network's outputs are not as many as the compromised agents' actions")
+            raise ValueError("the number of outputs of the network must be that of the actions of the agents")
         return self
 
 
 def observation_fields(
     scenario: Scenario, compromised: Sequence[str], knowledge: Knowledge, total: int
 ) -> tuple[InputField, ...]:
-    """What stands where in what an attacker sees, `total` entries in all; see `AttackTask.observe`."""
+    """Return the fields of the observation of an attacker in order, see `AttackTask.observe`.
+
+    Args:
+        scenario: Scenario of the task.
+        compromised: Names of the compromised agents.
+        knowledge: Knowledge of the attacker.
+        total: Number of entries of the whole observation.
+    """
     roster = Roster.of(scenario)
     s, p = roster.n_raters, roster.n_providers
     provider = [(name, s if name in ("ratings", "rated") else 1) for name in ProviderView._fields]
@@ -140,10 +147,10 @@ def observation_fields(
     both = [("trust", 1)]
     for part, fields in zip(AgentView._fields[1:], (provider, rater), strict=True):
         both += [(f"{part}.{name}", size) for name, size in fields]
-    of_role: dict[Role, list[tuple[str, int]]] = {"SP": provider, "SR": rater, "SR+SP": both}
-    found = [(f"{agent}.{name}", size) for agent in compromised for name, size in of_role[roster.role(agent)]]
+    by_role: dict[Role, list[tuple[str, int]]] = {"SP": provider, "SR": rater, "SR+SP": both}
+    sizes = [(f"{agent}.{name}", size) for agent in compromised for name, size in by_role[roster.role(agent)]]
     if knowledge != "black_box":
-        found += [("published.raters", s), ("published.providers", p)]
+        sizes += [("published.raters", s), ("published.providers", p)]
     if knowledge == "white_box":
-        found.append(("state", max(0, total - sum(size for _, size in found))))
-    return tuple(InputField(name=name, size=size) for name, size in found)
+        sizes.append(("state", max(0, total - sum(size for _, size in sizes))))
+    return tuple(InputField(name=name, size=size) for name, size in sizes)

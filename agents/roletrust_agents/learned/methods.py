@@ -1,4 +1,4 @@
-"""Saved attackers as search methods that search nothing."""
+"""Saved attackers as search methods. They do not search; they load an attacker."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,21 +10,23 @@ from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.parameters import refuse_unknown
 
-_OF_A_RUN: Any = {
+_RUN_FIELDS: Any = {
     **dict.fromkeys(("observation", "score", "weights_sha256"), True),
     "training": {"seed", "seconds", "rounds"},
 }
-"""In what the cards of two runs of one training may differ."""
+"""Fields of the card that can differ between the runs of one training."""
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class Learned:
-    """A saved attacker, as `roletrust train` leaves it. Its rounds and seconds are those of its training.
+    """Search method that loads a saved attacker of `roletrust train`. Its rounds and seconds are those of the training.
 
     Attributes:
-        path: of its folder, or of one of its two files.
-        name: in tables.
+        path: Path of its folder, or of one of its two files.
+        name: Name in tables.
     """
 
     path: Path
@@ -47,35 +49,36 @@ class Learned:
         return SearchResult(attacker, card.training.rounds or card.training.steps, words, card.training.seconds)
 
 
-def learned_rungs(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
-    """The runs of one training, one for each seed, as rungs.
+def learned_methods(folder: Path, seeds: Sequence[int], name: str) -> list[Learned]:
+    """Return the runs of one training as search methods, one for each seed.
 
     Args:
-        folder: of one run, whose seed may then be any, or with a folder for each run, see `roletrust train --runs`.
-        seeds: that the runs must have.
-        name: in tables.
+        folder: Folder of a single run, which can have any seed, or folder with a subfolder for each run, see
+            `roletrust train --runs`.
+        seeds: Seeds that the runs must have.
+        name: Name in tables.
 
     Raises:
-        ValueError: a file is refused, the runs do not have these seeds, or they differ in more than their seed.
+        ValueError: A file is not valid, the runs do not have these seeds, or they differ in more than their seed.
     """
     from roletrust_agents.learned.saved import load_attacker
 
     if len(seeds) == 1:
         load_attacker(folder)
         return [Learned(folder, name)]
-    found, trainings = {}, set()
+    runs, trainings = {}, set()
     for path in sorted(file.parent for file in folder.glob("*/attacker.json")):
         card = load_attacker(path).card
-        found[card.training.seed] = path
-        trainings.add(card.model_dump_json(exclude=_OF_A_RUN))
-    if sorted(found) != list(seeds):
-        told = ", ".join(map(str, sorted(found))) or "none"
+        runs[card.training.seed] = path
+        trainings.add(card.model_dump_json(exclude=_RUN_FIELDS))
+    if sorted(runs) != list(seeds):
+        available = ", ".join(map(str, sorted(runs))) or "none"
         raise ValueError(
-            f"{folder} holds runs of the seeds {told}; this ladder has the seeds {', '.join(map(str, seeds))}"
+            f"{folder} holds runs of the seeds {available}; this ladder has the seeds {', '.join(map(str, seeds))}"
         )
     if len(trainings) > 1:
-        raise ValueError(f"the runs in {folder} differ in more than their seed; they are not one rung")
-    return [Learned(found[seed], name) for seed in seeds]
+        raise ValueError(f"the runs in {folder} differ in more than their seed; they are not one search method")
+    return [Learned(runs[seed], name) for seed in seeds]
 
 
 def _observation_size(task: AttackTask) -> int:

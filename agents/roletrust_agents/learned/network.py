@@ -1,4 +1,4 @@
-"""The networks of saved attackers: what they look like, and their forward pass on any array library."""
+"""Networks of saved attackers: their architecture, and their forward pass on any array library."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -12,12 +12,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from roletrust_env.arrays import Array, namespace
 
 MAX_WEIGHTS = 4_000_000
-"""A network with more weights than this is no attacker of these games."""
+"""Largest number of weights of a network."""
 
 _MAX_WORK = 100 * MAX_WEIGHTS
-"""Multiplications of a decision: a network of heads uses its weights many times."""
+"""Largest number of multiplications in a decision. A network with heads uses its weights several times."""
 
-_CLIP = 10.0  # standard deviations beyond which an input says nothing more
+_CLIP = 10.0  # limit on normalised inputs, in standard deviations
 
 Floats = npt.NDArray[np.float32]
 Width = Annotated[int, Field(ge=1, le=4096)]
@@ -26,63 +26,67 @@ _STRICT = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=Fal
 
 
 class Head(BaseModel):
-    """A small network that is asked for several outputs, of each by what concerns it. The first layer is told which."""
+    """Small network that is applied once for each of several outputs, with the inputs that concern this output.
+
+    A learned vector for each output is added to the first layer.
+    """
 
     model_config = _STRICT
 
     outputs: Annotated[tuple[Place, ...], Field(min_length=1, max_length=10_000)]
-    """Where its outputs stand among all."""
+    """Indices of its outputs among all outputs."""
     sees: Annotated[tuple[tuple[Place, ...], ...], Field(max_length=10_000)]
-    """For each of them the inputs that it sees, as many for one as for the other."""
+    """Indices of the inputs for each of its outputs, the same number for all."""
 
 
 class Architecture(BaseModel):
-    """Normalised inputs -> LSTM, if any -> hidden layers -> outputs in [-1, 1] -> actions in [0, 1].
+    """Architecture: normalised inputs -> optional LSTM -> hidden layers -> outputs in [-1, 1] -> actions in [0, 1].
 
-    One network leads from all inputs to all outputs; or several heads, each with hidden layers of its own.
+    There is either one network from all inputs to all outputs, or several heads with hidden layers of their own.
     """
 
     model_config = _STRICT
 
     inputs: Annotated[int, Field(ge=1, le=100_000)]
-    """K, the size of an observation."""
+    """Size of an observation, K."""
     outputs: Annotated[int, Field(ge=1, le=10_000)]
-    """A, the size of an action."""
+    """Size of an action, A."""
     hidden: Annotated[tuple[Width, ...], Field(max_length=8)]
-    """Units of each hidden layer."""
+    """Number of units of each hidden layer."""
     activation: Literal["tanh", "relu"] = "tanh"
-    """Of the hidden layers."""
+    """Activation function of the hidden layers."""
     squash: Literal["clip", "tanh"] = "clip"
-    """How an output comes to lie in [-1, 1]."""
+    """Function that maps the outputs to [-1, 1]."""
     lstm: Annotated[int, Field(ge=0, le=4096)] = 0
-    """Units of the LSTM; 0 is none, and no memory."""
+    """Number of units of the LSTM; 0 is a network without LSTM and without memory."""
     heads: Annotated[tuple[Head, ...], Field(max_length=100)] = ()
-    """Which share the outputs among them; none is one network for all."""
+    """Heads, each of which has some of the outputs; empty for one network with all outputs."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.heads:
             self._check_heads()
         if (total := sum(prod(shape) for shape in self.shapes().values())) > MAX_WEIGHTS:
-            raise ValueError(f"the network has {total} weights; there can be {MAX_WEIGHTS}")
+            raise ValueError(f"the network has {total} weights; the limit is {MAX_WEIGHTS}")
         return self
 
     def _check_heads(self) -> None:
         if self.lstm or not self.hidden:
-            raise ValueError("heads have hidden layers and no LSTM")
-        if sorted(place for head in self.heads for place in head.outputs) != list(range(self.outputs)):
-            raise ValueError(f"each of the {self.outputs} outputs must be that of one head")
+            raise ValueError("a network with heads must have hidden layers and no LSTM")
+        if sorted(index for head in self.heads for index in head.outputs) != list(range(self.outputs)):
+            raise ValueError(f"each of the {self.outputs} outputs must belong to exactly one head")
         for head in self.heads:
-            if len(head.sees) != len(head.outputs) or len({len(seen) for seen in head.sees}) != 1 or not head.sees[0]:
-                raise ValueError("a head must see as many inputs, 1 or more, for each of its outputs")
-            if max(max(seen) for seen in head.sees) >= self.inputs:
-                raise ValueError(f"a head sees what is none of the {self.inputs} inputs")
+            sizes = {len(inputs) for inputs in head.sees}
+            if len(head.sees) != len(head.outputs) or len(sizes) != 1 or not head.sees[0]:
+                raise ValueError("a head must have the same number of inputs, 1 or more, for each of its outputs")
+            if max(max(inputs) for inputs in head.sees) >= self.inputs:
+                raise ValueError(f"an input of a head is not one of the {self.inputs} inputs of the network")
         work = sum(len(head.outputs) * sum(map(prod, self._head(h).values())) for h, head in enumerate(self.heads))
         if work > _MAX_WORK:
-            raise ValueError(f"the heads take {work} multiplications; there can be {_MAX_WORK}")
+            raise ValueError(f"the heads take {work} multiplications; the limit is {_MAX_WORK}")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The names and shapes of the weights; those of the LSTM are as torch has them, gates i, f, g, o."""
+        """Return the shape of each weight by its name. The gates of the LSTM are in the order of torch: i, f, g, o."""
         shapes: dict[str, tuple[int, ...]] = {}
         if self.heads:
             for h in range(len(self.heads)):
@@ -97,7 +101,7 @@ class Architecture(BaseModel):
         return shapes | _layers("", (width, *self.hidden, self.outputs))
 
     def _head(self, h: int) -> dict[str, tuple[int, ...]]:
-        """The weights of a head; `own` is added to the first layer, for each output its own."""
+        """Return the shapes of the weights of a head. `own` holds the vector of each output for the first layer."""
         head = self.heads[h]
         own = {f"head{h}.own": (len(head.outputs), self.hidden[0])}
         return own | _layers(f"head{h}.", (len(head.sees[0]), *self.hidden, 1))
@@ -121,16 +125,16 @@ class Decider(Protocol):
 
 
 class Network:
-    """A network, as a function from observations to actions. It holds the batch last, like everything else.
+    """Network, a function from observations to actions, with the batch in the last axes.
 
     Args:
-        architecture: its shape.
-        mean: of each input, (K,), subtracted before the first layer.
-        variance: of each input, (K,), whose root divides it then.
-        weights: as `Architecture.shapes` names and shapes them, float32.
+        architecture: Architecture.
+        mean: Mean of each input, shape (K,), which the normalisation subtracts.
+        variance: Variance of each input, shape (K,), by whose square root the normalisation then divides.
+        weights: Weights with the names and shapes of `Architecture.shapes`, float32.
 
     Raises:
-        ValueError: a weight is missing, superfluous, of the wrong shape or dtype, or not finite.
+        ValueError: A weight is missing, superfluous, of the wrong shape or dtype, or not finite.
     """
 
     def __init__(
@@ -140,10 +144,12 @@ class Network:
         if set(weights) != set(shapes):
             raise ValueError(f"the weights are {sorted(weights)}; the architecture has {sorted(shapes)}")
         for name, shape in shapes.items():
-            found = weights[name]
-            if found.shape != shape or found.dtype != np.float32:
-                raise ValueError(f"weight {name!r} is {found.dtype} of shape {found.shape}; needed is float32, {shape}")
-            if not np.isfinite(found).all():
+            weight = weights[name]
+            if weight.shape != shape or weight.dtype != np.float32:
+                raise ValueError(
+                    f"weight {name!r} is {weight.dtype} of shape {weight.shape}; it must be float32 of shape {shape}"
+                )
+            if not np.isfinite(weight).all():
                 raise ValueError(f"weight {name!r} holds NaN or infinity")
         if mean.shape != (architecture.inputs,) or variance.shape != (architecture.inputs,):
             raise ValueError(f"mean and variance must have one entry for each of the {architecture.inputs} inputs")
@@ -158,13 +164,17 @@ class Network:
         return self.architecture.lstm > 0
 
     def begin(self, like: Array) -> Array | None:
-        """The memory before the first observation: (2 H, ...) for `like` of shape (...); None without an LSTM."""
+        """Return the memory before the first observation, shape (2 H, ...); None without an LSTM.
+
+        Args:
+            like: Array of the shape of the batch (...), of the library, dtype and device to work with.
+        """
         if not self.architecture.lstm:
             return None
         return namespace(like).stack([0 * like] * (2 * self.architecture.lstm))
 
     def __call__(self, observation: Array, memory: Array | None = None) -> tuple[Array, Array | None]:
-        """Actions in [0, 1], shape (A, ...), for observations of shape (K, ...); and the new memory."""
+        """Return actions in [0, 1], shape (A, ...), for observations of shape (K, ...), and the new memory."""
         xp, batch = namespace(observation), tuple(observation.shape[1:])
         if observation.shape[0] != self.architecture.inputs:
             raise ValueError(f"the observation has {observation.shape[0]} entries, not {self.architecture.inputs}")
@@ -177,7 +187,7 @@ class Network:
         x = xp.clip(x, -_CLIP, _CLIP)
         if self.architecture.lstm:
             if memory is None:
-                raise ValueError("the network has a memory; give that of `begin` at first")
+                raise ValueError("the network has a memory; the first one is that of `begin`")
             parts = [constant(self.weights[f"lstm.{name}"]) for name in ("input", "hidden", "bias")]
             x, memory = _lstm(xp, parts, x, memory.reshape(2 * self.architecture.lstm, -1))
             memory = memory.reshape(-1, *batch)
@@ -191,7 +201,7 @@ class Network:
         return (x * 0.5 + 0.5).reshape(-1, *batch), memory
 
     def _layers(self, name: str, x: Array, constant: Callable[[Floats], Array]) -> Array:
-        """The layers of a head, (n, k, B) -> (n, 1, B), or of the one network, (K, B) -> (A, B)."""
+        """Apply the layers of a head, (n, k, B) -> (n, 1, B), or of a network without heads, (K, B) -> (A, B)."""
         xp, last = namespace(x), len(self.architecture.hidden)
         for i in range(last + 1):
             x = (
@@ -206,7 +216,7 @@ class Network:
 
 
 def _layers(name: str, widths: Sequence[int]) -> dict[str, tuple[int, ...]]:
-    """The names and shapes of the weights of layers with these numbers of units, the inputs first."""
+    """Return the shapes of the weights of dense layers. The widths are the number of inputs, then of the units."""
     shapes: dict[str, tuple[int, ...]] = {}
     for i, (inputs, units) in enumerate(pairwise(widths)):
         shapes[f"{name}layer{i}.weight"], shapes[f"{name}layer{i}.bias"] = (units, inputs), (units,)
@@ -214,15 +224,15 @@ def _layers(name: str, widths: Sequence[int]) -> dict[str, tuple[int, ...]]:
 
 
 def _lstm(xp: Any, weights: list[Array], x: Array, memory: Array) -> tuple[Array, Array]:
-    """One step of an LSTM (Hochreiter and Schmidhuber, 1997): its output; hidden above cell state."""
-    of_input, of_hidden, bias = weights
-    units = of_hidden.shape[1]
-    gates = of_input @ x + of_hidden @ memory[:units] + bias[:, None]
-    enter, keep, new, show = (gates[k * units : (k + 1) * units] for k in range(4))
-    cell = _sigmoid(xp, keep) * memory[units:] + _sigmoid(xp, enter) * xp.tanh(new)
-    hidden = _sigmoid(xp, show) * xp.tanh(cell)
+    """Return the output of one step of an LSTM (Hochreiter and Schmidhuber, 1997), and its hidden and cell state."""
+    input_weights, hidden_weights, bias = weights
+    units = hidden_weights.shape[1]
+    gates = input_weights @ x + hidden_weights @ memory[:units] + bias[:, None]
+    i, f, g, o = (gates[k * units : (k + 1) * units] for k in range(4))
+    cell = _sigmoid(xp, f) * memory[units:] + _sigmoid(xp, i) * xp.tanh(g)
+    hidden = _sigmoid(xp, o) * xp.tanh(cell)
     return hidden, xp.concat([hidden, cell])
 
 
 def _sigmoid(xp: Any, x: Array) -> Array:
-    return 0.5 * xp.tanh(0.5 * x) + 0.5  # has no overflow
+    return 0.5 * xp.tanh(0.5 * x) + 0.5  # does not overflow

@@ -1,4 +1,4 @@
-"""Trained attackers at play: as a policy anywhere that a scripted one plays, or as one mind in their own task."""
+"""Trained attackers in games: as policies like the scripted ones, or as the attacker of their own task."""
 
 from typing import Any, ClassVar
 
@@ -20,17 +20,17 @@ from roletrust_env.world.roster import role_in_name
 
 
 class LearnedPolicy(Policy):
-    """A trained attacker of one agent, as an ordinary policy.
+    """Policy of a trained attacker that controls one agent.
 
-    `learned_policy` makes one of a saved attacker, and `policy_of` makes one of a model of Stable-Baselines3.
+    `learned_policy` returns the policy of a saved attacker, and `policy_of` that of a model of Stable-Baselines3.
 
-    It observes what it observed in training, so it plays in games with as many raters and providers. In a longer game
-    its clock stops at the end of the game length that it was trained with.
+    The observations are those of the training, so the games must have the same number of raters and providers. In a
+    longer game, the observed time stops at the end of the game length known from training.
 
     Args:
         decide: Network or model that was trained for one agent, with the knowledge `"black_box"`.
-        layout: Layout of the observations that it was trained with.
-        description: Words that tell this attacker from others, for its `repr`.
+        layout: Layout of the observations in training.
+        description: Description of this attacker, for its `repr`.
     """
 
     def __init__(self, decide: Decider, layout: Layout, description: str) -> None:
@@ -44,46 +44,46 @@ class LearnedPolicy(Policy):
         return self._decider.begin(random.uniform(shape)) if self._decider.has_memory else None
 
     def _decide(self, observation: Array, memory: Any) -> tuple[Array, Any]:
-        """Return the action, (A, ...), for an observation, (K, ...), whose clock is clipped to the known length."""
+        """Return the action, shape (A, ...), for an observation, shape (K, ...), clipped to the range of training."""
         try:
             return self._decider(namespace(observation).clip(observation, 0.0, 1.0), memory)
         except ValueError as error:
-            known = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
-            raise ValueError(f"{self!r} learned among {known}, and can play only there: {error}") from None
+            size = f"{self._layout.n_raters} raters and {self._layout.n_providers} providers"
+            raise ValueError(f"{self!r} was trained with {size}, and can play only with as many: {error}") from None
 
 
 class LearnedProvider(LearnedPolicy):
-    """A trained provider."""
+    """Trained provider."""
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """What the network says. See `Policy.quality`."""
+        """Return the quality that the network chooses. See `Policy.quality`."""
         action, memory = self._decide(self._layout.flatten(view), memory)
         return action[0], memory
 
 
 class LearnedRater(LearnedPolicy):
-    """A trained rater."""
+    """Trained rater."""
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """What the network says. See `Policy.ratings`."""
+        """Return the ratings that the network chooses. See `Policy.ratings`."""
         return self._decide(self._layout.flatten(view), memory)
 
 
 class LearnedBoth(LearnedPolicy):
-    """A trained agent with both roles: it decides on both at once, seeing both."""
+    """Trained agent with both roles, which observes both and decides on both at once."""
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Refused: one role alone does not know enough. See `both`."""
-        raise TypeError(f"{self!r} decides on quality and ratings at once; ask it by `both`")
+        """Raise an error, because the view of one role is not the whole observation. See `both`."""
+        raise TypeError(f"{self!r} decides on quality and ratings at once; call `both`")
 
     def both(self, view: AgentView, memory: Any, random: Random) -> tuple[Array, Array, Any]:
-        """The quality, (...), the ratings, (P, ...), and the new memory."""
+        """Return the quality, shape (...), the ratings, shape (P, ...), and the new memory."""
         action, memory = self._decide(self._layout.flatten_both(view), memory)
         return action[0], action[1:], memory
 
@@ -92,33 +92,33 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     """Return the policy of a saved attacker.
 
     Raises:
-        ValueError: The attacker has several agents, which decide as one, or it knows more than its agent observes.
-            Such attackers play in their own task, see `play_task`.
+        ValueError: The attacker controls several agents, or observes more than a view of its agent. Such attackers play
+            in their own task, see `play_task`.
     """
     card, task = attacker.card, attacker.card.task
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
-            f"the attacker plays {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy is one agent "
-            "that knows what it observes (black_box). It plays in its own task: see `play_task`"
+            f"the attacker controls {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy controls "
+            "one agent with black_box knowledge. The attacker can play in its own task: see `play_task`"
         )
     description = f"{card.training.algorithm}, {card.task.id}, {card.weights_sha256[:8]}"
     return policy_for(role_in_name(task.compromised[0]), attacker.network, attacker.layout, description)
 
 
 def policy_for(role: Role, decide: Decider, layout: Layout, description: str) -> LearnedPolicy:
-    """Return the policy for an agent of a role. Arguments as for `LearnedPolicy`."""
-    kinds: dict[Role, type[LearnedPolicy]] = {"SP": LearnedProvider, "SR": LearnedRater, "SR+SP": LearnedBoth}
-    return kinds[role](decide, layout, description)
+    """Return the policy for an agent of a role. The other arguments are those of `LearnedPolicy`."""
+    classes: dict[Role, type[LearnedPolicy]] = {"SP": LearnedProvider, "SR": LearnedRater, "SR+SP": LearnedBoth}
+    return classes[role](decide, layout, description)
 
 
 def learned(path: str) -> LearnedPolicy:
-    """A trained attacker from a pair of files, NAME.json and NAME.safetensors.
+    """Trained attacker, loaded from a pair of files, NAME.json and NAME.safetensors.
 
     Args:
-        path: see `load_attacker`.
+        path: Path of the files, or name of an attacker that comes with the project; see `load_attacker`.
 
     Raises:
-        ValueError: the files do not fit, or the attacker is not one agent with black-box knowledge.
+        ValueError: The files are not valid, or the attacker does not control one agent with black-box knowledge.
     """
     return learned_policy(load_attacker(path))
 

@@ -1,7 +1,7 @@
-"""Saved attackers that are safe to share: weights in safetensors, all else in JSON. Loading runs no code.
+"""Saved attackers that are safe to share: weights in safetensors, all other data in JSON. Loading executes no code.
 
-An attacker is a pair of files, `NAME.safetensors` and `NAME.json`. What does not fit is refused with a `ValueError`:
-names, shapes, dtypes, sizes and values are checked, and the JSON holds a digest of the weights.
+An attacker is a pair of files, `NAME.safetensors` and `NAME.json`. Names, shapes, dtypes, sizes and values are checked,
+and the JSON holds a digest of the weights. Invalid files raise a `ValueError`.
 """
 
 import hashlib
@@ -23,32 +23,32 @@ from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
 ZOO = Path(__file__).parent.parent / "zoo"
-"""The attackers that come with the project."""
+"""Folder of the attackers that come with the project."""
 
 MAX_JSON, MAX_SAFETENSORS = 1_000_000, 4 * MAX_WEIGHTS + 100_000
-"""Bytes that the two files may have."""
+"""Largest sizes of the two files, in bytes."""
 
 
 @dataclass(frozen=True, eq=False)
 class SavedAttacker:
-    """A trained attacker: what is known of it, and its network."""
+    """Trained attacker: its card and its network."""
 
     card: Card
     network: Network
 
     @property
     def layout(self) -> Layout:
-        """Of the game that it was trained in."""
+        """Layout of the observations in the game of the training."""
         roster = Roster.of(self.card.scenario)
         return Layout(roster.n_raters, roster.n_providers, self.card.scenario.max_cycles)
 
     def task(self) -> AttackTask:
-        """The task that it was trained for, on NumPy in float32."""
-        return carded_task(self.card.task, self.card.trust_model, self.card.scenario)
+        """Return the task of the training, on NumPy in float32."""
+        return task_from_card(self.card.task, self.card.trust_model, self.card.scenario)
 
 
-def carded_task(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
-    """The task that these say, on NumPy in float32."""
+def task_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
+    """Return the task described by cards, on NumPy in float32."""
     return make_task(
         scenario,
         task.compromised,
@@ -61,12 +61,12 @@ def carded_task(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> A
 
 
 def digest(data: bytes) -> str:
-    """SHA-256."""
+    """Return the SHA-256 digest of bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def weights_bytes(network: Network) -> bytes:
-    """The weights as a safetensors file; the same weights give the same bytes."""
+    """Return the weights as the content of a safetensors file. The same weights give the same bytes."""
     return safetensors.save({name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)})
 
 
@@ -74,32 +74,35 @@ def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, by
     """Write the pair of files.
 
     Args:
-        attacker: whose card holds the digest of its weights.
-        path: of either file, or without a suffix.
-        write: writes bytes to a path, `Path.write_bytes` or one that is atomic.
+        attacker: Attacker, with the digest of its weights in its card.
+        path: Path of either file, or without a suffix.
+        write: Function that writes bytes to a path, such as `Path.write_bytes` or an atomic one.
+
+    Raises:
+        ValueError: The digest in the card belongs to other weights.
     """
     data = weights_bytes(attacker.network)
     if digest(data) != attacker.card.weights_sha256:
-        raise ValueError("the card is of other weights")
+        raise ValueError("the digest in the card belongs to other weights")
     path = _stem(path)
     write(path.with_name(path.name + ".safetensors"), data)
     write(path.with_name(path.name + ".json"), (attacker.card.model_dump_json(indent=1) + "\n").encode())
 
 
 def zoo(folder: Path = ZOO) -> list[str]:
-    """The names of the attackers in a folder, by default those that come with the project."""
+    """Return the names of the attackers in a folder, by default those that come with the project."""
     return sorted(path.stem for path in folder.glob("*.json") if path.with_suffix(".safetensors").exists())
 
 
 def load_attacker(path: str | Path) -> SavedAttacker:
-    """Read a saved attacker. No code in it is run, and nothing is imported for it.
+    """Read a saved attacker. This executes no code of the files and imports nothing.
 
     Args:
-        path: of either file, or without a suffix, or a folder that holds `attacker.json`; or the name of an attacker
+        path: Path of either file, or without a suffix, or of a folder with `attacker.json`; or the name of an attacker
             that comes with the project, such as `provider-3x3`.
 
     Raises:
-        ValueError: a file is missing, too large or broken, or something in it does not fit.
+        ValueError: A file is missing, too large or not valid.
     """
     path = Path(path)
     path = path / "attacker" if path.is_dir() else _stem(path)
@@ -114,34 +117,39 @@ def load_attacker(path: str | Path) -> SavedAttacker:
 
 
 def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
-    """A saved attacker of the contents of its two files.
+    """Return the saved attacker in the contents of its two files.
+
+    Args:
+        text: Content of the JSON file.
+        data: Content of the safetensors file.
 
     Raises:
-        ValueError: something does not fit.
+        ValueError: The files are not valid.
     """
     if len(text) > MAX_JSON or len(data) > MAX_SAFETENSORS:
-        raise ValueError(f"the files have {len(text)} and {len(data)} bytes: too many")
-    said = parse_json(text)
-    if isinstance(said, dict) and isinstance(said.get("scenario"), dict):
-        check_scenario_size(said["scenario"])
+        raise ValueError(
+            f"the files have {len(text)} and {len(data)} bytes; the limits are {MAX_JSON} and {MAX_SAFETENSORS}"
+        )
+    fields = parse_json(text)
+    if isinstance(fields, dict) and isinstance(fields.get("scenario"), dict):
+        check_scenario_size(fields["scenario"])
     card = parse_untrusted(Card, text)
     if digest(data) != card.weights_sha256:
-        raise ValueError("the weights are not those that the JSON is about: their digest differs")
-    seen = card.observation
-    mean, variance = (np.asarray(values, np.float32) for values in (seen.mean, seen.variance))
+        raise ValueError("the digest of the weights differs from the one in the JSON file")
+    mean, variance = (np.asarray(values, np.float32) for values in (card.observation.mean, card.observation.variance))
     return SavedAttacker(card, Network(card.architecture, mean, variance, read_weights(data)))
 
 
 def read_weights(data: bytes) -> dict[str, Floats]:
-    """The arrays of a safetensors file.
+    """Return the arrays of a safetensors file.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The data is not a safetensors file.
     """
     try:
         return safetensors.load(data)
     except (SafetensorError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"the weights are no safetensors file: {error}") from None
+        raise ValueError(f"the weights are not a safetensors file: {error}") from None
 
 
 def _stem(path: Path) -> Path:
@@ -151,7 +159,7 @@ def _stem(path: Path) -> Path:
 def _read(path: Path, limit: int) -> bytes:
     if not path.is_file():
         raise ValueError(
-            f"there is no file {path}; a saved attacker is a .json and a .safetensors file of one name, "
-            "which training leaves at its end"
+            f"there is no file {path}; a saved attacker is a .json and a .safetensors file with the same name, "
+            "which training writes at its end"
         )
     return read_limited(path, limit)

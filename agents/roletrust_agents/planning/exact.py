@@ -1,9 +1,9 @@
-"""Exact optima of two attacks on role-trust, for a world without luck: a provider's quality, and raters' single lie.
+"""Exact optima of two attacks on role-trust in deterministic scenarios: the quality of a provider, and a single lie.
 
-Both hold for scenarios in which everyone always rates everyone and nothing is left to chance, under the paper's trust
-model. They follow the game's own timing: the services of round t are rated in round t + 1, and round 0 rates nothing.
-The tasks are small enough for dynamic programming because raters who agree are fully trusted, but for the known rest of
-their initial trust. The scores are means per round over a whole game of `max_cycles` rounds.
+Both hold for scenarios in which every rater rates every provider in every round and nothing is random, under the trust
+model of the paper. The timing is that of the game: the services of round t are rated in round t + 1, and there are no
+ratings in round 0. The tasks are small enough for dynamic programming because raters that agree have full trust, except
+for a known remainder of their initial trust. The scores are means per round over a whole game of `max_cycles` rounds.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ from roletrust_env.world.scenario import Everyone, Scenario
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The best attack, as far as a grid can tell.
+    """Best attack, up to the error of a grid.
 
     Attributes:
-        score: mean per round that `actions` reach in the game: a lower bound of the optimum.
-        error: how far the optimum may be above it, estimated by refining the grid; see `Solution.error`.
-        values: the optimum as seen by the backward pass on grids of 1/4, 1/2 and all of the cells; may lie on either
-            side of the truth.
-        actions: what to play in each round, shape (T,): the quality, or the lie.
-        seconds: that it took to compute.
+        score: Mean score per round of `actions` in the game, a lower bound of the optimum.
+        error: Estimate of the distance to the optimum, from refining the grid; see `Solution.error`.
+        values: Optimum according to the backward pass on grids with 1/4, 1/2 and all of the cells. It can be above or
+            below the true optimum.
+        actions: Quality or lie in each round, shape (T,).
+        seconds: Time of the computation, seconds.
     """
 
     score: float
@@ -37,18 +37,18 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Exploit:
-    """A provider that sells bad service on good trust, among honest raters: state ToP, action quality q.
+    """Task of a provider that exploits its trust among honest raters: the state is ToP, the action is the quality q.
 
         reward[t] = ToP[t] * (1 - q[t])
         ToP[t + 1] = lam * sinc(1 - q[t]) * sinc(|q[t] - q[t - 1]|) * ToR[t + 1] * q[t] + (1 - lam) * ToP[t]
         ToR[t] = 1 - (1 - initial) * (1 - lam)^t
 
-    ToP[t] is as updated in round t, by the ratings of q[t - 1]; q[0] has no predecessor to differ from.
+    ToP[t] is updated in round t by the ratings of q[t - 1]. For q[0], the term with the last action is left out.
 
     Attributes:
-        lam: weight of the newest round.
-        initial: trust before any rating.
-        rounds: length of the game, T.
+        lam: Weight of the newest round.
+        initial: Trust before any rating.
+        rounds: Length of the game, T.
     """
 
     lam: float
@@ -59,16 +59,16 @@ class Exploit:
 
     @property
     def decisions(self) -> int:
-        """One in each round."""
+        """Number of decisions: one in each round."""
         return self.rounds
 
     @property
     def start(self) -> float:
-        """ToP[0]."""
+        """State before the first decision, ToP[0]."""
         return self.initial
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
-        """See `roletrust_agents.planning.grid.Task.step`."""
+        """Return reward and next state. See `roletrust_agents.planning.grid.Task.step`."""
         tor = 1 - (1 - self.initial) * (1 - self.lam) ** (t + 1)
         quality = np.sinc(1 - action) * np.sinc(action - last) * tor * action
         return state * (1 - action), self.lam * quality + (1 - self.lam) * state
@@ -76,9 +76,9 @@ class Exploit:
 
 @dataclass(frozen=True)
 class Damage:
-    """A share of the raters gives one lie x to all providers, whose quality is 1: state E, action u = sqrt(1 - x).
+    """Task of a share of the raters that rates all providers x, though their quality is 1.
 
-    With c the compromised share, and n rounds of ratings behind, the raters' notes lie so that
+    The state is E, and the action is u = sqrt(1 - x). With the compromised share c, after n rounds of ratings,
 
         E[n] = lam * u[n] + (1 - lam) * E[n - 1],    E[0] = 0
         honest ToR = 1 - sqrt(c) * E - rest,    attacker ToR = 1 - sqrt(1 - c) * E - rest
@@ -86,16 +86,16 @@ class Damage:
         QoP = (1 - c) * honest ToR + c * sinc(1 - x) * sinc(|x - last x|) * attacker ToR * x
 
     and the score of a round is 1 - ToP - weight * max(0, honest ToR - attacker ToR - tolerance). The sum of ToP over
-    the game is linear in every QoP, each of which counts 1 - (1 - lam)^(T - n) in all; so ToP need not be part of the
-    state. In u, rather than x, everything but the kink of the penalty is smooth.
+    the game is linear in every QoP, each of which has the weight 1 - (1 - lam)^(T - n), so ToP need not be part of the
+    state. As functions of u instead of x, all terms except the penalty are smooth.
 
     Attributes:
-        lam: weight of the newest round.
-        initial: trust before any rating.
-        rounds: length of the game, T.
-        share: c, in (0, 1).
-        weight: of the trust gap, at least 0.
-        tolerance: the gap that costs nothing, at least 0.
+        lam: Weight of the newest round.
+        initial: Trust before any rating.
+        rounds: Length of the game, T.
+        share: Compromised share of the raters, c, in (0, 1).
+        weight: Weight of the trust gap, at least 0.
+        tolerance: Trust gap without penalty, at least 0.
     """
 
     lam: float
@@ -109,58 +109,64 @@ class Damage:
 
     @property
     def decisions(self) -> int:
-        """One in each round but the first, which rates nothing."""
+        """Number of decisions: one in each round except the first, which has no ratings."""
         return self.rounds - 1
 
     @property
     def constant(self) -> float:
-        """The damage that the initial trust alone would leave: sum of 1 - (1 - lam)^t * initial."""
+        """Damage if trust were only the remainder of the initial trust: sum of 1 - (1 - lam)^t * initial."""
         return float(np.sum(1 - self.initial * (1 - self.lam) ** np.arange(self.rounds)))
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
-        """Decision t is the lie of round t + 1. See `roletrust_agents.planning.grid.Task.step`."""
-        unrest = self.lam * action + (1 - self.lam) * state
-        return self.pay(t + 1, unrest, counted(action, last)), unrest
+        """Return reward and next state. Decision t is the lie of round t + 1. See `Task.step` in `planning.grid`."""
+        deviation = self.lam * action + (1 - self.lam) * state
+        return self.reward(t + 1, deviation, rating_weight(action, last)), deviation
 
-    def pay(self, n: Array | int, unrest: Array, counts: Array | float) -> Array:
-        """What round n brings with E[n] = `unrest`, if a note of the attacker counts its ToR times `counts`."""
-        honest, attacker = self.trust(n, unrest)
-        quality = (1 - self.share) * honest + self.share * attacker * counts
-        return -self.lasting(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
+    def reward(self, n: Array | int, deviation: Array, weight: Array | float) -> Array:
+        """Return the reward of round n.
 
-    def trust(self, n: Array | int, unrest: Array) -> tuple[Array, Array]:
-        """ToR of the honest raters and of the attackers in round n."""
-        trusted = 1 - (1 - self.initial) * (1 - self.lam) ** n
-        return trusted - self.share**0.5 * unrest, trusted - (1 - self.share) ** 0.5 * unrest
+        Args:
+            n: Number of rounds of ratings.
+            deviation: Exponential mean E[n].
+            weight: Weight of a rating of the attacker in relation to its ToR, see `rating_weight`.
+        """
+        honest, attacker = self.trust(n, deviation)
+        quality = (1 - self.share) * honest + self.share * attacker * weight
+        return -self.remaining_weight(n) * quality - self.weight * np.maximum(0, honest - attacker - self.tolerance)
 
-    def lasting(self, n: Array | int) -> Array:
-        """What the QoP of round n counts in the sum of ToP over the game."""
+    def trust(self, n: Array | int, deviation: Array) -> tuple[Array, Array]:
+        """Return the ToR of the honest raters and of the attackers in round n."""
+        full = 1 - (1 - self.initial) * (1 - self.lam) ** n
+        return full - self.share**0.5 * deviation, full - (1 - self.share) ** 0.5 * deviation
+
+    def remaining_weight(self, n: Array | int) -> Array:
+        """Return the weight of the QoP of round n in the sum of ToP over the game."""
         return 1 - (1 - self.lam) ** (self.rounds - n)
 
 
-def counted(action: Array, last: Array) -> Array:
-    """What a note x counts after the note before, rho x, in [0, 1]; both given as sqrt(1 - x)."""
+def rating_weight(action: Array, last: Array) -> Array:
+    """Return the contribution rho x of a rating x after the last rating, in [0, 1]; both are given as sqrt(1 - x)."""
     return np.sinc(action**2) * np.sinc(action**2 - last**2) * (1 - action**2)
 
 
 def optimal_provider(scenario: Scenario, *, levels: int = 200, points: int = 200) -> Optimum:
-    """The best that one provider can do under `exploit`, its raters being honest; see `Exploit`.
+    """Return the optimum of one provider under `exploit` among honest raters; see `Exploit`.
 
     Args:
-        scenario: without luck, see `check_certain`.
-        levels: cells into which the range of quality is cut, a multiple of 4.
-        points: cells into which the range of ToP is cut, a multiple of 4.
+        scenario: Deterministic scenario, see `check_certain`.
+        levels: Number of grid cells of the quality, a multiple of 4.
+        points: Number of grid cells of ToP, a multiple of 4.
 
     Returns:
-        The optimum; `actions` are the qualities.
+        The optimum, with the qualities as `actions`.
 
     Raises:
-        ValueError: the scenario leaves something to chance, or an argument is outside its range.
+        ValueError: The scenario is not supported, or an argument is outside its range.
     """
     check_certain(scenario)
     task = Exploit(scenario.lam, scenario.initial_trust, scenario.max_cycles)
-    found = solve(task, levels=levels, points=points)
-    return _optimum(found, scenario, found.actions)
+    solution = solve(task, levels=levels, points=points)
+    return _optimum(solution, scenario, solution.actions)
 
 
 def optimal_rater(
@@ -172,31 +178,31 @@ def optimal_rater(
     levels: int = 200,
     points: int = 200,
 ) -> Optimum:
-    """The best that some raters can do under `damage` with stealth, by one lie about all providers; see `Damage`.
+    """Return the optimum of some raters under `damage` with stealth, with one lie about all providers; see `Damage`.
 
-    Lies that differ from provider to provider do more; see `roletrust_agents.planning.bracket`.
+    Lies that differ between providers do more damage; see `roletrust_agents.planning.bracket`.
 
     Args:
-        scenario: without luck, see `check_certain`.
-        compromised: number of raters that lie; at least one rater is honest.
-        weight: of the trust gap beyond the tolerance; with 0 it is best to rate 0 in every round.
-        tolerance: the trust gap that costs nothing.
-        levels: cells into which the range of sqrt(1 - lie) is cut, a multiple of 4.
-        points: cells into which the range of its exponential mean is cut, a multiple of 4.
+        scenario: Deterministic scenario, see `check_certain`.
+        compromised: Number of raters that lie. At least one rater is honest.
+        weight: Weight of the trust gap beyond the tolerance. With 0, the best lie is 0 in every round.
+        tolerance: Trust gap without penalty.
+        levels: Number of grid cells of sqrt(1 - lie), a multiple of 4.
+        points: Number of grid cells of its exponential mean, a multiple of 4.
 
     Returns:
-        The optimum; `actions` are the lies, of which that of round 0, 1, has nothing to lie about.
+        The optimum, with the lies as `actions`. The one of round 0, which has no ratings, is 1.
 
     Raises:
-        ValueError: the scenario leaves something to chance, or an argument is outside its range.
+        ValueError: The scenario is not supported, or an argument is outside its range.
     """
-    task = damage_of(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
-    found = solve(task, levels=levels, points=points)
-    return _optimum(found, scenario, np.append(1.0, 1 - found.actions**2))
+    task = damage_task(scenario, compromised=compromised, weight=weight, tolerance=tolerance)
+    solution = solve(task, levels=levels, points=points)
+    return _optimum(solution, scenario, np.append(1.0, 1 - solution.actions**2))
 
 
-def damage_of(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
-    """The task of raters in a scenario. Arguments and errors as for `optimal_rater`."""
+def damage_task(scenario: Scenario, *, compromised: int, weight: float, tolerance: float) -> Damage:
+    """Return the task of raters in a scenario. The arguments and errors are those of `optimal_rater`."""
     check_certain(scenario)
     raters = sum(group.count for group in scenario.agents if group.role == "SR")
     if not isinstance(compromised, int) or not 1 <= compromised < raters:
@@ -208,10 +214,10 @@ def damage_of(scenario: Scenario, *, compromised: int, weight: float, tolerance:
 
 
 def check_certain(scenario: Scenario) -> None:
-    """Refuse a scenario whose optimum is not computed here.
+    """Refuse a scenario that is not deterministic, or not supported for another reason.
 
     Raises:
-        ValueError: names all that would have to be otherwise.
+        ValueError: The scenario is not supported. The message gives all reasons.
     """
     rules, groups = scenario, scenario.agents
     obstacles = {
@@ -226,13 +232,13 @@ def check_certain(scenario: Scenario) -> None:
         "agents can be cut off": rules.admission is not None,
         "agents play both roles": any(group.role == "SR+SP" for group in groups),
     }
-    met = [text for text, holds in obstacles.items() if holds]
-    if met:
-        raise ValueError(f"scenario {scenario.name!r} has no exact optimum here: {', '.join(met)}")
+    reasons = [text for text, holds in obstacles.items() if holds]
+    if reasons:
+        raise ValueError(f"scenario {scenario.name!r} has no exact optimum here: {', '.join(reasons)}")
 
 
-def _optimum(found: Solution, scenario: Scenario, actions: Array) -> Optimum:
-    """A solution in sums, as means per round."""
+def _optimum(solution: Solution, scenario: Scenario, actions: Array) -> Optimum:
+    """Return the optimum of a solution, with means per round instead of sums."""
     rounds = scenario.max_cycles
-    values = tuple(value / rounds for value in found.values)
-    return Optimum(found.total / rounds, found.error / rounds, values, actions, found.seconds)
+    values = tuple(value / rounds for value in solution.values)
+    return Optimum(solution.total / rounds, solution.error / rounds, values, actions, solution.seconds)

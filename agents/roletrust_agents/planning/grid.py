@@ -1,13 +1,13 @@
-"""Exact control by dynamic programming on a grid, for deterministic tasks with one number and a last action as state.
+"""Dynamic programming on a grid, for deterministic control tasks whose state is a number and the last action.
 
-The backward pass is Bellman's principle of optimality (Bellman, Dynamic Programming, 1957): with z the state, l the
-last action and D decisions,
+The backward pass is Bellman's principle of optimality (Bellman, Dynamic Programming, 1957). With the state z, the last
+action l and D decisions,
 
     V[D](z, l) = 0,    V[t](z, l) = max over a of  r[t](z, l, a) + V[t + 1](z', a),    z' = f[t](z, l, a)
 
-Actions are kept to levels, so l needs no interpolation; V is interpolated linearly in z. The forward pass then plays
-greedily by V with the exact f, on finer actions, and a gradient search polishes what it played. So the score is always
-one that was reached, and never better than the optimum.
+Actions are restricted to levels, so l needs no interpolation; V is interpolated linearly in z. The forward pass then
+plays greedily by V with the exact f on finer actions, and a gradient search improves these actions. So the score is
+that of a real sequence of actions, and never above the optimum.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,11 @@ from scipy.optimize import minimize  # type: ignore[import-untyped]
 from roletrust_env.arrays import Array
 
 FINER = 8
-"""Actions that the forward pass tries for each level of the backward pass."""
+"""Number of actions that the forward pass tries for each level of the backward pass."""
 
 
 class Task(Protocol):
-    """A deterministic control task. States and actions lie in [0, 1]; the first decision counts as its own last."""
+    """Deterministic control task. States and actions lie in [0, 1]. The first action is its own last action."""
 
     @property
     def decisions(self) -> int:
@@ -36,28 +36,31 @@ class Task(Protocol):
 
     @property
     def start(self) -> float:
-        """The state before the first decision."""
+        """State before the first decision."""
         ...
 
     @property
     def constant(self) -> float:
-        """The part of the total score that no decision changes."""
+        """Part of the total score that does not depend on the decisions."""
         ...
 
     def step(self, t: int, state: Array, last: Array, action: Array) -> tuple[Array, Array]:
-        """Reward and next state of decision t. The arguments broadcast; it is analytic but for kinks."""
+        """Return the reward and the next state of decision t. The arguments are broadcast.
+
+        The functions are analytic except at kinks.
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best play found, and how far off it may be.
+    """Best sequence of actions, with an estimate of its error.
 
     Attributes:
-        total: the sum of rewards that `actions` reach by the exact dynamics: a lower bound of the optimum.
-        actions: one for each decision, shape (D,).
-        values: V[0] at the start, the optimum as the backward pass sees it, on grids of 1/4, 1/2 and all of the cells.
-        seconds: that it took, by the clock on the wall.
+        total: Sum of rewards of `actions` under the exact dynamics, a lower bound of the optimum.
+        actions: Actions, one for each decision, shape (D,).
+        values: Optimum according to the backward pass, V[0] at the start, on grids with 1/4, 1/2 and all of the cells.
+        seconds: Wall-clock time of the computation, seconds.
     """
 
     total: float
@@ -67,11 +70,11 @@ class Solution:
 
     @property
     def error(self) -> float:
-        """How far the optimum may be from `total`, estimated; not a proof.
+        """Estimate of the distance between `total` and the optimum; it is not a proven bound.
 
-        The larger of two differences: between the last two grids, which by Richardson's extrapolation is what the last
-        one is still off if its error falls in proportion to the cell, and less if it falls faster; and between the last
-        grid and the total that was reached.
+        It is the larger of two differences: between the values on the last two grids, and between the value on the last
+        grid and `total`. By Richardson's extrapolation, the first one is the error of the last grid if errors are
+        proportional to the cell size, and larger than the error if they fall faster.
         """
         return max(abs(self.values[-1] - self.values[-2]), abs(self.values[-1] - self.total))
 
@@ -80,32 +83,34 @@ def solve(task: Task, *, levels: int, points: int) -> Solution:
     """Solve a task on a grid and on two coarser ones.
 
     Args:
-        task: what is to be solved.
-        levels: cells into which the range of the actions is cut, a multiple of 4.
-        points: cells into which the range of the state is cut, a multiple of 4.
+        task: Task to solve.
+        levels: Number of grid cells of the actions, a multiple of 4.
+        points: Number of grid cells of the state, a multiple of 4.
 
     Raises:
         ValueError: `levels` or `points` is not a positive multiple of 4.
     """
     for name, cells in (("levels", levels), ("points", points)):
         if not isinstance(cells, int) or cells < 4 or cells % 4:
-            raise ValueError(f"{name} is {cells!r}; it must be a positive multiple of 4, as the grid is halved twice")
-    began = perf_counter()
+            raise ValueError(
+                f"{name} is {cells!r}; it must be a positive multiple of 4, because the grid is halved twice"
+            )
+    start = perf_counter()
     values = []
     for coarser in (4, 2, 1):
         table = backward(task, levels // coarser, points // coarser)
         values.append(start_value(task, table))
     actions = polish(partial(total, task), forward(task, table))
-    return Solution(float(total(task, actions)), actions, tuple(values), perf_counter() - began)
+    return Solution(float(total(task, actions)), actions, tuple(values), perf_counter() - start)
 
 
 def backward(task: Task, levels: int, points: int) -> Array:
-    """The table of V, shape (D + 1, levels + 1, points + 1): decision, last action, state."""
+    """Return the table of V by decision, last action and state, shape (D + 1, levels + 1, points + 1)."""
     actions, states = np.linspace(0, 1, levels + 1), np.linspace(0, 1, points + 1)
     table = np.zeros((task.decisions + 1, levels + 1, points + 1))
     for t in reversed(range(task.decisions)):
         table[t] = -np.inf
-        # One action at a time: the arrays stay in the cache, and the memory is that of the table.
+        # With one action at a time, the arrays fit into the cache, and only the table takes memory.
         for action, future in zip(actions, table[t + 1], strict=True):
             reward, after = task.step(t, states, actions[:, None], action)
             np.maximum(table[t], reward + np.interp(after, states, future), out=table[t])
@@ -113,13 +118,13 @@ def backward(task: Task, levels: int, points: int) -> Array:
 
 
 def forward(task: Task, table: Array, finer: int = FINER) -> Array:
-    """The actions of greedy play by V with the exact dynamics, shape (D,).
+    """Return the actions of greedy play by V with the exact dynamics, shape (D,).
 
     Args:
-        task: what is played.
-        table: of V, from `backward`.
-        finer: how many actions are tried for each level of the table, between which V is interpolated; 1 keeps to the
-            levels.
+        task: Task to play.
+        table: Table of V, from `backward`.
+        finer: Number of actions to try for each level of the table, between which V is interpolated. With 1, only the
+            levels are tried.
     """
     levels, points = table.shape[1] - 1, table.shape[2] - 1
     options = np.linspace(0, 1, finer * levels + 1)
@@ -134,7 +139,7 @@ def forward(task: Task, table: Array, finer: int = FINER) -> Array:
 
 
 def start_value(task: Task, table: Array) -> float:
-    """The optimum as the backward pass sees it: V before the first decision, which has no last action, and constant."""
+    """Return the optimum according to the backward pass: V before the first decision, plus the constant."""
     levels, points = table.shape[1] - 1, table.shape[2] - 1
     if not task.decisions:
         return task.constant
@@ -145,7 +150,7 @@ def start_value(task: Task, table: Array) -> float:
 
 
 def total(task: Task, actions: Array) -> Array:
-    """The total score of sequences of actions, shape (D, ...), by the exact dynamics, shape (...)."""
+    """Return the total scores, shape (...), of sequences of actions, shape (D, ...), under the exact dynamics."""
     score, state = task.constant + 0 * actions.sum(axis=0), task.start
     for t, action in enumerate(actions):
         reward, state = task.step(t, state, actions[max(t - 1, 0)], action)
@@ -154,23 +159,24 @@ def total(task: Task, actions: Array) -> Array:
 
 
 def polish(score: Callable[[Array], Array], actions: Array) -> Array:
-    """Climb from some actions to the top of their hill, by L-BFGS-B (Byrd et al., 1995).
+    """Return a local maximum of a score near some actions, by L-BFGS-B (Byrd et al., 1995).
 
-    The derivatives are complex steps (Squire and Trapp, 1998): exact, and all D of them are one batch.
+    The derivatives are computed by complex steps (Squire and Trapp, 1998). They are exact, and all D of them are one
+    batch.
 
     Args:
-        score: of actions of shape (D, ...), the last axes being a batch; analytic but for kinks.
-        actions: to begin with, (D,), in [0, 1].
+        score: Score of actions of shape (D, ...), with the batch in the last axes; analytic except at kinks.
+        actions: Actions to start from, shape (D,), in [0, 1].
     """
     tiny = 1e-30j * np.eye(len(actions))
 
     def descent(x: Array) -> tuple[float, Array]:
-        found = score(x[:, None] + tiny)
-        return -float(found[0].real), -found.imag / 1e-30
+        value = score(x[:, None] + tiny)
+        return -float(value[0].real), -value.imag / 1e-30
 
     if not len(actions):
         return actions
-    # Where the task has a kink the search would never quite settle; the rest would be worth about 1e-7 of a score.
+    # At a kink the search would never converge; stopping early costs about 1e-7 of a score.
     stop = {"ftol": 1e-12, "gtol": 1e-10, "maxfun": 500}
-    found = minimize(descent, actions, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * len(actions), options=stop).x
-    return max(actions, found, key=lambda x: float(score(x)))
+    best = minimize(descent, actions, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * len(actions), options=stop).x
+    return max(actions, best, key=lambda x: float(score(x)))

@@ -1,4 +1,4 @@
-"""The rungs at the top of the ladder, which play no games: the exact optimum, and what is known of a rater's."""
+"""Search methods that compute an attack without games: the exact optimum, and the best known attack of raters."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,13 +11,19 @@ from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.parameters import refuse_unknown
 from roletrust_env.trust import RoleTrust
 from roletrust_env.world.scenario import Scenario
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class Exact:
-    """The optimum of one provider under `exploit` by dynamic programming, see `planning.exact`."""
+    """Optimum of one provider under `exploit` by dynamic programming, see `planning.exact`.
+
+    Attributes:
+        name: Name in tables.
+    """
 
     name: str = "exact"
 
@@ -29,7 +35,7 @@ class Exact:
         if task.objective != "exploit" or len(agents) > 1 or agents[0] not in task.game.roster.provider_names:
             raise UnsuitableError("an exact optimum is known for one provider under exploit")
         if task.stealth.weight:
-            raise UnsuitableError("the optimum of a provider is known without a price of stealth only")
+            raise UnsuitableError("the optimum of a provider is known only without a price of stealth")
         try:
             best = _provider(task.game.scenario)
         except ValueError as error:
@@ -38,9 +44,14 @@ class Exact:
         return SearchResult(OpenLoop(best.actions[:, None]), 0, words, bound=best.score)
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class BestKnown:
-    """The best that is known of raters under `damage`, and for one rater a bound, see `planning.bracket`."""
+    """Best known attack of raters under `damage`, and for one rater a bound, see `planning.bracket`.
+
+    Attributes:
+        name: Name in tables.
+    """
 
     name: str = "best known"
 
@@ -50,7 +61,7 @@ class BestKnown:
         _check_model(task)
         agents, price = task.compromised, task.stealth
         if task.objective != "damage" or any(agent in task.game.roster.provider_names for agent in agents):
-            raise UnsuitableError("the best is known of raters under damage")
+            raise UnsuitableError("the best attack is known for raters under damage")
         try:
             best = _raters(task.game.scenario, len(agents), price.weight, price.tolerance)
         except ValueError as error:
@@ -69,7 +80,7 @@ def _check_model(task: AttackTask) -> None:
         raise UnsuitableError("there are other attackers")
 
 
-# Luck has no part in them: the runs of a ladder share one result.
+# The optima do not depend on the seed, so all runs share one result.
 
 
 @lru_cache(maxsize=1)

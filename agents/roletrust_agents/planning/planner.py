@@ -1,8 +1,8 @@
-"""The white-box planner: gradient ascent through the game itself, on a sequence of actions that is fixed beforehand.
+"""White-box planner: gradient ascent through the game on a fixed sequence of actions.
 
-The game is differentiable in what the attacker does, so that one backward pass through a whole game on torch tells how
-every action should have been. The planner knows all of the game but its luck; the sequence it comes up with is
-open-loop: it reacts to nothing.
+The game is differentiable with respect to the actions of the attacker, so one backward pass through a whole game on
+torch gives the gradient of all actions. The planner knows the whole game except its random numbers. The resulting
+sequence is open-loop: it does not react to the game.
 """
 
 import math
@@ -26,41 +26,43 @@ from roletrust_env.evaluation.attacked_games import (
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.parameters import refuse_unknown
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, Traits
-from roletrust_env.trust.algorithms import Notes, rater_quality
+from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
 
 SOFT = 1e-8
-"""Distance from the average note under which the planner's copy of role-trust is smooth; the bias is sqrt(SOFT)."""
+"""Smoothing of the planner's copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
 
 
 class SmoothRoleTrust(RoleTrust):
-    """Role-trust with sqrt(|d| + s) - sqrt(s) in place of sqrt(|d|), for gradients only.
+    """Role-trust with sqrt(|d| + s) - sqrt(s) instead of sqrt(|d|), for gradients only.
 
-    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where masked cells are, and infinity
-    times 0 is NaN. Here it is 0 there, as that of |d| is, and nowhere above 1 / (2 sqrt(s)). Trust differs from the
-    true one by at most sqrt(s), see `SOFT`; what is planned by it is scored by the true one.
+    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where cells are masked, and infinity
+    times 0 is NaN. Here the slope is 0 at d = 0, like that of |d|, and never above 1 / (2 sqrt(s)). The trust differs
+    from that of role-trust by at most sqrt(s), see `SOFT`. The final sequences are scored by the exact role-trust.
     """
 
-    def _rater_quality(self, notes: Notes) -> Array:
-        return rater_quality(notes, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+    def _rater_quality(self, masked: MaskedRatings) -> Array:
+        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class Planner:
     """Gradient ascent by Adam (Kingma and Ba, 2015) on the logits of all actions, from many starts as one batch.
 
-    A third of the budget or more goes to all starts, then the best quarter goes on alone. The learning rate falls to 0
-    by a half cosine. Where luck has a part, every step draws new luck, the same for all starts: a plan for one fixed
-    sample would fit its accidents. Of the final sequences that one is taken that does best in the true game.
+    At least a third of the budget is for all starts; the rest is for the best quarter of them. The learning rate decays
+    to 0 by a half cosine. In a random task, every step draws new random numbers, the same for all starts, because a
+    plan for a fixed sample would overfit it. The result is the final sequence with the best score in the exact game.
 
-    A step counts as one round per game and round that it plays; its backward pass is not counted again.
+    A step counts one round for each round of each of its games. The backward pass is not counted.
 
     Attributes:
-        starts: sequences at first; fewer if the world is large or the budget small.
-        samples: games per sequence and step where luck has a part; without luck one is enough.
-        rate: learning rate of the logits at first.
-        name: in tables.
+        starts: Number of sequences at the start; fewer in a large scenario or with a small budget.
+        samples: Number of games per sequence and step in a random task; a deterministic task needs one.
+        rate: Initial learning rate of the logits.
+        name: Name in tables.
     """
 
     starts: int = 128
@@ -82,12 +84,12 @@ class Planner:
         samples = 1 if is_certain(arguments) else self.samples
         budget.spend(2 * rounds)
         check = samples if samples == 1 else 16 * samples
-        # Small arrays cost what their number costs; beyond some thousands of cells time grows with their size.
+        # The time depends on the number of small arrays; above some thousands of cells, it grows with their size.
         cells = task.game.roster.n_raters * task.game.roster.n_providers * samples
         starts = max(8, min(self.starts, 6400 // cells, budget.rounds // (60 * rounds * samples)))
-        kept = max(2, starts // 4)
-        left = budget.left - kept * check * rounds
-        first, second = _steps(left, rounds * samples, starts, kept)
+        survivors = max(2, starts // 4)
+        left = budget.left - survivors * check * rounds
+        first, second = _steps(left, rounds * samples, starts, survivors)
         if first < 1:
             raise UnsuitableError(
                 f"the budget of {budget.rounds} rounds is too small for the planner in games of {rounds} rounds"
@@ -104,16 +106,17 @@ class Planner:
                 budget.spend(rounds * samples * logits.shape[2])
             logits = logits.detach()
             if not done:
-                logits = logits[:, :, score.argsort(descending=True)[:kept]].clone()
+                logits = logits[:, :, score.argsort(descending=True)[:survivors]].clone()
         actions = torch.sigmoid(logits).numpy()
-        scores = mean_rewards(true, OpenLoop(actions.astype(true.game.like.dtype)), seed, (kept, check), SEARCHED)[0]
-        budget.spend(kept * check * rounds)
+        attacker = OpenLoop(actions.astype(true.game.like.dtype))
+        scores = mean_rewards(true, attacker, seed, (survivors, check), SEARCHED)[0]
+        budget.spend(survivors * check * rounds)
         best = int(scores.mean(axis=1).argmax())
         words = f"open loop, best of {starts} starts, {first} + {second} steps"
         return SearchResult(OpenLoop(actions[:, :, best]), budget.spent, words)
 
     def _climb(self, task: AttackTask, logits: Any, adam: Any, noise: Random, chance: Random, samples: int) -> Any:
-        """One step of Adam; returns the scores before it, one for each sequence."""
+        """Take a step of Adam, and return the score of each sequence before it."""
         import torch
 
         attacker = OpenLoop(torch.sigmoid(logits))
@@ -121,7 +124,7 @@ class Planner:
         score = sum(outcome.reward for _, outcome in rounds).mean(dim=1) / len(logits)
         adam.zero_grad()
         (-score.sum()).backward()
-        # Trust models other than role-trust may have corners of their own; a direction that is lost is no direction.
+        # Other trust models can have kinks of their own, where the gradient is not finite; it is replaced by 0.
         logits.grad.nan_to_num_(0.0, 0.0, 0.0)
         adam.step()
         return score.detach()
@@ -129,7 +132,7 @@ class Planner:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Let torch use one thread: its arrays are small here, and threads that wait for a busy core cost fourfold."""
+    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four times as long."""
     import torch
 
     threads = torch.get_num_threads()
@@ -141,42 +144,49 @@ def _one_thread() -> Iterator[None]:
 
 
 def _smooth_task(arguments: TaskArguments) -> AttackTask:
-    """The task on torch in double precision, with role-trust smoothed.
+    """Return the task on torch in double precision, with smoothed role-trust.
 
     Raises:
-        UnsuitableError: no gradient leads through the service or the trust model.
+        UnsuitableError: The service or the trust model is not differentiable.
     """
     import torch
 
     game = make_task(**arguments).game
     if game.scenario.service != "synthetic":
-        raise UnsuitableError("no gradient leads through a camera")
+        raise UnsuitableError("the camera service is not differentiable")
     model = game.model
-    if not Traits.of(model).smooth:
-        raise UnsuitableError(f"trust jumps under {type(model).__name__}, so that no gradient leads through it")
+    if not Traits.of(model).differentiable:
+        raise UnsuitableError(f"trust jumps under {type(model).__name__}, so it is not differentiable")
     if type(model) is RoleTrust:
         model = SmoothRoleTrust(lam=model.lam, initial=model.initial)
     return make_task(**{**arguments, "trust_model": model}, like=torch.zeros((), dtype=torch.float64))
 
 
-def _steps(budget: int, price: int, starts: int, kept: int) -> tuple[int, int]:
-    """Steps of all the starts, for a third of the budget, and of those that are kept, for the rest.
+def _steps(budget: int, price: int, starts: int, survivors: int) -> tuple[int, int]:
+    """Return the number of steps of all starts, for a third of the budget, and of the survivors, for the rest.
 
-    The second stage is cut at three times the first, as more brings nothing; the first then has what is left.
+    The second stage has at most three times the steps of the first, as more have no effect. What is left then is for
+    the first stage.
+
+    Args:
+        budget: Number of rounds.
+        price: Number of rounds of a step of one sequence.
+        starts: Number of sequences in the first stage.
+        survivors: Number of sequences in the second stage.
     """
     first = budget // (3 * price * starts)
-    second = (budget - first * price * starts) // (price * kept)
+    second = (budget - first * price * starts) // (price * survivors)
     if second > 3 * first:
-        first = budget // (price * (starts + 3 * kept))
+        first = budget // (price * (starts + 3 * survivors))
         second = 3 * first
     return first, second
 
 
 def _starts(random: np.random.Generator, rounds: int, size: int, starts: int) -> npt.NDArray[np.float64]:
-    """Logits to start from, (T, A, R): patterns of 1 to 12 rounds, over and over, no round quite like another.
+    """Return the initial logits, shape (T, A, R): patterns of 1 to 12 rounds that repeat, with some noise.
 
-    Trust forgets quickly, so good play is nearly periodic, and a gradient cannot make one period of another. In every
-    other pattern all parts of the action do the same.
+    Trust forgets quickly, so good attacks are nearly periodic, and gradients cannot change the period. In every other
+    pattern all parts of the action are equal.
     """
     logits = np.empty((rounds, size, starts))
     for k in range(starts):

@@ -1,1 +1,1 @@
-"""Scripted attacks of several agents that know each other."""
+"""Scripted attacks by coalitions of agents."""

@@ -3,33 +3,33 @@
 from typing import Annotated, Any
 
 from pydantic import NonNegativeInt
-from pydantic.dataclasses import dataclass
 
-from roletrust_baselines.provider.cheating import Cheating
+from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
-from roletrust_env.game.schedule import woken
+from roletrust_env.game.schedule import wake
 from roletrust_env.game.views import ProviderView
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Searched, Share, Tried
+from roletrust_env.ranges import GridValues, SearchRange, Share
 
 
-@dataclass(frozen=True)
-class Camouflage(Cheating):
+@checked_dataclass
+class Camouflage(CheatingProvider):
     """Camouflage: a provider that serves well until it is trusted, and badly from then on.
 
-    The sleeper of the unfair-rating literature (Irissappane, Jiang and Zhang 2012), here by services. With
-    `wakes_at=0` it wakes by the clock alone, as `OnOff(start=..., duty=1)` does.
+    This is the sleeper of the literature on unfair ratings (Irissappane, Jiang and Zhang 2012), applied to services.
+    With `wakes_at=0` it depends on the round only, like `OnOff(start=..., duty=1)`.
 
     Attributes:
-        wakes_at: own ToP at which it starts to cheat, for good, in [0, 1].
-        bad: quality of bad service, in [0, 1].
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        wakes_at: Own ToP from which on it cheats, permanently, in [0, 1].
+        bad: Quality of bad service, in [0, 1].
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
-    start: Annotated[NonNegativeInt, Searched(0, 100), Tried(0, 20, 50)] = 20
-    wakes_at: Annotated[Share, Tried(0.0, 0.9)] = 0.8
+    start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
+    wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """From the first active round on in which its trust is high enough. See `Cheating.cheats`."""
-        return woken(self.active(view.round) & (view.trust >= self.wakes_at), memory)
+        """Return whether its trust has been high enough in an active round. See `CheatingProvider.cheats`."""
+        return wake(self.active(view.round) & (view.trust >= self.wakes_at), memory)

@@ -2,26 +2,25 @@
 
 from typing import Any
 
-from pydantic.dataclasses import dataclass
-
-from roletrust_baselines.rater.lying import TargetedLying
+from roletrust_baselines.rater.lying import TargetedLyingRater
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
 
 
-@dataclass(frozen=True)
-class Complementary(TargetedLying):
-    """Complementary ratings: a rater that turns good into bad and bad into good.
+@checked_dataclass
+class Complementary(TargetedLyingRater):
+    """Complementary ratings: a rater that rates good services as bad and bad ones as good.
 
     Yu and Singh (2003), "Detecting Deception in Reputation Management".
 
     Attributes:
-        targets: places of the victims on the provider axis; None lies about all.
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        targets: Indices of the victims among the providers; None lies about all of them.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """1 - the perceived quality. See `Lying.lies`."""
+        """Return 1 minus the perceived quality. See `LyingRater.lies`."""
         return 1 - view.service, memory

@@ -1,60 +1,59 @@
-"""What attacks by ratings share: a window of time, and whom they lie about."""
+"""Base classes of attacks by ratings: a time window, and the providers that they lie about."""
 
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from pydantic.dataclasses import dataclass
-
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.views import RaterView
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Victims
 
 
-@dataclass(frozen=True)
-class Lying(WindowedAttack):
-    """A rater that lies for a while, about all providers.
+@checked_dataclass
+class LyingRater(WindowedAttack):
+    """Rater that lies about all providers in a time window.
 
     Attributes:
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
     attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """What it would rate everybody, shape (P, ...), and its new memory."""
+        """Return its false ratings of all providers, shape (P, ...), and its new memory."""
         raise NotImplementedError
 
     def about(self, view: RaterView) -> Array:
-        """About whom it lies now, boolean, (P, ...) or (...)."""
+        """Return a mask of the providers that it lies about in this round, boolean, shape (P, ...) or (...)."""
         return self.active(view.round)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
-        """Lies while active, the truth otherwise. See `Policy.ratings`."""
+        """Return false ratings while active, and honest ratings otherwise. See `Policy.ratings`."""
         lies, memory = self.lies(view, memory, random)
         return namespace(lies).where(self.about(view), lies, view.service), memory
 
 
-@dataclass(frozen=True)
-class TargetedLying(Lying):
-    """A rater that lies about chosen providers and tells the truth about the others.
+@checked_dataclass
+class TargetedLyingRater(LyingRater):
+    """Rater that lies about chosen providers and is honest about the others.
 
-    So each of these attacks is discriminatory (Dellarocas 2000) by its targets. The other side of discrimination is to
-    serve chosen raters badly, see `Conflicting`.
+    With targets, such an attack is discriminatory (Dellarocas 2000). Discrimination by providers is to serve chosen
+    raters badly, see `Conflicting`.
 
     Attributes:
-        targets: places of the victims on the provider axis; None lies about all.
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        targets: Indices of the victims among the providers; None lies about all of them.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
-    targets: Annotated[Places | None, Victims()] = field(default=None, kw_only=True)
+    targets: Annotated[AgentIndices | None, Victims()] = field(default=None, kw_only=True)
 
     def about(self, view: RaterView) -> Array:
-        """The targets, while active. See `Lying.about`."""
+        """Return a mask of the targets while active. See `LyingRater.about`."""
         active = self.active(view.round)
-        return active if self.targets is None else active & among(self.targets, view.service, "targets")
+        return active if self.targets is None else active & index_mask(self.targets, view.service, "targets")

@@ -1,35 +1,34 @@
-"""Silence: ratings that are never sent."""
+"""The silence attack."""
 
 from typing import Annotated, Any, ClassVar
 
-from pydantic.dataclasses import dataclass
-
-from roletrust_baselines.agent_indices import Places, among
+from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.game.views import RaterView
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
 from roletrust_env.ranges import Victims
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class Silent(WindowedAttack):
-    """Silence: a rater that is served as all are and rates nobody, or leaves out those that it wants to stay unknown.
+    """Silence: a rater that uses services but withholds its ratings, of all providers or of chosen ones.
 
-    A reputation system collects, distributes and aggregates feedback (Resnick et al. 2000, "Reputation Systems"): of
-    what is never sent it learns nothing. To attack by that, also about chosen providers only, is from no paper.
+    A reputation system collects, distributes and aggregates feedback (Resnick et al. 2000, "Reputation Systems"), so it
+    learns nothing from ratings that are not sent. Silence as an attack is not from a paper.
 
     Attributes:
-        targets: places of the providers that it does not rate; None rates nobody.
-        start: first round of the attack.
-        stop: first round after it; None attacks to the end.
+        targets: Indices of the providers that it does not rate; None rates no provider.
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
     """
 
-    targets: Annotated[Places | None, Victims()] = None
+    targets: Annotated[AgentIndices | None, Victims()] = None
     attacks: ClassVar[frozenset[Channel]] = frozenset({"silence"})
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
-        """All it owes, or what it owes the targets, while active. See `Policy.withholds`."""
-        owed = view.awaiting & self.active(view.round)
-        return owed if self.targets is None else owed & among(self.targets, view.service, "targets"), memory
+        """Return a mask of the ratings that it withholds while active: all, or the targets. See `Policy.withholds`."""
+        due = view.awaiting & self.active(view.round)
+        return due if self.targets is None else due & index_mask(self.targets, view.service, "targets"), memory

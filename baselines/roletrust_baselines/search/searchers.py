@@ -1,4 +1,4 @@
-"""Rungs that try scripted attackers: as they are, on a grid, at random, and by CMA-ES."""
+"""Search methods over scripted attackers: default parameters, grid search, random search, and CMA-ES."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -16,23 +16,30 @@ from roletrust_env.evaluation.scripts import Scripts, describe
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.game.policy import Policy
+from roletrust_env.parameters import refuse_unknown
 
 Points = npt.NDArray[np.float64]
 Attack = Mapping[str, Policy]
 Attacks = tuple[AttackKind, ...] | None
-"""The kinds of attack that are searched, see `Scripts.of`."""
+"""Kinds of attack to search, see `Scripts.of`."""
 
 GAMES = 8
-"""Games in which an attack is tried where luck has a part."""
+"""Number of games in which an attack is tried if the task is random."""
 
-_FINALISTS = 8  # how many of the best are tried again where luck has a part
+_FINALISTS = 8  # number of the best attacks that are tried again if the task is random
 _GENERATION = 16
-_CELLS, _ROWS = 400_000, 256  # ratings of a round, and attacks, that are computed in one go
+_CELLS, _ROWS = 400_000, 256  # limits on the ratings of a round and on the attacks in one batch
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class PaperAttacks:
-    """The scripted attackers with their default parameters, those of the paper."""
+    """Scripted attackers with their default parameters, those of the paper.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
 
     name: str = "scripted, default"
     attacks: Attacks = None
@@ -43,9 +50,15 @@ class PaperAttacks:
         return SearchResult(Scripted(attack), 0, describe(attack))
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class Grid:
-    """The best of a small grid of the scripted attackers' parameters, see `Scripts.grid`."""
+    """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
 
     name: str = "scripted, best of grid"
     attacks: Attacks = None
@@ -59,9 +72,15 @@ class Grid:
         return trial.best(attacks, trial.scores(attacks))
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class RandomSearch:
-    """The best of points drawn uniformly from the cube of the scripted attackers' parameters."""
+    """Random search: the best of points drawn uniformly from the unit cube of the parameters of scripted attackers.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
 
     name: str = "random search"
     attacks: Attacks = None
@@ -73,16 +92,17 @@ class RandomSearch:
         return trial.best_point(points, trial.score_points(points))
 
 
+@refuse_unknown
 @dataclass(frozen=True)
 class CmaEs:
-    """CMA-ES (Hansen and Ostermeier, 2001) in the same cube, begun anew at random wherever it has converged.
+    """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at random on convergence.
 
-    The library is `cma` (Hansen, Akimoto and Baudis).
+    The implementation is the package `cma` (Hansen, Akimoto and Baudis).
 
     Attributes:
-        spread: standard deviation of the first generation.
-        name: in tables.
-        attacks: see `Scripts.of`.
+        spread: Standard deviation of the first generation.
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
     """
 
     spread: float = 0.3
@@ -93,36 +113,36 @@ class CmaEs:
         """See `SearchMethod.search`."""
         trial = _Trial(arguments, self.attacks, budget, seed)
         random = np.random.default_rng(seed)
-        size = trial.dimensions(2)  # in one it does not work; a further coordinate counts for nothing
+        size = trial.dimensions(2)  # CMA-ES needs two coordinates; a surplus one has no effect
         points, scores = np.empty((0, size)), np.empty(0)
         while trial.left >= _GENERATION:
             search = self._begin(size, random)
             while trial.left >= _GENERATION and not search.stop():
                 generation = search.ask()
-                found = trial.score_points(np.asarray(generation))
-                search.tell(generation, (-found).tolist())
-                points, scores = np.concatenate([points, generation]), np.concatenate([scores, found])
+                generation_scores = trial.score_points(np.asarray(generation))
+                search.tell(generation, (-generation_scores).tolist())
+                points, scores = np.concatenate([points, generation]), np.concatenate([scores, generation_scores])
         return trial.best_point(points, scores)
 
     def _begin(self, size: int, random: np.random.Generator) -> Any:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it would like matplotlib's plots
+            warnings.simplefilter("ignore")  # it warns about missing plots
             import cma  # type: ignore[import-untyped]
         options = {"bounds": [0, 1], "popsize": _GENERATION, "seed": int(random.integers(1, 2**31)), "verbose": -9}
         return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), self.spread, options)
 
 
 class _Trial:
-    """Tries scripted attacks, as long as there is budget.
+    """Trial of scripted attacks within a budget.
 
-    Where luck has a part an attack is tried in `GAMES` games, and a share of the budget is kept for the best, which
-    are tried again: the best of many noisy scores is mostly the luckiest.
+    If the task is random, an attack is tried in `GAMES` games, and the best attacks are tried again with a part of the
+    budget, because the best of many noisy scores is biased upwards.
     """
 
     def __init__(self, arguments: TaskArguments, attacks: Attacks, budget: Budget, seed: int) -> None:
         self.task = make_task(**arguments)
         self.scripts = Scripts.of(self.task, attacks)
-        self._seed, self._budget, self._luck = seed, budget, 0
+        self._seed, self._budget, self._batches = seed, budget, 0
         self._rounds = self.task.game.scenario.max_cycles
         certain = is_certain(arguments)
         self._budget.spend(2 * self._rounds)
@@ -137,46 +157,46 @@ class _Trial:
 
     @property
     def left(self) -> int:
-        """How many more attacks can be tried."""
+        """Number of attacks that can still be tried."""
         spare = self._budget.left - self._again * _FINALISTS * self._rounds
         return max(0, spare // (self._rounds * self._games))
 
     def dimensions(self, least: int) -> int:
-        """Of the cube to search, at least so many.
+        """Return the number of dimensions of the cube to search, but not less than `least`.
 
         Raises:
-            UnsuitableError: there is nothing to search.
+            UnsuitableError: The attacks have no parameters to search.
         """
         if not self.scripts.size:
             raise UnsuitableError(f"{describe(self.scripts.default)} has no parameters to search")
         return max(least, self.scripts.size)
 
     def scores(self, attacks: Sequence[Attack], games: int | None = None) -> Points:
-        """Mean score of each attack; all those tried in one go meet the same luck."""
+        """Return the mean score of each attack. All attacks of a batch meet the same random numbers."""
         games = games or self._games
         cells = self.task.game.roster.n_raters * self.task.game.roster.n_providers * games
         rows = max(1, min(_ROWS, _CELLS // cells))
-        found = []
+        means = []
         for at in range(0, len(attacks), rows):
-            some = attacks[at : at + rows]
-            self._luck += 1
-            attacker, batch = Scripted(side_by_side(some)), (len(some), games)
-            found.append(mean_rewards(self.task, attacker, (self._seed, self._luck), batch, SEARCHED)[0].mean(axis=1))
-            self._budget.spend(len(some) * games * self._rounds)
-        scores: Points = np.concatenate(found).astype(np.float64)
+            chunk = attacks[at : at + rows]
+            self._batches += 1
+            attacker, batch, seed = Scripted(side_by_side(chunk)), (len(chunk), games), (self._seed, self._batches)
+            means.append(mean_rewards(self.task, attacker, seed, batch, SEARCHED)[0].mean(axis=1))
+            self._budget.spend(len(chunk) * games * self._rounds)
+        scores: Points = np.concatenate(means).astype(np.float64)
         return scores
 
     def score_points(self, points: Points) -> Points:
-        """Mean score of the attacks at some points of the cube, (K, size)."""
+        """Return the mean scores of the attacks at points of the cube, shape (K, size)."""
         return self.scores([self.scripts.decode(point) for point in points])
 
     def best_point(self, points: Points, scores: Points) -> SearchResult:
-        """The best of the points that were tried."""
+        """Return the best attack among the points that were tried."""
         order = np.argsort(-scores)[:_FINALISTS]
         return self.best([self.scripts.decode(point) for point in points[order]], scores[order])
 
     def best(self, attacks: Sequence[Attack], scores: Points) -> SearchResult:
-        """The best of the attacks that were tried, the leading ones tried again if luck has a part."""
+        """Return the best of the attacks that were tried. The leading ones are tried again if the task is random."""
         leading = np.argsort(-scores)[:_FINALISTS]
         if self._again:
             leading = leading[np.argsort(-self.scores([attacks[k] for k in leading], self._again))]

@@ -1,5 +1,5 @@
-"""Other libraries as clients: each tries the environments with its own code, in an environment of its own.
+"""Other libraries as clients of the environments, each with its own code and its own virtual environment.
 
-A file here is a client and its `CHECKS`. It imports what only its own environment has;
-`python -m roletrust_experiments.clients` makes these environments and says what passed.
+Each file is a client with its `CHECKS`, and imports packages of its virtual environment.
+`python -m roletrust_experiments.clients` creates these environments and reports the checks that pass.
 """

@@ -1,7 +1,7 @@
-"""`python -m roletrust_experiments.clients [NAME ...]`: what other libraries make of the environments, as of today.
+"""`python -m roletrust_experiments.clients [NAME ...]`: check the environments with other libraries.
 
-Each client gets a fresh virtual environment, in which it is installed with this package and without `constraints.txt`,
-whose pins most of them could not have. An environment goes when all has passed.
+Each client gets a fresh virtual environment with this package, but without `constraints.txt`, whose pins conflict with
+most clients. The environment is removed when all its checks pass.
 """
 
 import json
@@ -28,16 +28,16 @@ CLIENTS = {
     "supersuit": ("supersuit==3.11.0",),
     "tianshou": ("tianshou==2.0.1", "supersuit==3.11.0", _TORCH),
 }
-"""What is installed for each of them."""
+"""Packages to install for each client."""
 
 _ROOT = Path(__file__).parents[3]
 _BUILD = _ROOT / "build" / "clients"
 _MINUTES = 30
-"""After which a client that does not come to an end is given up."""
+"""Time limit of a client in minutes."""
 
 
 class Check(NamedTuple):
-    """A check of a client, whether it passed, and how long it took in seconds."""
+    """A check of a client, its result, and its time in seconds."""
 
     what: str
     passed: bool
@@ -45,10 +45,10 @@ class Check(NamedTuple):
 
 
 def try_client(name: str) -> tuple[dict[str, str], list[Check]]:
-    """Install a client afresh and run its checks.
+    """Install a client in a fresh environment and run its checks.
 
     Returns:
-        The versions of what was installed for it; its checks, the last of which failed if the client broke down.
+        The versions of the installed packages, and the checks; the last one failed if the client crashed.
     """
     home, log, report = _BUILD / name, _BUILD / f"{name}.log", _BUILD / f"{name}.json"
     shutil.rmtree(home, ignore_errors=True)
@@ -70,11 +70,17 @@ def try_client(name: str) -> tuple[dict[str, str], list[Check]]:
             *packages,
         ],
     }
-    with log.open("w") as said:
+    with log.open("w") as output:
         for step, command in steps.items():
             try:
                 subprocess.run(
-                    command, cwd=home, env=_surroundings(), stdout=said, stderr=said, timeout=60 * _MINUTES, check=True
+                    command,
+                    cwd=home,
+                    env=_surroundings(),
+                    stdout=output,
+                    stderr=output,
+                    timeout=60 * _MINUTES,
+                    check=True,
                 )
             except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
                 versions, checks = read(report)
@@ -86,13 +92,13 @@ def try_client(name: str) -> tuple[dict[str, str], list[Check]]:
 
 
 def _surroundings() -> dict[str, str]:
-    """The variables of this process, less those by which its own packages would be found there; one thread will do."""
+    """Return the variables of this process without those of its own packages, and with one thread."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     return kept | {"MPLBACKEND": "agg", "OMP_NUM_THREADS": "1"}
 
 
 def read(report: Path) -> tuple[dict[str, str], list[Check]]:
-    """The versions and the checks that a report holds, as far as it got."""
+    """Return the versions and the checks of a report, which may be incomplete."""
     if not report.exists():
         return {}, []
     versions, *checks = (json.loads(line) for line in report.read_text(encoding="utf-8").splitlines())

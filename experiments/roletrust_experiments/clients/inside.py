@@ -1,4 +1,4 @@
-"""What runs in a client's own environment: its checks, one after the other, each said in a line of a report."""
+"""Checks of a client in its own environment, one after the other, each with a line in a report."""
 
 import inspect
 import json
@@ -14,9 +14,9 @@ def main(name: str, report: str, packages: list[str]) -> None:
     """Run a client's checks.
 
     Args:
-        name: of the client, a file beside this one.
-        report: a file that gets one line of JSON for the versions, and one for each check.
-        packages: whose versions are told.
+        name: Name of the client, a file beside this one.
+        report: File that gets one line of JSON for the versions, and one for each check.
+        packages: Packages whose versions are reported.
     """
     with Path(report).open("w", encoding="utf-8", buffering=1) as lines:
         print(json.dumps({package: version(package) for package in packages}), file=lines)
@@ -24,7 +24,7 @@ def main(name: str, report: str, packages: list[str]) -> None:
             began, passed = perf_counter(), True
             try:
                 check()
-            except Exception:  # whatever a foreign library raises; the others are tried all the same
+            except Exception:  # from a foreign library; the other checks still run
                 traceback.print_exc()
                 passed = False
             print(json.dumps([inspect.getdoc(check), passed, perf_counter() - began]), file=lines)

@@ -24,87 +24,103 @@ from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands.console import ALLOW_CODE, console, errors, number_table, progress_bar
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    errors,
+    number_table,
+    option,
+    print_next,
+    progress_bar,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
 from roletrust_experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
+from roletrust_experiments.commands.options import NAMED, Out, Workers
 
 
 def benchmark(
     suite: Annotated[
-        str, typer.Option(help="quick, standard, full, learners, learners-quick, or the path of a .toml file.")
+        str,
+        typer.Option(
+            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
+            autocompletion=completion.suites,
+        ),
     ] = "quick",
     model: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME[:key=value,...]",
-            help="Trust model instead of the suite's; repeat for more, `all` are those that are installed. NAME may be "
-            "your own package.module:Class.",
+            metavar=NAMED,
+            help="Trust model to play instead of the suite's; repeat for more; `all` are the installed ones. NAME may "
+            "be your own class, package.module:Class, whose module is then imported.",
+            autocompletion=completion.models,
             show_default=False,
         ),
     ] = None,
     attack: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME[:key=value,...]",
-            help="Scripted attack instead of the suite's; repeat for more, `all` are those that are installed.",
+            metavar=NAMED,
+            help="Scripted attack to play instead of the suite's; repeat for more; `all` are the installed ones. NAME "
+            "may be your own class, package.module:Class, whose module is then imported.",
+            autocompletion=completion.named_attacks,
             show_default=False,
         ),
     ] = None,
     learner: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME[:key=value,...]",
-            help="In a suite for learners: a learner instead of the suite's; repeat for more, `all` are the suite's. "
-            "NAME may be your own package.module:Class.",
+            metavar=NAMED,
+            help="Learner to play instead of the suite's, in a suite for learners; repeat for more; `all` are the "
+            "suite's. NAME may be your own class, package.module:Class, whose module is then imported.",
+            autocompletion=completion.learners,
             show_default=False,
         ),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    workers: Workers = None,
     ray: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Play on a Ray cluster instead, such as 10.0.0.1:6379, or auto for one on this machine; the results "
-            "are the same.",
+            help="Ray cluster to play on, such as 10.0.0.1:6379, or auto for one on this machine; the results are the "
+            "same.",
             show_default=False,
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what it would take.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Begin anew, whatever --out holds.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path(
-        "results/benchmark"
-    ),
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only estimate the time.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Start again, and overwrite the results in --out.")] = False,
+    out: Out = Path("results/benchmark"),
 ) -> None:
-    r"""Attack [bold]every trust model with everything[/], and rank them by the worst case.
+    r"""Attack [bold]every trust model with every attack[/], and rank the models by the worst case.
 
-    A suite is models x scenarios x tracks x shares of compromised agents x ways to attack x seeds: all scripted
-    attacks, searches over their parameters, PPO, and a planner that knows all and is told apart from them.
-    [bold]Utility[/] is the quality that a consumer gets who always goes to the most trusted provider, over the best
-    that there is. The [bold]worst case[/] of a condition is chosen in some games and measured in others; it is never
-    less than choosing blindly brings. Models are ranked by its mean over all conditions.
+    A suite combines models, scenarios, tracks, shares of compromised agents, ways to attack and seeds. The ways to
+    attack are all scripted attacks, searches over their parameters, PPO, and a planner that knows the whole state and
+    is listed separately. [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share
+    of the best quality. The [bold]worst case[/] of a condition is chosen in some games and measured in others; a blind
+    choice is its lower limit. Models are ranked by the mean worst case over all conditions.
 
-    A suite for [bold]learners[/] is tasks x learners x budgets of rounds x seeds. A learner's share of a task is 0 for
-    honest play and 1 for the optimum, a bound that is proven, or else the best that any of them found; all that count
-    is what it plays in games that it has not seen. Written: [green]learners.csv learners.png[/].
+    A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share of a learner on a
+    task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for the best attack found where neither
+    is known. Learners are measured in games that they have not seen. Written: [green]learners.csv learners.png[/].
 
-    Results are kept as they come, in [green]results.sqlite[/]; killed at any moment, the same command goes on.
-    Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes pages to look at. Where a
-    cell failed, the others count, and the exit code is 1.
+    Each result is saved in [green]results.sqlite[/] when it is complete, so that an interrupted command continues when
+    it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes a page of
+    them. If a cell fails, the others count, and the exit code is 1.
 
     [bold]Examples[/]
 
-    [dim]# some minutes: all models, all scripts and a small search, in a small market[/]
+    [dim]# all models, all scripts and a small search in a small market, in some minutes[/]
     [cyan]roletrust benchmark[/]
 
-    [dim]# what would the standard suite take?[/]
+    [dim]# the time that the standard suite takes[/]
     [cyan]roletrust benchmark --suite standard --dry-run[/]
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
 
-    [dim]# your own learner beside PPO, in a minute or two[/]
+    [dim]# your own learner beside PPO, in one or two minutes[/]
     [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
@@ -113,17 +129,20 @@ def benchmark(
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)
     if dry_run:
         _tell_cost(asked, workers)
+        names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
+        print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
     try:
         with _pool(workers, ray) as pool:
             kept = _play(asked, pool, force, out)
     except KeyboardInterrupt:
-        errors.print("Stopped; what is played is kept, and the same command goes on (without --force)", soft_wrap=True)
+        errors.print("Stopped. Finished cells are saved; the same command without --force continues.", soft_wrap=True)
         raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         tell_learners(asked, kept, out)
     else:
         _show(asked, kept, out)
+    print_next("report", out / "results.sqlite", "--out", out / "report")
     if any(done.failed for _, done in kept):
         raise typer.Exit(1)
 
@@ -185,9 +204,9 @@ def _asked(
             not installed.
     """
     wrong = {"--model": model, "--attack": attack} if isinstance(suite, LearnersSuite) else {"--learner": learner}
-    for option, names in wrong.items():
+    for flag, names in wrong.items():
         if names:
-            raise ValueError(f"{option} is not for the suite {suite.name}, which is one for {suite.kind}")
+            raise ValueError(f"{flag} is not for the suite {suite.name}, which is one for {suite.kind}")
     if isinstance(suite, LearnersSuite):
         return asked_learners(suite, learner, allow_code)
     if not allow_code:

@@ -1,6 +1,6 @@
-"""What there is to be played with: scenarios, trust models and attackers, and what they take, for people and scripts.
+"""Catalogue of scenarios, trust models, attackers and learners with their parameters, for people and scripts.
 
-A plug-in that cannot be loaded or read is an entry that says why, and spoils nothing else.
+A plug-in that cannot be loaded or read gets an entry with the reason, and does not affect the others.
 """
 
 import inspect
@@ -9,25 +9,36 @@ from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
+from roletrust_env.benchmark.learners.learner import registry as learners
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.ranges import Identities, Searched, allowed
+from roletrust_env.ranges import Identities, SearchRange, allowed
 from roletrust_env.registry import Registry, summary
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
 
 Entry = dict[str, Any]
-"""One scenario, trust model or attacker as plain data; of one that cannot be loaded or read only its `error`."""
+"""A scenario, trust model, attacker or learner as plain data; only its `error` if it cannot be loaded or read."""
+
+_BUILT_IN = {
+    "PPO": "Proximal policy optimization of Stable-Baselines3",
+    "recurrent PPO": "Proximal policy optimization with a memory, of sb3-contrib",
+    "SAC": "Soft actor-critic of Stable-Baselines3",
+    "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
+    "random search": "Random search over the parameters of scripted attacks",
+    "white-box planner": "Planner that follows the gradients of the game",
+}
+"""Learners of this project."""
 
 
 class Parameter(NamedTuple):
     """A parameter of a trust model or an attacker.
 
     Attributes:
-        default: its value if none is given, as plain data; None also where one has to be given.
-        required: whether one has to be given.
-        allowed: what values are, in words; empty where nothing says so.
+        default: Default value as plain data; None also for a required parameter.
+        required: True if the parameter has no default.
+        allowed: Allowed values in words; empty if they are not declared.
     """
 
     default: Any
@@ -36,29 +47,29 @@ class Parameter(NamedTuple):
 
 
 def all_scenarios() -> dict[str, Entry]:
-    """Every scenario by name, with all its fields."""
+    """Return every scenario by name, with all its fields."""
     return _entries(scenarios, lambda name: scenarios.make(name).model_dump(mode="json"))
 
 
 def all_models() -> dict[str, Entry]:
-    """Every trust model by name: its description, its traits and its parameters."""
+    """Return every trust model by name: its description, its traits and its parameters."""
 
     def entry(name: str) -> Entry:
         factory = models.factory(name)
         traits = Traits.of(factory if isinstance(factory, type) else models.make(name))
-        said = {key: getattr(traits, key) for key in ("family", "source", "cost", "smooth", "rates_raters")}
+        facts = {key: getattr(traits, key) for key in ("family", "source", "cost", "differentiable", "rates_raters")}
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
-        return {"description": summary(factory), **said, "parameters": parameters}
+        return {"description": summary(factory), **facts, "parameters": parameters}
 
     return _entries(models, entry)
 
 
 def all_attackers() -> dict[str, Entry]:
-    """Every attacker by name: its description, its channels, its parameters, and where searches look for them.
+    """Return every attacker by name: its description, action channels, parameters, and their search ranges.
 
-    A parameter is searched between a low and a high end, among options, or over the honest providers ("victims");
-    or not at all (None). One that is told is known from the game where a command plays the attack. Channels are None
-    where only the attacker that is made knows them.
+    A search range is a pair of a low and a high end, a list of options, the honest providers ("victims"), or None for
+    no search. The entry `told` of a parameter says that commands set it from the game. Channels are None if they
+    depend on the parameters.
     """
 
     def entry(name: str) -> Entry:
@@ -75,23 +86,38 @@ def all_attackers() -> dict[str, Entry]:
     return _entries(attackers, entry)
 
 
+def all_learners() -> dict[str, Entry]:
+    """Return every learner by name: its description and its parameters.
+
+    The built-in learners come first. They are not loaded, because the libraries that they need are large.
+    """
+
+    def entry(name: str) -> Entry:
+        factory = learners.factory(name)
+        parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
+        return {"description": summary(factory), "parameters": parameters}
+
+    built_in = {name: {"description": described, "parameters": {}} for name, described in _BUILT_IN.items()}
+    return {**built_in, **_entries(learners, entry)}
+
+
 def unfit(entry: Entry) -> list[str]:
-    """What a trust model is not fit for, in a few words each."""
+    """Return the limitations of a trust model, in a few words each."""
     lacks = [] if entry["rates_raters"] else ["no trust in raters"]
-    lacks += [] if entry["smooth"] else ["trust jumps, no gradients"]
+    lacks += [] if entry["differentiable"] else ["trust jumps, no gradients"]
     return lacks + ([] if entry["cost"] in ("S P", "P") else [f"cost grows as {entry['cost']}"])
 
 
 def where_searched(parameter: Mapping[str, Any]) -> str:
-    """Where searches look for a parameter of an attacker, in words; empty if nowhere."""
+    """Return the search range of a parameter of an attacker in words; empty if there is none."""
     match parameter["searched"]:
         case {"low": low, "high": high}:
             return f"{low:g} to {high:g}"
         case {"options": options}:
             return " | ".join(map(str, options))
-        case "victims" | "identities" as whom:
-            return str(whom)
-    return "told" if parameter["told"] else ""
+        case "victims" | "identities" as agents:
+            return str(agents)
+    return "given" if parameter["told"] else ""
 
 
 def _entries(registry: Registry[Any], entry: Callable[[str], Entry]) -> dict[str, Entry]:
@@ -105,10 +131,10 @@ def _entries(registry: Registry[Any], entry: Callable[[str], Entry]) -> dict[str
 
 
 def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
-    """The parameters of a factory, in the order of its signature."""
+    """Return the parameters of a factory, in the order of its signature."""
     try:
         hints = get_type_hints(factory, include_extras=True)
-    except Exception:  # types of a foreign factory that are no more than text
+    except Exception:  # the types of a foreign factory may be plain text
         hints = {}
     found = {}
     for name, parameter in inspect.signature(factory).parameters.items():
@@ -119,7 +145,7 @@ def _parameters(factory: Callable[..., Any]) -> Mapping[str, Parameter]:
 
 
 def _as_data(value: Any) -> Any:
-    """A default as JSON knows it; a policy in the words of the command line, and all else as Python writes it."""
+    """Return a default for JSON: a policy as on the command line, and other objects as their repr."""
     if isinstance(value, Policy):
         return as_spec(value)
     if isinstance(value, list | tuple):
@@ -129,8 +155,8 @@ def _as_data(value: Any) -> Any:
 
 
 def _plain(range: Any) -> Any:
-    """Where searches look, as plain data."""
-    if isinstance(range, Searched):
+    """Return a search range as plain data."""
+    if isinstance(range, SearchRange):
         return {"low": range.low, "high": range.high}
     if isinstance(range, tuple):
         return {"options": list(range)}

@@ -1,57 +1,131 @@
-"""Where the commands print, and how they show that they are at work."""
+"""Output of the commands: tables, progress bars and messages."""
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from roletrust_experiments.paper.claims import Claim
 
-ALLOW_CODE = "Let the file name classes that are not installed, package.module:Class, which runs what stands there."
-"""What the option of that name does, wherever a file names models or attacks."""
+ALLOW_CODE = "Allow the file to name classes that are not installed, as package.module:Class. This runs their code."
+"""Help of the option `--allow-code`, for commands whose files name models or attacks."""
+
+_NAME = 20
+"""Width that the first column, of names, keeps at least, in letters; longer names wrap."""
+
+_TEXT = 10
+"""Width that a column of texts keeps at least, in letters."""
 
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
-def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = ()) -> Progress:
-    """A progress bar that leaves no trace when done.
+class FittedTable(Table):
+    """A table that fits the terminal: long names wrap, and the last columns are left out where there is no room.
 
-    There is none where it would be printed over and over instead of moving: in a file, a pipe or a notebook, which may
-    all ask for colours by `FORCE_COLOR`.
+    Nothing is ever cut. The caption says which columns are left out.
 
     Args:
-        where: it is shown.
-        columns: of it; by default those that count rounds.
+        title: Heading above the table.
+        caption: Explanation below the table.
+        needed: Number of leading columns that are never left out.
+    """
+
+    def __init__(self, title: str, caption: str = "", *, needed: int = 2) -> None:
+        super().__init__(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+        self.caption, self.caption_justify, self.show_edge = caption, "left", False
+        self._needed = needed
+
+    def column(self, heading: str, justify: JustifyMethod = "left", style: str | None = None) -> None:
+        """Add a column whose cells wrap."""
+        self.add_column(heading, justify=justify, style=style, overflow="fold")
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Leave out what does not fit, and print the rest."""
+        left_out: list[str] = []
+        gap = sum(self.padding[1::2]) + 1
+        while not (fits := sum(map(_width, self.columns)) + gap * len(self.columns) <= options.max_width + gap):
+            if len(self.columns) <= self._needed:
+                break
+            left_out.insert(0, str(self.columns.pop().header).replace("\n", " "))
+        for column in self.columns if fits else ():
+            column.min_width = _width(column)
+        if left_out:
+            self.caption = f"{self.caption}\n" * bool(self.caption) + f"too narrow for: {', '.join(left_out)}"
+        yield from super().__rich_console__(console, options)
+
+
+def _width(column: Column) -> int:
+    """Return the width that a column needs: its longest line, or less for names and texts that wrap."""
+    cells = (Text.from_markup(str(cell)).plain for cell in (column.header, *column.cells))
+    longest = max(cell_len(line) for text in cells for line in text.splitlines() or [""])
+    return longest if column.justify == "right" else min(longest, _TEXT if column._index else _NAME)
+
+
+def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = ()) -> Progress:
+    """Return a progress bar that disappears when it is done.
+
+    It is shown on a terminal only. In a file, a pipe or a notebook it would be printed again and again, and all of
+    these may ask for colours through `FORCE_COLOR`.
+
+    Args:
+        where: Console that shows it.
+        columns: Columns of the bar; by default a count of rounds.
     """
     usual = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*(columns or usual), console=where, transient=True, disable=not where.file.isatty())
 
 
 def print_json(data: Mapping[str, Any]) -> None:
-    """Print plain data for scripts: as it is, neither wrapped nor coloured, in letters that any terminal takes."""
+    """Print plain data for scripts: neither wrapped nor coloured, in ASCII, which every terminal can show."""
     print(json.dumps(data, indent=2, allow_nan=False))
 
 
-def number_table(title: str, caption: str, *headings: str) -> Table:
-    """A table of numbers, each row with a name before them."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
-    table.caption, table.caption_justify = caption, "left"
-    table.add_column("")
+def print_next(*words: object, where: Console = console) -> None:
+    """Print the command that is useful next, ready to be copied.
+
+    Args:
+        words: Words of the command behind `roletrust`; None and empty lists are left out, and lists are unpacked.
+        where: Console that shows it.
+    """
+    flat = [part for word in words for part in (word if isinstance(word, list | tuple) else [word])]
+    command = shlex.join(["roletrust", *(str(part) for part in flat if part is not None)])
+    where.print(f"[dim]Next: {escape(command)}[/]", soft_wrap=True)
+
+
+def option(name: str, values: Sequence[object] | object | None, default: object = None) -> list[str]:
+    """Return an option as words of a command: once for each value, and not at all for the default.
+
+    Example:
+        >>> option("--model", ["mean", "median"]), option("--seed", 0, 0)
+        (['--model', 'mean', '--model', 'median'], [])
+    """
+    several = list(values) if isinstance(values, list | tuple) else [values]
+    return [] if values in (None, default) else [word for value in several for word in (name, str(value))]
+
+
+def number_table(title: str, caption: str, *headings: str) -> FittedTable:
+    """Return a table of numbers, with a name at the start of each row."""
+    table = FittedTable(title, caption)
+    table.column("")
     for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.column(heading, "right")
     return table
 
 
-def claims_table(title: str, found: Sequence[Claim]) -> Table:
-    """What the paper says, what is needed and what was measured, claim by claim."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+def claims_table(title: str, found: Sequence[Claim]) -> FittedTable:
+    """Return the table of the paper's claims: the claim, the criterion and the measured value."""
+    table = FittedTable(title, needed=6)
     for heading in ("fig", "what", "the paper", "needed", "measured", ""):
-        table.add_column(heading, justify="right" if heading == "measured" else "left", no_wrap=True)
+        table.column(heading, "right" if heading == "measured" else "left")
     for claim, following in zip(found, [*found[1:], None], strict=True):
         verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
         ends = following is not None and following.figure != claim.figure

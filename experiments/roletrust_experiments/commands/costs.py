@@ -1,27 +1,28 @@
-"""`roletrust costs`: what every trust model costs, by the size of the game, and how that grows."""
+"""`roletrust costs`: the time that every trust model takes, by the size of the game, and its growth."""
 
 import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, TrustModel, trust_models
-from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.console import console, number_table, option, print_next, progress_bar
+from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed, Threads
 from roletrust_experiments.timing.contestants import Spread
 from roletrust_experiments.timing.models import LIBRARIES, LIMITS, Cell, Found, Size, growth, measure_models, sizes
 from roletrust_experiments.timing.threads import torch_threads
 
 _SIDES = 3, 30, 300
 _POWERS = {"NumPy": ("S^", "P^")}
-"""Where the growth is shown."""
+"""Libraries whose table shows the growth, with its headings."""
 
 _CAPTION = (
     "One update in float32 in which all raters rate all providers, the median of the repeats. S^ and P^ are the powers "
@@ -31,48 +32,50 @@ _CAPTION = (
 
 
 def costs(
-    trust_model: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MODEL", help="NAME or NAME:key=value,...; may be repeated; all if left out."),
-    ] = None,
+    model: ModelsOption = None,
     compiled: Annotated[
-        bool, typer.Option("--compiled", help="Also compiled by torch, which takes up to some minutes a cell.")
+        bool,
+        typer.Option("--compiled", help="Also measure models compiled by torch, up to some minutes for each size."),
     ] = False,
     compile_limit: Annotated[
-        float, typer.Option(min=1, help="Seconds to compile a cell in; one that takes longer is left out.")
+        float, typer.Option(min=1, help="Seconds that compiling one model for one size may take; longer is left out.")
     ] = LIMITS.compiling,
     side: Annotated[
         list[int] | None,
-        typer.Option(min=1, help="Raters, and as many providers; two of them or more; 3, 30 and 300 if left out."),
+        typer.Option(
+            min=1,
+            help="Number of raters, and of providers; two or more of them; 3, 30 and 300 if left out.",
+            show_default=False,
+        ),
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of torch.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Of the ratings.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for model-costs.csv and model-costs.md; it is made if need be.")
-    ] = None,
+    threads: Threads = 1,
+    seed: Seed = 0,
+    out: OptionalOut = None,
 ) -> None:
     """Measure [bold]what the trust models cost[/]: time per rating by size, and its growth with raters and providers.
 
-    Models are timed in turn, so that other work strikes all alike. A size at which an update would take more than 5
-    seconds or 3 GB, as the smaller ones let expect, is left out, and the table says so.
+    The models take turns, so that other work on the machine affects all alike. A size at which an update is expected
+    to take more than 5 seconds or 3 GB is left out, and a line says so.
 
-    All is compiled before anything compiled is timed, two cells at a time. What is compiled stays in torch's cache on
-    disk, so that a run that was broken off goes on where it was, and a second one is quick.
+    All models are compiled before a compiled one is timed, two at a time. Compiled code stays in torch's cache on disk,
+    so that an interrupted run continues where it stopped, and a second run is quick.
+
+    Written with --out: [green]model-costs.csv model-costs.md[/].
 
     [bold]Examples[/]
 
-    [dim]# all of them on NumPy[/]
+    [dim]# all models on NumPy[/]
     [cyan]roletrust costs[/]
 
-    [dim]# the table that is kept in docs/[/]
+    [dim]# the table in docs/[/]
     [cyan]roletrust costs --compiled --out results/costs[/]
     """
     sides = sorted(set(side or _SIDES))
     if len(sides) < 2:
-        raise ValueError(f"--side {sides[0]} is the only size; growth needs two at least")
+        raise ValueError(f"--side {sides[0]} is the only size; growth needs at least two")
     if out is not None:
         prepare_folder(out)
-    scenario, names = make_scenario("paper-3x3"), trust_model or list(trust_models())
+    scenario, names = make_scenario("paper-3x3"), model or list(trust_models())
     models = {name: parse_trust_model(name, scenario) for name in names}
     libraries = LIBRARIES if compiled else LIBRARIES[:1]
     with progress_bar() as progress, torch_threads(threads):
@@ -91,22 +94,23 @@ def costs(
     tables = {library: _lines(models, found, sides, library) for library in libraries}
     for library, (headings, *rows) in tables.items():
         table = number_table(f"Nanoseconds per rating, {library}", "", *headings[1:])
-        for row in rows:
-            table.add_row(*row)
+        for name, *numbers in rows:
+            table.add_row(escape(name), *numbers)
         console.print(table)
     console.print(caption)
     reasons = _left_out(found)
     for reason in reasons:
-        console.print(f"[dark_orange3]left out:[/] {reason}", soft_wrap=True)
+        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
     if out is not None:
         write_csv(out / "model-costs.csv", *_cells(models, found))
         with replacing(out / "model-costs.md") as path:
             path.write_text(_page(tables, caption, reasons, threads), encoding="utf-8")
         console.print(f"Written to {out}: model-costs.csv, model-costs.md", soft_wrap=True)
+    print_next("speed", "--quick", option("--threads", threads, 1))
 
 
 def _lines(models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str) -> list[list[str]]:
-    """The table of a library for people: its headings, and a row for each model."""
+    """Return the table of a library: its headings, and a row for each model."""
     squares = [Size(side, side) for side in sides]
     lines = [["model", "grows as", *(f"{side}x{side}" for side in sides), *_POWERS.get(library, ())]]
     for name, model in models.items():
@@ -124,13 +128,13 @@ def _nanoseconds(cell: Cell) -> str:
 
 
 def _left_out(found: Found) -> list[str]:
-    """What was not measured, and why."""
-    kept = ((*where, cell.left_out) for where, cell in found.items() if cell.left_out)
-    return [f"{name} on {library}, {size}: {reason}" for name, library, size, reason in kept]
+    """Return what was not measured, and why."""
+    cells = ((*where, cell.left_out) for where, cell in found.items() if cell.left_out)
+    return [f"{name} on {library}, {size}: {reason}" for name, library, size, reason in cells]
 
 
 def _cells(models: Mapping[str, TrustModel[Any]], found: Found) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-    """The table for machines, a row for each cell: its header and its rows."""
+    """Return the header and the rows of the CSV file, with a row for each model, library and size."""
     header: tuple[str, ...] = ("model", "family", "grows_as", "library", "raters", "providers")
     header += ("ns_per_rating", "ns_per_rating_least", "ns_per_rating_greatest", "left_out")
     rows = []
@@ -142,7 +146,7 @@ def _cells(models: Mapping[str, TrustModel[Any]], found: Found) -> tuple[tuple[s
 
 
 def _page(tables: Mapping[str, list[list[str]]], caption: str, reasons: Sequence[str], threads: int) -> str:
-    """The tables as a page of Markdown."""
+    """Return the tables as a page of Markdown."""
     parts = ["# What the trust models cost", caption]
     for library, (headings, *rows) in tables.items():
         lines = [headings, ["---"] * 2 + ["---:"] * (len(headings) - 2), *rows]

@@ -1,18 +1,18 @@
-"""What a command needs beyond the extra `cli`."""
+"""Optional dependencies of the commands."""
 
 from importlib.util import find_spec
 
 
 def require(what: str, extra: str, *modules: str) -> None:
-    """See before the work whether all modules are there that it will import.
+    """Check that all modules that a command imports are installed, before the command begins.
 
     Args:
-        what: needs them, for the message.
-        extra: of this package, that brings them.
-        modules: top-level names.
+        what: Part of the program that needs them, for the message.
+        extra: Extra of this package that installs them.
+        modules: Top-level names.
 
     Raises:
-        ValueError: some are missing; it says which, and what to install.
+        ValueError: Some are missing; the message says which, and how to install them.
     """
     missing = [module for module in modules if find_spec(module) is None]
     if missing:

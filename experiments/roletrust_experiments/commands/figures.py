@@ -11,11 +11,12 @@ from roletrust_env import Game, JointPolicy, State, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
-from roletrust_experiments.commands.console import claims_table, console, progress_bar
+from roletrust_experiments.commands.console import claims_table, console, print_next, progress_bar
+from roletrust_experiments.commands.options import Out
 from roletrust_experiments.commands.recorded import draw_recording
 from roletrust_experiments.paper import claims
 from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
-from roletrust_experiments.paper.footage import loop_note, looped_s
+from roletrust_experiments.paper.footage import loop_length_s, loop_note
 from roletrust_experiments.playing.tracked import track_curves
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -23,80 +24,79 @@ _MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Fig
 
 
 def figures(
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/figures"),
+    out: Out = Path("results/figures"),
     service: Annotated[
-        Literal["hog", "synthetic"], typer.Option(help="People detection in camera frames, or plain numbers.")
+        Literal["hog", "synthetic"], typer.Option(help="Service: people detection in camera frames, or plain numbers.")
     ] = "hog",
     frames: Annotated[
         str | None,
         typer.Option(
             metavar="PATH_OR_NUMBER",
-            help="A video file, an image folder or a camera number to look at, in place of the rendered scene: 120 s "
-            "of video, or 240 images, one a round; less with --loop. All three cameras look at the same picture.",
+            help="Video file, image folder or camera number to use instead of the rendered scene: 120 s of video, or "
+            "240 images, one for each round; fewer with --loop. All three cameras see the same picture.",
             show_default=False,
         ),
     ] = None,
     loop: Annotated[
-        bool, typer.Option("--loop", help="Show --frames again from the start where they end before the run does.")
+        bool, typer.Option("--loop", help="Repeat --frames from the start if they end before the run.")
     ] = False,
     seed: Annotated[
         int,
-        typer.Option(
-            min=0, help="Of all luck; the same seed gives the same files. The rendered scene is always the same."
-        ),
+        typer.Option(min=0, help="Random seed; the same seed gives the same results. The scene does not depend on it."),
     ] = 0,
     recording: Annotated[
         Path | None,
         typer.Option(
-            help="Play nothing, and draw what `roletrust live record` or `live demo` has recorded.",
+            metavar="DIR",
+            help="Recording of `roletrust live record` or `live demo` to draw; nothing is played.",
             show_default=False,
         ),
     ] = None,
     attack: Annotated[
         Attack | None,
-        typer.Option(help="The paper's attack that is in the --recording: draw its figure.", show_default=False),
+        typer.Option(help="The paper's attack in the --recording, whose figure is drawn.", show_default=False),
     ] = None,
 ) -> None:
-    """Reproduce [bold]Figures 3 and 4[/] of the paper, and hold what was measured against what it says.
+    """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its claims.
 
-    Three raters rate three cameras every half second. Only the attacker differs:
-    Figure 3: provider 3 serves badly and well in turn (on-off, 50-90 s);
-    Figure 4: rater 3 rates 0.5 whatever it sees (bad-mouthing, 20-45 s).
+    Three raters rate three cameras every half second. The figures differ in the attacker only. In Figure 3, provider 3
+    alternates between bad and good service (on-off, 50-90 s). In Figure 4, rater 3 rates 0.5 whatever it sees
+    (bad-mouthing, 20-45 s).
 
-    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/],
-    and [green]montage.png[/] with what the cameras saw.
-    The state after round r, counted from 0, stands at time (r + 1) x 0.5 s.
-    With --frames, rows whose bounds only hold for the rendered scene say n/a; without a person in clear view
-    none applies, and the table is left out.
+    Written: [green]figure3.csv figure3.png figure4.csv figure4.png results.json[/], and [green]montage.png[/] with the
+    frames of the cameras. The state after round r, counted from 0, is at time (r + 1) x 0.5 s.
+
+    With --frames, rows whose bounds only hold for the rendered scene say n/a. If the frames never show a person
+    clearly, the table is left out.
 
     [bold]Examples[/]
 
-    [dim]# with OpenCV's people detector, about a minute[/]
+    [dim]# with OpenCV's people detector, in about a minute[/]
     [cyan]roletrust figures[/]
 
-    [dim]# with your own video, two minutes long[/]
+    [dim]# with your own video of two minutes[/]
     [cyan]roletrust figures --frames walk.mp4 --out results/walk[/]
 
-    [dim]# with less footage, shown over and over[/]
+    [dim]# with a shorter video, repeated[/]
     [cyan]roletrust figures --frames walk.mp4 --loop --out results/walk[/]
 
-    [dim]# or for fewer rounds: 40 are 20 s of video, or 40 images[/]
+    [dim]# for fewer rounds: 40 rounds need 20 s of video, or 40 images[/]
     [cyan]roletrust play paper-3x3-hog --set frames=walk.mp4 --set max_cycles=40[/]
 
-    [dim]# what a live team said: its curves, or, of the paper's robots, the figure and what is claimed of it[/]
+    [dim]# the curves of a live team, or for the paper's robots the figure and its claims[/]
     [cyan]roletrust figures --recording bag[/]
     [cyan]roletrust figures --recording results/live/recording --attack bad-mouthing[/]
 
-    [dim]# no camera, a second[/]
+    [dim]# without a camera, in a second[/]
     [cyan]roletrust figures --service synthetic --seed 7[/]
     """
     if recording is not None and frames is not None:
-        raise ValueError("--recording plays nothing, so it takes no --frames")
+        raise ValueError("--recording plays nothing, so --frames has no effect")
     if recording is not None:
         draw_recording(recording, attack, out)
         return
     if attack is not None:
-        raise ValueError("--attack is what was played in a --recording; without one, both figures are played")
+        raise ValueError("--attack says what a --recording shows; without a recording, both figures are played")
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)
@@ -114,7 +114,7 @@ def figures(
     seen = None
     if frames is not None:
         calm = claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF)
-        seen = _Footage(looped_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
+        seen = _Footage(loop_length_s(game), float(np.mean(sight.sure, where=calm)), claims.in_clear_view(found))
         found = claims.for_given_frames(found)
     written = _write(out, game, seed, played, rounds, sight, found, seen)
     if seen is None or seen.in_clear_view:
@@ -126,32 +126,33 @@ def figures(
     if note := loop_note(game):
         console.print(f"[dim]{escape(note)}[/]", soft_wrap=True)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    print_next("play", "--attack", "sr_2=bad-mouthing:start=40,stop=90")
 
 
 class _Footage(NamedTuple):
-    """What given frames were like.
+    """Properties of given frames.
 
     Attributes:
-        looped_s: how long they are if they were shown over and over, seconds; None if not.
-        probability: of a person being seen, in the calm rounds of Figure 3, on average.
-        in_clear_view: whether the person is, so that the paper's levels apply.
+        loop_length_s: Length of repeated frames in seconds; None if they were not repeated.
+        probability: Mean probability of a person in the calm rounds of Figure 3.
+        in_clear_view: True if the person is clearly visible, so that the paper's levels apply.
     """
 
-    looped_s: float | None
+    loop_length_s: float | None
     probability: float
     in_clear_view: bool
 
     def in_words(self) -> str:
-        """Why the paper's levels do not apply."""
+        """Return the reason why the paper's levels do not apply."""
         seen = "saw nobody in these frames" if self.probability < 0.5 else "did not see a person in every frame"
         return (
-            f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} while all "
-            "was calm. So the paper's levels, which are those of a person in clear view, do not apply."
+            f"OpenCV's people detector {seen}: the mean probability of a person was {self.probability:.2f} before the "
+            "attack. The paper's levels assume a person in clear view, so they do not apply."
         )
 
 
 class _Sight:
-    """Keeps what the cameras saw at the moments of the montage, and how sure the raters were, round by round."""
+    """Record of the frames at the moments of the montage, and of the detection probability in each round."""
 
     def __init__(self, game: Game) -> None:
         self.taken: list[Any] = []
@@ -160,7 +161,7 @@ class _Sight:
         self._period_s = game.scenario.period_s
 
     def watch(self, state: State) -> None:
-        """Keep the probability of a person in the round just played, and the frames if it is one of the moments."""
+        """Store the probability of a person in the last round, and its frames if the montage shows it."""
         from roletrust_experiments.plots.paper import Still
 
         self.sure.append(float(state.service.mean()))
@@ -180,7 +181,7 @@ def _write(
     found: list[claims.Claim],
     seen: _Footage | None,
 ) -> list[str]:
-    """Write all files and return their names."""
+    """Write all files, and return their names."""
     from roletrust_experiments.plots.paper import montage_figure, write_paper
 
     written: list[str] = []
@@ -205,14 +206,15 @@ def _write(
 
 
 def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> None:
-    """Say what the rows of the table are."""
+    """Print explanations of the rows of the table."""
     calm = claims.spans(rounds[0].time_s, claims.calm_before(rounds[0].time_s, game.scenario, ON_OFF))
     steady = claims.spans(rounds[1].time_s, claims.steady_under(rounds[1].time_s, game.scenario, BAD_MOUTHING))
-    console.print(f"[dim]calm: before the attack, {claims.SETTLE_S:g} s clear of anything else (Figure 3: {calm})[/]")
-    console.print(f"[dim]steady: under the attack, just as clear, all rounds averaged (Figure 4: {steady})[/]")
-    console.print("[dim]least dip: of the three ToP, the one that falls least while the target moves fast[/]")
+    after = f"{claims.SETTLE_S:g} s after any other event"
+    console.print(f"[dim]calm: before the attack, {after} (Figure 3: {calm})[/]")
+    console.print(f"[dim]steady: mean over the rounds of the attack, {after} (Figure 4: {steady})[/]")
+    console.print("[dim]least dip: of the three ToP, the smallest fall while the target moves fast[/]")
     if any(claim.ok is None for claim in found):
         console.print(
-            "[dim]n/a: the bound is that of the rendered scene; in these frames the person is still recognised when "
-            "the picture is blurred[/]"
+            "[dim]n/a: the bound holds for the rendered scene; in these frames the detector still recognises the "
+            "person when the picture is blurred[/]"
         )

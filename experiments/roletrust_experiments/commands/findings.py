@@ -1,7 +1,6 @@
-"""`roletrust findings`: what the paper claims or leaves open, answered with numbers."""
+"""`roletrust findings`: answers to what the paper claims or leaves open, with numbers."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,111 +9,109 @@ from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv, write_json
 from roletrust_env.storage.provenance import software
-from roletrust_experiments.commands.console import console, progress_bar
+from roletrust_experiments.commands.console import console, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import Out, Seed, check_choice
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:
     from roletrust_experiments.findings.finding import Finding
 
 _HEADER = ("figure", "series", "at", "value", "low", "high")
-_NAMES = "roles, dilution, noise, breaking, both-roles, admission, movement"
+_NAMES = "roles", "dilution", "noise", "breaking", "both-roles", "admission", "movement"
 
 
 def findings(
     question: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help=f"One of {_NAMES}; repeat for more; all if left out.", show_default=False),
+        typer.Option(
+            metavar="NAME",
+            help=f"Question to answer, one of {', '.join(_NAMES)}; repeat for more; all if left out.",
+            autocompletion=lambda incomplete: [name for name in _NAMES if name.startswith(incomplete)],
+            show_default=False,
+        ),
     ] = None,
     games: Annotated[
-        int, typer.Option(min=2, help="Games of which means are taken; a quarter of them, but 6, for breaking.")
+        int, typer.Option(min=2, help="Number of games for each mean; for breaking a quarter of it, but at least 6.")
     ] = 48,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
+    seed: Seed = 0,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A trial: short games, and of what is varied only the first values.")
+        bool, typer.Option("--quick", help="Try it out, with short games and only the first values of each parameter.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Answer anew what --out holds.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path(
-        "results/findings"
-    ),
+    force: Annotated[bool, typer.Option("--force", help="Answer again, even if --out holds the answers.")] = False,
+    out: Out = Path("results/findings"),
 ) -> None:
     """Answer [bold]what the paper claims or leaves open[/], each with a figure, numbers with intervals and a sentence.
 
-    roles: whether raters do more harm than providers. dilution: whether larger systems dilute liars, a fixed number
-    of them and a fixed share. noise: what it costs with everybody honest. breaking: which share of liars breaks each
-    trust model. both-roles: what ToA does for agents that rate and provide. admission: what cutting off buys.
-    movement: what it does, where each rater sees only the providers near it.
+    roles: the harm by raters against the harm by providers. dilution: larger systems with a fixed number of liars and
+    with a fixed share. noise: the cost of noise with all agents honest. breaking: the share of liars that breaks each
+    trust model. both-roles: ToA for agents that rate and provide. admission: the value of cutting off agents.
+    movement: raters that see only the providers near them.
 
-    What is compared is played with the same luck. A sentence is made of the numbers by a rule, and says so where a
+    Compared games use the same random numbers. A rule turns the numbers into a sentence, and the sentence says where a
     difference is not shown.
 
-    Answers are kept as they come; stopped at any moment, the same command goes on. With other options, another version
-    or --force a question is answered anew.
+    Each answer is saved when it is complete, so that an interrupted command continues when it is given again. Other
+    options, another version or --force answer a question again.
 
     Written: [green]findings.md findings.json[/], and for each question a [green].csv[/] and a [green].png[/] in the
     folder [green]findings[/] beside them.
 
     [bold]Examples[/]
 
-    [dim]# all of them, as in docs/: some minutes[/]
+    [dim]# all questions as in docs/, in some minutes[/]
     [cyan]roletrust findings[/]
 
-    [dim]# one of them, surer[/]
+    [dim]# one question with narrower intervals[/]
     [cyan]roletrust findings --question dilution --games 200[/]
     """
     require("the findings", "train", "scipy", "cma", "torch", "stable_baselines3")
-    from roletrust_experiments.findings.games import Asked
+    from roletrust_experiments.findings.games import Effort
     from roletrust_experiments.findings.page import page
     from roletrust_experiments.findings.questions import QUESTIONS
 
-    names = _asked(question, list(QUESTIONS))
+    for name in question or []:
+        check_choice("question", name, _NAMES)
+    names = [name for name in QUESTIONS if not question or name in question]
     prepare_folder(out / "findings")
     prepare_folder(out)
-    kept = _kept(out / "findings.json")
+    answers = _read(out / "findings.json")
     made_with = {"games": games, "seed": seed, "quick": quick, **software()}
     with progress_bar() as progress:
         for name in names:
-            if not force and kept.get(name, {}).get("made_with") == made_with and _written(out / "findings", name):
+            if not force and answers.get(name, {}).get("made_with") == made_with and _written(out / "findings", name):
                 continue
-            finding = QUESTIONS[name](Asked(games, seed, quick, progress))
+            finding = QUESTIONS[name](Effort(games, seed, quick, progress))
             _write(out / "findings", name, finding)
-            kept[name] = _record(
-                finding, f"roletrust findings --question {name}{_options(games, seed, quick)}", made_with
-            )
-            kept = {known: kept[known] for known in QUESTIONS if known in kept}
-            write_json(out / "findings.json", {"questions": kept})
+            command = f"roletrust findings --question {name} --games {games} --seed {seed}{' --quick' * quick}"
+            answers[name] = _record(finding, command, made_with)
+            answers = {known: answers[known] for known in QUESTIONS if known in answers}
+            write_json(out / "findings.json", {"questions": answers})
     with replacing(out / "findings.md") as temporary:
-        temporary.write_text(page(kept), encoding="utf-8")
+        temporary.write_text(page(answers), encoding="utf-8")
     for name in names:
-        console.print(f"[bold]{escape(kept[name]['question'])}[/] {escape(kept[name]['sentence'])}\n", soft_wrap=True)
+        console.print(
+            f"[bold]{escape(answers[name]['question'])}[/] {escape(answers[name]['sentence'])}\n", soft_wrap=True
+        )
     console.print(
-        f"Written to {out}: findings.md, findings.json; in findings: {', '.join(names)}, each as .csv and .png"
+        f"Written to {out}: findings.md, findings.json; in findings: {', '.join(names)}, each as .csv and .png",
+        soft_wrap=True,
     )
+    print_next("findings", "--question", names[0], "--games", 4 * games)
 
 
-def _asked(question: Sequence[str] | None, known: Sequence[str]) -> list[str]:
-    """The names of the questions, in their order.
-
-    Raises:
-        ValueError: one is unknown.
-    """
-    for name in question or []:
-        if name not in known:
-            raise ValueError(f"unknown question {name!r}; known: {', '.join(known)}")
-    return [name for name in known if not question or name in question]
-
-
-def _kept(path: Path) -> dict[str, Any]:
-    """The answers that are there.
+def _read(path: Path) -> dict[str, Any]:
+    """Return the saved answers.
 
     Raises:
-        ValueError: the file is none of this command's.
+        ValueError: This command did not write the file.
     """
     if not path.exists():
         return {}
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))["questions"]
-        return {name: one for name, one in kept.items() if {"question", "sentence", "command", "made_with"} <= set(one)}
+        answers = json.loads(path.read_text(encoding="utf-8"))["questions"]
+        fields = {"question", "sentence", "command", "made_with"}
+        return {name: answer for name, answer in answers.items() if fields <= set(answer)}
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ValueError(f"{path} holds no findings; remove it, or choose another folder") from None
 
@@ -124,7 +121,7 @@ def _written(out: Path, name: str) -> bool:
 
 
 def _write(out: Path, name: str, finding: "Finding") -> None:
-    """The figure, and its numbers."""
+    """Write the figure and its numbers."""
     from roletrust_experiments.plots.findings import finding_figure
 
     note = f"{finding.games} games for each value; 95% intervals"
@@ -139,7 +136,7 @@ def _write(out: Path, name: str, finding: "Finding") -> None:
 
 
 def _record(finding: "Finding", command: str, made_with: dict[str, Any]) -> dict[str, Any]:
-    """An answer as plain data."""
+    """Return an answer as plain data."""
     return {
         "question": finding.question,
         "sentence": finding.sentence,
@@ -149,7 +146,3 @@ def _record(finding: "Finding", command: str, made_with: dict[str, Any]) -> dict
         "games": finding.games,
         "settings": finding.settings,
     }
-
-
-def _options(games: int, seed: int, quick: bool) -> str:
-    return f" --games {games} --seed {seed}{' --quick' * quick}"

@@ -8,10 +8,8 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
 from roletrust_env import make_scenario
@@ -24,15 +22,28 @@ from roletrust_env.evaluation.search import Budget, HonestPlay, MeasuredSearch, 
 from roletrust_env.evaluation.specs import parse_kinds, parse_settings, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import provenance
-from roletrust_experiments.commands.console import console, progress_bar
+from roletrust_experiments.commands.console import (
+    FittedTable,
+    console,
+    number_table,
+    option,
+    print_next,
+    progress_bar,
+)
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.task_options import (
+from roletrust_experiments.commands.options import (
+    Compromised,
+    ModelOption,
+    NamedAttacks,
+    Out,
     ScenarioOption,
+    Seed,
     SettingsOption,
     StealthTolerance,
     StealthWeight,
-    TrustModelOption,
+    Task,
     find_task,
+    task_options,
 )
 from roletrust_experiments.ladder.rows import HEADER, Row, compared, lines, ranked, summary, top, wins
 from roletrust_experiments.playing.games import task_memory
@@ -41,74 +52,68 @@ from roletrust_experiments.plots.trajectory import Trajectory, watch
 
 
 def ladder(
-    task: Annotated[str, typer.Argument(help="ProviderAttack, RaterAttack, DualAttack or CollusionAttack.")],
+    task: Task,
     scenario: ScenarioOption = None,
     settings: SettingsOption = None,
-    trust_model: TrustModelOption = "role-trust",
-    compromised: Annotated[
-        list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.", show_default=False)
-    ] = None,
-    attack: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[:key=value,...]",
-            help="Which attack is tried and searched, those given by key=value aside; repeat for a mixture. "
-            "By default on-off for providers and bad-mouthing for raters.",
-            show_default=False,
-        ),
-    ] = None,
+    model: ModelOption = "role-trust",
+    compromised: Compromised = None,
+    attack: NamedAttacks = None,
     stealth_weight: StealthWeight = 0.0,
     stealth_tolerance: StealthTolerance = 0.1,
     budget: Annotated[
-        int, typer.Option(min=1, help="Rounds x games that each searcher and the planner may play.")
+        int, typer.Option(min=1, help="Rounds x games that each search method and the planner may play.")
     ] = 2_000_000,
-    games: Annotated[int, typer.Option(min=2, help="Held-out games in which each attack is measured.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same scores.")] = 0,
-    runs: Annotated[int, typer.Option(min=1, help="How often all is done, with this seed and the ones after it.")] = 1,
+    games: Annotated[int, typer.Option(min=2, help="Number of held-out games that measure each attack.")] = 100,
+    seed: Seed = 0,
+    runs: Annotated[int, typer.Option(min=1, help="Number of runs, with this seed and the seeds after it.")] = 1,
     learned: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="A folder of `roletrust train`, with as many runs and the same seeds; repeat for more.",
+            help="Folder written by `roletrust train`, with as many runs and the same seeds; repeat for more.",
             show_default=False,
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/ladder"),
+    out: Out = Path("results/ladder"),
 ) -> None:
-    r"""Climb from [bold]honest play to the best possible attack[/] on a task, and see what it does.
+    r"""Compare [bold]every way to attack a task[/], from honest play to the optimum.
 
-    Each rung looks for an attack with the same budget of game rounds; then all are measured in the same
-    held-out games. The score is the mean reward per round, with its 95% confidence interval: over the runs,
-    or over the games of a single run. Its [bold]share[/] is 0 for honest play and 1 for the exact optimum,
-    for a bound that is proven, or for the best found where neither is known.
+    Each rung of the ladder looks for an attack with the same budget of game rounds. All attacks are then measured in
+    the same held-out games. The score is the mean reward per round with its 95% confidence interval, over the runs or,
+    for a single run, over its games. The [bold]share[/] is 0 for honest play. It is 1 for the exact optimum, for a
+    proven bound, or for the best attack found where neither is known.
 
-    scripted: on-off and bad-mouthing, as in the paper and the best of a grid; or other attacks, --attack.
+    scripted: on-off and bad-mouthing, as in the paper and as the best of a grid, or the attacks of --attack.
+
     random search, CMA-ES: over the parameters that the scripted attacks declare.
-    white-box planner: follows the gradient through the game. learned: --learned.
-    exact: dynamic programming, for one provider (exploit, no stealth), where nothing is left to chance.
-    best known: lies that are planned, for raters (damage), where nothing is left to chance; for one rater
-    with a bound that no attack exceeds.
 
-    Written: [green]ladder.png ladder.csv ladder.json[/], and [green]trajectories.csv[/] of the best attack and
-    the scripted one.
+    white-box planner: follows the gradient through the game. learned: the attackers of --learned.
+
+    exact: dynamic programming, for one provider (exploit, no stealth) in a game without randomness.
+
+    best known: planned lies, for raters (damage) in a game without randomness; for one rater with a bound that no
+    attack exceeds.
+
+    Written: [green]ladder.png ladder.csv ladder.json[/], and [green]trajectories.csv[/] of the best attack and the best
+    scripted attack.
 
     [bold]Examples[/]
 
-    [dim]# where the optimum is known: a provider that sells bad service on good trust[/]
+    [dim]# a known optimum: a provider that sells bad service while it is trusted[/]
     [cyan]roletrust ladder ProviderAttack --set noise=0 --set 'perturbations=\[]' --set max_cycles=200[/]
 
-    [dim]# a rater that must not be told apart[/]
+    [dim]# a rater that must not be detected[/]
     [cyan]roletrust ladder RaterAttack --stealth-weight 2 --set noise=0 --set 'perturbations=\[]'[/]
 
-    [dim]# which of three lies, and how?[/]
+    [dim]# the best of three lies and its parameters[/]
     [cyan]roletrust ladder RaterAttack --attack bad-mouthing --attack flip-flop --attack rep-trap[/]
 
-    [dim]# three colluders in a crowd, and what learning reaches there, five times over[/]
+    [dim]# three colluders in a crowd, with learned attackers, in five runs[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
     [cyan]roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned results/colluders[/]
     """
     require("the ladder", "train", "torch", "scipy", "cma", "safetensors")
-    from roletrust_agents.learned.methods import learned_rungs
+    from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
 
@@ -120,18 +125,17 @@ def ladder(
     arguments = {
         **defaults,
         "scenario": rules,
-        "trust_model": parse_trust_model(trust_model, rules),
+        "trust_model": parse_trust_model(model, rules),
         "compromised": tuple(compromised or defaults["compromised"]),
         "stealth": {"weight": stealth_weight, "tolerance": stealth_tolerance},
     }
     kinds = parse_kinds(attack, rules) if attack else None
-    Scripts.of(exact_task(arguments), kinds)  # what does not fit is better known now
+    Scripts.of(exact_task(arguments), kinds)  # an attack that does not fit is refused before the games
     scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, Grid, RandomSearch, CmaEs)]
     searches: list[SearchMethod] = [HonestPlay(), *scripted, Planner()]
     paths = learned or []
-    # What is broken is better known now than at the end.
     trained = [
-        learned_rungs(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
+        learned_methods(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")
         for path in paths
     ]
     prepare_folder(out)
@@ -163,22 +167,29 @@ def ladder(
     _write(out, about, rows, seed, trajectories, results)
     _print(about, rows, seed, budget, missing)
     console.print(f"Written to {out}: ladder.png, ladder.csv, ladder.json, trajectories.csv", soft_wrap=True)
+    shared = task_options(scenario, settings, model, compromised, stealth_weight, stealth_tolerance)
+    if learned:
+        print_next("benchmark", option("--model", model))
+    else:
+        print_next(
+            "train", task, shared, option("--seed", seed, 0), option("--runs", runs, 1), "--out", f"{out}-learned"
+        )
 
 
 def climb(
     ladders: Sequence[Sequence[SearchMethod]], arguments: TaskArguments, budget: int, seed: int, games: int
 ) -> tuple[list[list[MeasuredSearch]], dict[str, str]]:
-    """What the rungs find.
+    """Run every rung.
 
     Args:
-        ladders: the same rungs for each run.
-        arguments: of the task.
-        budget: of each search.
-        seed: of the first run; each run has the next one.
-        games: held-out games in which each attack is measured.
+        ladders: The same rungs for each run.
+        arguments: Arguments of the task.
+        budget: Budget of each search.
+        seed: Seed of the first run; each later run has the next one.
+        games: Number of held-out games that measure each attack.
 
     Returns:
-        For each rung what it found in each run, and why some do not apply.
+        The results of each rung in each run, and the reasons why some rungs do not apply.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     found, missing = [], {}
@@ -216,7 +227,7 @@ def _write(
 
 
 def _run_name(row: Row, seed: int) -> str:
-    """What to call the best run of a rung, the first run having this seed."""
+    """Return the name of the best run of a rung. The first run has the given seed."""
     return f"{row.name}, seed {seed + row.best}" if len(row.runs) > 1 and row.runs[0].rounds else row.name
 
 
@@ -234,16 +245,12 @@ def _print(about: str, rows: Sequence[Row], seed: int, budget: int, missing: dic
         console.print(f"[dim]{escape(name)}: {escape(why)}[/]", soft_wrap=True)
 
 
-def _table(about: str, rows: Sequence[Row]) -> Table:
+def _table(about: str, rows: Sequence[Row]) -> FittedTable:
     runs = len(rows[0].runs)
-    table = Table(title=about, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     score, what = top(rows)
     over = f"over {runs} runs" if runs > 1 else "over the held-out games"
-    table.caption = f"share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up"
-    table.caption_justify = "left"
-    table.add_column("rung", no_wrap=True)
-    for name in ("score", "share", "rounds", "seconds"):
-        table.add_column(name, justify="right", no_wrap=True)
+    caption = f"share: 0 is honest play, 1 is {what}, {score:.4f}; ± half the 95% interval {over}, rounded up"
+    table = number_table(about, caption, "score", "share", "rounds", "seconds")
     best = max(row.score for row in rows)
     for row in rows:
         mean = f"{row.score:.4f}" + (f"±{ceil(row.half * 1e4) / 1e4:.4f}" if row.half > 0 else "")
@@ -251,18 +258,15 @@ def _table(about: str, rows: Sequence[Row]) -> Table:
         rounds = max(run.rounds for run in row.runs)
         seconds = float(np.mean([run.seconds for run in row.runs]))
         style = "bold dark_orange3" if row.score == best else None
-        table.add_row(row.name, mean, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}", style=style)
+        table.add_row(escape(row.name), mean, share, f"{rounds:,}" if rounds else "-", f"{seconds:.1f}", style=style)
     return table
 
 
-def _wins(rows: Sequence[Row]) -> Table:
-    """Who beat whom."""
-    title = f"In how many of {len(rows[0].runs)} runs, seed by seed, the row scored more than the column"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("rung", no_wrap=True)
-    for number in range(1, len(rows) + 1):
-        table.add_column(str(number), justify="right")
+def _wins(rows: Sequence[Row]) -> FittedTable:
+    """Return a table of the runs in which each rung scored more than each other rung."""
+    title = f"Number of the {len(rows[0].runs)} runs, seed by seed, in which the row scored more than the column"
+    table = number_table(title, "", *map(str, range(1, len(rows) + 1)))
     for number, (row, counts) in enumerate(zip(rows, wins(rows), strict=True), start=1):
         beaten = ["" if k + 1 == number else str(count) for k, count in enumerate(counts)]
-        table.add_row(f"{number} {row.name}", *beaten)
+        table.add_row(escape(f"{number} {row.name}"), *beaten)
     return table

@@ -13,7 +13,6 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
     title = f"Leaderboard, suite {leaderboard.suite.name}"
     table = number_table(title, CAPTION, *(COLUMNS[k] for k in _SHOWN))
-    table.columns[0].overflow = "fold"
     for row in leaderboard.rows:
         cells = row_texts(row, "±")
         table.add_row(f"{row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))

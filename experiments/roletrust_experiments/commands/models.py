@@ -1,4 +1,4 @@
-"""`roletrust models`: every trust model under the same three attacks, on one page of pictures."""
+"""`roletrust models`: every trust model under the same three attacks, on one page of figures."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,14 +9,15 @@ from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.provenance import describe_policies, described, provenance
+from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_env.trust import Traits, trust_models
-from roletrust_experiments.commands.console import console, progress_bar
-from roletrust_experiments.playing.games import all_kept_bytes
+from roletrust_experiments.commands.console import console, option, print_next, progress_bar
+from roletrust_experiments.commands.options import ModelsOption, Out, Seed
+from roletrust_experiments.playing.games import all_curve_bytes
 from roletrust_experiments.plots.figure_files import write_figure
 
 SCENARIO, ROUNDS = "crowd-10x10", 120
-"""In which models are compared, and for how long."""
+"""Scenario of the comparison, and its number of rounds."""
 
 _WINDOW = "start=30,stop=90"
 ATTACKS = {
@@ -24,44 +25,41 @@ ATTACKS = {
     "4 of 10 raters bad-mouth": [f"sr_[0-3]=bad-mouthing:level=0,{_WINDOW}"],
     "a ring: 4 raters, 2 providers": [f"sr_[0-3]=collusion:{_WINDOW}", f"sp_[01]=collusion:{_WINDOW}"],
 }
-"""The attacks, as behind `--attack`, by what they are called on the page."""
+"""Attacks as `--attack` takes them, by their titles on the page."""
 
 _HEADER = ("trust_model", "attack", "trust", "whose", "time_s", "mean")
 
 
 def models(
-    trust_model: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME[:key=value,...]", help="Trust model; repeat for more; all if left out."),
-    ] = None,
-    games: Annotated[int, typer.Option(min=1, help="Number of games of which the mean is drawn.")] = 8,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for the results; it is made if need be.")] = Path("results/models"),
+    model: ModelsOption = None,
+    games: Annotated[int, typer.Option(min=1, help="Number of games whose mean is drawn.")] = 8,
+    seed: Seed = 0,
+    out: Out = Path("results/models"),
 ) -> None:
-    """Draw [bold]every trust model under the same three attacks[/], a row for each model, with the same luck.
+    """Draw [bold]every trust model under the same three attacks[/], in one row each, with the same random numbers.
 
-    Ten raters and ten providers, everyone rates everyone, for a minute; the attacks last from 15 s to 45 s:
-    a provider that is bad and good by turns of 5 s; four raters that rate everybody 0; and a ring of four raters and
-    two providers that serves badly, praises its own and sinks the rest.
+    Ten raters rate ten providers for a minute. The attacks last from 15 s to 45 s: a provider that alternates between
+    bad and good service every 5 s; four raters that rate everybody 0; and a ring of four raters and two providers that
+    serves badly, praises its own members and rates all others 0.
 
     Written: [green]models.png models.csv results.json[/].
 
     [bold]Examples[/]
 
-    [dim]# the page that is kept in docs/[/]
+    [dim]# the page in docs/[/]
     [cyan]roletrust models[/]
 
-    [dim]# one model, as it is and with more memory[/]
-    [cyan]roletrust models --trust-model beta --trust-model beta:keep=0.99 --out results/beta[/]
+    [dim]# one model with two settings of its memory[/]
+    [cyan]roletrust models --model beta --model beta:keep=0.99 --out results/beta[/]
     """
     from roletrust_experiments.plots.models import Panel, models_figure, play_panel
 
     rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
     attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
-    names = list(dict.fromkeys(trust_model or trust_models()))
+    names = list(dict.fromkeys(model or trust_models()))
     played = {name: Game(rules, parse_trust_model(name, rules)) for name in names}
     one, *_ = played.values()
-    check_memory("--games", games, all_kept_bytes([JointPolicy(one, {})], {}))
+    check_memory("--games", games, all_curve_bytes([JointPolicy(one, {})], {}))
     prepare_folder(out)
     panels: dict[str, dict[str, Panel]] = {name: {} for name in names}
     with progress_bar() as progress:
@@ -72,7 +70,7 @@ def models(
                 panels[name][attack] = play_panel(JointPolicy(game, attackers), seed, progress, label, games=games)
                 progress.advance(pages)
     families = {name: Traits.of(game.model).family for name, game in played.items()}
-    note = f"shaded: the attack is on; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
+    note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
     write_figure(out / "models.png", models_figure(panels, families, note))
     write_csv(
         out / "models.csv",
@@ -90,7 +88,8 @@ def models(
         "games": games,
         **{key: value for key, value in provenance(one, seed).items() if key != "trust_model"},
         "attackers": {attack: describe_policies(attackers) for attack, attackers in attacks.items()},
-        "trust_models": {name: described(game.model) for name, game in played.items()},
+        "trust_models": {name: describe(game.model) for name, game in played.items()},
     }
     write_json(out / "results.json", results)
     console.print(f"Written to {out}: models.png, models.csv, results.json", soft_wrap=True)
+    print_next("benchmark", option("--model", model))

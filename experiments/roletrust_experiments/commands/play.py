@@ -13,87 +13,88 @@ from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
 from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings, parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.provenance import describe_policies, described, provenance
-from roletrust_experiments.commands.console import console, errors, print_json, progress_bar
+from roletrust_env.storage.provenance import describe, describe_policies, provenance
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import console, errors, option, print_json, print_next, progress_bar
+from roletrust_experiments.commands.options import NAMED, SeatedAttacks, Seed, SettingsOption
 from roletrust_experiments.commands.play_report import as_data, as_table, notes
-from roletrust_experiments.playing.games import HEADER, Played, all_kept_bytes, foresee, play_games, rows
+from roletrust_experiments.playing.games import HEADER, Played, all_curve_bytes, foresee, play_games, rows
 from roletrust_experiments.playing.names import attacks_in_words
 from roletrust_experiments.plots.figure_files import write_figure
 
-_LONG_S = 60.0  # from how many seconds on a run's time is told beforehand
+_LONG_S = 60.0
+"""Seconds from which the command announces how long it will take."""
 
 
 def play(
     scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario, or path of a .toml or .yaml file.")
-    ] = "paper-3x3",
-    trust_model: Annotated[
-        list[str],
-        typer.Option(metavar="NAME[:key=value,...]", help="Trust model; repeat to compare some under one attack."),
-    ] = ["role-trust"],  # noqa: B006 (typer copies it)
-    attack: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="AGENT=NAME[:key=value,...]",
-            help="Who attacks and how; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. "
-            "NAME, also of a trust model, may be your own package.module:Class, a Policy or a trust model; its module "
-            "is imported, which runs what stands in it.",
-            show_default=False,
+        str,
+        typer.Argument(
+            help="Name of a scenario, or path of a .toml or .yaml file.", autocompletion=completion.scenario_names
         ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Change a field of the scenario; repeat for more."),
-    ] = None,
+    ] = "paper-3x3",
+    model: Annotated[
+        list[str],
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model; repeat to compare several under one attack. NAME may be your own class, "
+            "package.module:Class, whose module is then imported.",
+            autocompletion=completion.models,
+        ),
+    ] = ["role-trust"],  # noqa: B006 (typer copies it)
+    attack: SeatedAttacks = None,
+    settings: SettingsOption = None,
     games: Annotated[int, typer.Option(min=1, help="Number of games, played as one batch.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck; the same seed gives the same files.")] = 0,
+    seed: Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(
+            metavar="DIR",
             help="Folder for the results; by default one in results/play, named after scenario, models and attacks.",
             show_default=False,
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite results of another configuration.")] = False,
     video: Annotated[
-        bool, typer.Option("--video", help="Also save play.mp4, one game as it unfolds, and play.png, its last round.")
+        bool, typer.Option("--video", help="Also save a video of one game, play.mp4, and its last round, play.png.")
     ] = False,
     as_json: Annotated[
         bool,
         typer.Option(
             "--json",
-            help="Print what results.json holds, one JSON document, and nothing else; files are written only with "
-            "--out. What is said besides goes to standard error.",
+            help="Print the content of results.json and nothing else; messages go to standard error, and files are "
+            "written only with --out.",
         ),
     ] = False,
 ) -> None:
-    r"""Play [bold]any scenario[/] with any attackers and trust models, and save what came of it.
+    r"""Play [bold]any scenario[/] with any attackers and trust models, and save the results.
 
-    Written: [green]curves.png curves.csv results.json[/], and [green]play.mp4 play.png[/] if asked.
+    Written: [green]curves.png curves.csv results.json[/], and with --video [green]play.mp4 play.png[/].
     With several games every mean comes with its 95% confidence interval.
-    With an attack, the same games are played again with everyone honest:
-    the [bold]damage[/] is the mean trust of the honest agents there, less that under the attack;
-    beside it stand how well trust tells the attackers apart, false alarms, consumers' utility and the recovery.
-    Values are as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
+
+    With an attack, the same games are played again with all agents honest. The [bold]damage[/] is the mean trust of
+    the honest agents there, minus their mean trust under the attack. The table also shows how well trust separates
+    attackers from honest agents, the rate of false alarms, the utility of consumers, and the recovery time.
+    Values are written as in TOML: 3, 0.5, true, \[0, 1], {kind = "choice"}.
 
     [bold]Examples[/]
 
-    [dim]# a provider that is good and bad by turns from round 100 on[/]
+    [dim]# a provider that alternates between good and bad service from round 100 on[/]
     [cyan]roletrust play --attack sp_2=on-off:start=100,period=4[/]
 
-    [dim]# a third of a crowd lies; 20 games; how sure is the damage?[/]
+    [dim]# a third of a crowd lies; the damage over 20 games[/]
     [cyan]roletrust play crowd-10x10 --attack 'sr_\[0-2]=bad-mouthing' --games 20[/]
 
-    [dim]# two trust models under one attack, which is on one provider only[/]
-    [cyan]roletrust play --trust-model role-trust --trust-model mean --attack sr_1=bad-mouthing:targets=sp_0[/]
+    [dim]# two trust models under one attack, aimed at a single provider[/]
+    [cyan]roletrust play --model role-trust --model mean --attack sr_1=bad-mouthing:targets=sp_0[/]
 
     [dim]# a worse lie, and a video[/]
     [cyan]roletrust play --attack sr_1=bad-mouthing:level=0 --video[/]
 
-    [dim]# for scripts: the damage under every model that was asked for[/]
+    [dim]# for scripts: the damage under each model[/]
     [cyan]roletrust play --attack sr_1=bad-mouthing --json | jq '.measured | map_values(.damage)'[/]
 
-    [dim]# a seller who leaves when distrusted and comes back as a newcomer, up to three times[/]
+    [dim]# a seller that leaves when it is distrusted and returns as a newcomer, up to three times[/]
     [cyan]roletrust play --set 'agents=\[{role="SR",count=9},{role="SP",count=5},{role="SP",reserve=3}]'
     --attack sp_5=whitewashing:reserve=3[/]
 
@@ -102,13 +103,13 @@ def play(
     """
     given = parse_settings(settings or [])
     rules = changed(make_scenario(scenario), given)
-    if len(set(trust_model)) < len(trust_model):
-        raise ValueError("--trust-model names one and the same model twice")
+    if len(set(model)) < len(model):
+        raise ValueError("--model names the same model twice")
     attackers = parse_attacks(attack or [], rules)
     joint_policies = {
-        text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in trust_model
-    }  # all are found valid before any is played
-    title = f"{rules.name}, {', '.join(trust_model)}, {attacks_in_words(attackers)}"
+        text: JointPolicy(Game(rules, parse_trust_model(text, rules, given)), attackers) for text in model
+    }  # all are checked before the first is played
+    title = f"{rules.name}, {', '.join(model)}, {attacks_in_words(attackers)}"
     if out is None and not as_json:
         out = Path("results/play") / _slug(title)
     if out is None and video:
@@ -119,15 +120,15 @@ def play(
         "games": games,
         **{key: value for key, value in provenance(one.game, seed).items() if key != "trust_model"},
         "attackers": describe_policies(attackers),
-        "trust_models": {text: described(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
+        "trust_models": {text: describe(joint_policy.game.model) for text, joint_policy in joint_policies.items()},
     }
     if out is not None:
         if not force:
             _check_folder(out, config)
         prepare_folder(out)
     aside = errors if as_json else console
-    if told := _what_it_takes(list(joint_policies.values()), attackers, games):
-        aside.print(f"[dim]{told}[/]")
+    if forecast := _forecast(list(joint_policies.values()), attackers, games):
+        aside.print(f"[dim]{forecast}[/]")
     with progress_bar(aside) as progress:
         played = [
             play_games(text, joint_policy, attackers, games=games, seed=seed, progress=progress)
@@ -145,13 +146,24 @@ def play(
             console.print(f"[dim]{note}[/]")
     if written:
         aside.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    changes = [*option("--set", settings or []), *option("--seed", seed, 0)]
+    attacks = option("--attack", attack or [f"{one.game.roster.rater_names[-1]}=bad-mouthing"])
+    if attack and len(model) > 1:
+        print_next("benchmark", option("--model", model), where=aside)
+    else:
+        compared = [*model, "median" if model != ["median"] else "mean"] if attack else model
+        print_next(
+            "play", scenario, option("--model", compared), attacks, changes, option("--games", games, 1), where=aside
+        )
 
 
-def _what_it_takes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> str:
-    """Refuse more games or rounds than the memory holds, and tell how long many games will take."""
+def _forecast(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy], games: int) -> str:
+    """Refuse more games or rounds than the memory can hold, and return how long many games will take."""
     rules = joint_policies[0].game.scenario
-    if games == 1 or isinstance(rules.frames, int):  # of one game the curves count; a live camera cannot be tried out
-        each_round = games * all_kept_bytes(joint_policies, attackers) / rules.max_cycles
+    if games == 1 or isinstance(
+        rules.frames, int
+    ):  # one game needs memory for its curves only, and a live camera allows no trial
+        each_round = games * all_curve_bytes(joint_policies, attackers) / rules.max_cycles
         check_memory("max_cycles", rules.max_cycles, each_round)
         return ""
     each = foresee(joint_policies, attackers)
@@ -163,7 +175,7 @@ def _what_it_takes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str
 
 
 def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
-    """Refuse a folder with results of something else; the same games may be played again."""
+    """Refuse a folder with results of another configuration; the same games may be played again."""
     file = out / "results.json"
     if not file.is_file():
         return
@@ -173,10 +185,10 @@ def _check_folder(out: Path, config: Mapping[str, Any]) -> None:
         old = {}
     new = json.loads(json.dumps(config))
     keys = ("command", "games", "seed", "scenario", "attackers", "trust_models")
-    others = [key for key in keys if not isinstance(old, dict) or old.get(key) != new[key]]
-    if others:
+    different = [key for key in keys if not isinstance(old, dict) or old.get(key) != new[key]]
+    if different:
         raise ValueError(
-            f"{out} holds results of another configuration (not the same: {', '.join(others)}); "
+            f"{out} holds results of another configuration (not the same: {', '.join(different)}); "
             "choose another folder with --out, or overwrite them with --force"
         )
 
@@ -202,7 +214,7 @@ def _write(
 def _film(
     out: Path, played: Sequence[Played], attackers: Mapping[str, Policy], seed: int, progress: Progress
 ) -> list[str]:
-    """Write a video of one game of each model, with its last picture, and return their names."""
+    """Write a video of one game of each model and its last frame, and return the names of the files."""
     from roletrust_experiments.plots.video import write_video
 
     names = [_file("play", one.model, played) for one in played]
@@ -212,7 +224,7 @@ def _film(
 
 
 def _file(stem: str, model: str, played: Sequence[Played]) -> str:
-    """The name of a file that there is one of for each model."""
+    """Return the name of a file that exists once for each model."""
     return stem if len(played) == 1 else f"{stem}-{_slug(model)}"
 
 

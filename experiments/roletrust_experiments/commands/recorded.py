@@ -1,4 +1,4 @@
-"""`roletrust figures --recording`: the paper's figures from what a live team said."""
+"""`roletrust figures --recording`: figures of a recorded live team."""
 
 import statistics
 from contextlib import suppress
@@ -7,25 +7,25 @@ from pathlib import Path
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.live.journal import Published
+from roletrust_env.identification.journal_curves import curves_from_rounds
+from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console
 from roletrust_experiments.commands.live.options import require_live
-from roletrust_experiments.identification.journals import curves_of
 from roletrust_experiments.paper.figures import Attack, paper_of
 from roletrust_experiments.plots.figure_files import write_figure
 
 
 def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
-    """Draw and write the trust that was published, of any team; or, of the paper's, its figure with what it claims.
+    """Draw and write the published trust of a team, or for the paper's team and attack its figure and claims.
 
     Args:
-        recording: its folder.
-        attack: the paper's, that was played; None for none.
-        out: folder for the results.
+        recording: Folder of the recording.
+        attack: The paper's attack that was played; None for any other team.
+        out: Folder for the results.
 
     Raises:
-        ValueError: it is no recording, has not two rounds, or the paper's team is another.
+        ValueError: The folder is no recording, has fewer than two rounds, or has another team than the paper's.
     """
     require_live()
     from roletrust_env.live.wire import messages
@@ -34,25 +34,25 @@ def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
     rounds = []
     for one in read_recording(recording):
         if one.kind == messages.TRUST:
-            with suppress(ValueError):  # whoever sent what cannot be read was not the manager
+            with suppress(ValueError):  # an unreadable message is not from the manager
                 rounds.append(messages.read_trust(one.raw))
     gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
     period = round(statistics.median(gaps)) if gaps else 0
     if period <= 0 or not (rounds[-1].tor and rounds[-1].top):
         raise ValueError(
-            f"{recording} holds {len(rounds)} rounds of trust; there must be two, one after the other, of somebody"
+            f"{recording} holds {len(rounds)} rounds of trust; it must hold two consecutive ones, with agents"
         )
     start = rounds[0].stamp - rounds[0].round * period
     prepare_folder(out)
     if attack is None:
-        written = _any_team(recording, rounds, curves_of(rounds, start, period, period / 1e9), out)
+        written = _any_team(recording, rounds, curves_from_rounds(rounds, start, period, period / 1e9), out)
     else:
         written = _papers(recording, rounds, attack, start, period, out)
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
-def _any_team(recording: Path, rounds: list[Published], curves: Curves, out: Path) -> list[str]:
-    """The trust of whoever there was, against seconds."""
+def _any_team(recording: Path, rounds: list[PublishedTrust], curves: Curves, out: Path) -> list[str]:
+    """Write the trust of all agents against time."""
     from roletrust_experiments.plots.curves import Panel, trust_figure
 
     last = rounds[-1]
@@ -68,22 +68,24 @@ def _any_team(recording: Path, rounds: list[Published], curves: Curves, out: Pat
     return ["figure.csv", "figure.png"]
 
 
-def _papers(recording: Path, rounds: list[Published], attack: Attack, start: int, period: int, out: Path) -> list[str]:
-    """The paper's figure, by the paper's clock however fast the team was."""
+def _papers(
+    recording: Path, rounds: list[PublishedTrust], attack: Attack, start: int, period: int, out: Path
+) -> list[str]:
+    """Write the paper's figure, with the paper's clock at any speed of the team."""
     from roletrust_experiments.plots.paper import write_paper
 
     scenario = make_scenario("paper-3x3-hog")
     paper, size = paper_of(attack, scenario.period_s), (len(rounds[-1].tor), len(rounds[-1].top))
     if size != (3, 3):
         raise ValueError(
-            f"--attack {attack} is the paper's, of three raters and three providers; {recording} has {size[0]} and "
-            f"{size[1]}; without --attack its curves are drawn"
+            f"--attack {attack} needs the paper's three raters and three providers; {recording} has {size[0]} and "
+            f"{size[1]}; leave --attack out to draw its curves"
         )
-    curves = curves_of(rounds, start, period, scenario.period_s)
+    curves = curves_from_rounds(rounds, start, period, scenario.period_s)
     if curves.time_s[0] > 5 or curves.time_s[-1] <= paper.attack.start_s + 20:
         raise ValueError(
             f"{recording} is from {curves.time_s[0]:g} to {curves.time_s[-1]:g} s of the paper's clock, too short for "
-            f"--attack {attack}; without --attack its curves are drawn"
+            f"--attack {attack}; leave --attack out to draw its curves"
         )
     found = paper.check(curves, scenario, paper.attack)
     note = f"recorded in {recording.name}: {len(rounds)} rounds"

@@ -1,4 +1,4 @@
-"""`roletrust report`: what a benchmark found, as one page to look at."""
+"""`roletrust report`: the results of a benchmark on one page."""
 
 import shlex
 from pathlib import Path
@@ -7,8 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import ALLOW_CODE, console
+from roletrust_experiments.commands.console import ALLOW_CODE, console, print_next
 from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import Out
 from roletrust_experiments.plots.figure_files import write_figure
 
 
@@ -16,26 +17,26 @@ def report(
     results: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Files of `roletrust benchmark`: one of trust models, one of learners, or both; "
-            "by default results/benchmark/results.sqlite.",
+            help="Results of `roletrust benchmark`: one file for trust models, one for learners, or both; by default "
+            "results/benchmark/results.sqlite.",
             show_default=False,
         ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the report; it is made if need be.")] = Path("results/report"),
+    out: Out = Path("results/report"),
 ) -> None:
-    """Show [bold]what a benchmark found[/] on one page, which opens in any browser, without a network.
+    """Show [bold]the results of a benchmark[/] on one page, which opens in any browser without a network.
 
-    The leaderboard, to sort and to filter; what each attack leaves of each model, and how it comes to that round by
-    round; which share of liars breaks a model; damage against detectability; which learner attacks best, and how soon;
-    and what limits these numbers. A run need not be over: the page shows the cells that have been played.
+    The page has the leaderboard, to sort and to filter; the utility of each model under each attack, also round by
+    round; the share of liars that breaks a model; damage against detectability; the learners and their progress; and
+    the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/], of each figure a [green].csv[/] with its numbers and a [green].png[/], and
-    [green]leaderboard.md[/], the leaderboard as a table in Markdown.
+    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/]; and
+    [green]leaderboard.md[/], the leaderboard in Markdown.
 
     [bold]Examples[/]
 
-    [dim]# play the quick suite, and look at it[/]
+    [dim]# play the quick suite, and show it[/]
     [cyan]roletrust benchmark --out results/quick[/]
     [cyan]roletrust report results/quick/results.sqlite --out results/quick/report[/]
 
@@ -44,7 +45,7 @@ def report(
     [cyan]roletrust report results/quick/results.sqlite results/learners/results.sqlite[/]
     """
     require("the report", "report", "bokeh", "jinja2")
-    require("the report", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    require("the report", "train", "scipy", "cma")  # to read a suite of the benchmark
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.page import page
@@ -60,12 +61,16 @@ def report(
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
     write_text(out / "report.html", page(content, command))
     written = "report.html"
-    if told := content.robustness:
-        write_text(out / "leaderboard.md", leaderboard_markdown(told.leaderboard, told.command))
+    if found := content.robustness:
+        write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
         written += ", leaderboard.md"
     console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
+    if found:
+        print_next("submit", found.path, "--out", out / "submission.json")
+    else:
+        print_next("benchmark", "--suite", "learners", "--dry-run")
 
 
 def _flat(value: Any) -> Any:
-    """A curve goes into one field of a table."""
+    """Return a value for a field of a table; a curve becomes one field."""
     return " ".join(f"{part:g}" for part in value) if isinstance(value, list) else value

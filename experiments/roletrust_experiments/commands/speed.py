@@ -1,4 +1,4 @@
-"""`roletrust speed`: how fast the games run, next to mpe2 and VMAS in the same run."""
+"""`roletrust speed`: the speed of the games, beside mpe2 and VMAS in the same run."""
 
 import importlib.util
 import math
@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
 from roletrust_env import Game, make_scenario
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import provenance
-from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.console import console, number_table, option, print_next, progress_bar
+from roletrust_experiments.commands.options import OptionalOut, Seed, Threads
 from roletrust_experiments.timing import contestants as timing
 from roletrust_experiments.timing.contestants import Contestant, Spread, Timing, measure
 from roletrust_experiments.timing.models import Size, trust_update
@@ -28,14 +30,14 @@ _EXTRAS = {"torch": "torch", "mpe2": "peers", "vmas": "peers"}
 
 
 class Plan(NamedTuple):
-    """How much is measured.
+    """Sizes and repeats of a measurement.
 
     Attributes:
-        batches: sizes of the batches for NumPy, torch and VMAS.
-        compiled: sizes of the batches for compiled torch.
-        sides: numbers of raters, and of as many providers, for the time per rating.
-        repeats: how many turns each contestant gets.
-        slice_s: how long a turn lasts, about.
+        batches: Sizes of the batches for NumPy, torch and VMAS.
+        compiled: Sizes of the batches for compiled torch.
+        sides: Numbers of raters, and of as many providers, for the time per rating.
+        repeats: Number of turns of each contestant.
+        slice_s: Approximate length of a turn, in seconds.
     """
 
     batches: tuple[int, ...]
@@ -50,7 +52,7 @@ QUICK = Plan((1024, 8192), (8192,), (3, 30, 300, 3000), repeats=5, slice_s=0.1)
 
 
 class Target(NamedTuple):
-    """What was promised, and what was found; `found` is None where one side of the comparison was not measured."""
+    """A promised speed and the measured one; `found` is None if one side of the comparison was not measured."""
 
     what: str
     bound: float
@@ -59,7 +61,7 @@ class Target(NamedTuple):
 
     @property
     def ok(self) -> bool | None:
-        """Whether the median keeps the promise; None if there is none."""
+        """True if the median keeps the promise; None if nothing was measured."""
         if self.found is None:
             return None
         return self.found.median >= self.bound if self.at_least else self.found.median <= self.bound
@@ -67,26 +69,26 @@ class Target(NamedTuple):
 
 def speed(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer sizes and repeats: half a minute and not three.")
+        bool, typer.Option("--quick", help="Measure fewer sizes and repeats, in half a minute instead of three.")
     ] = False,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of torch, for RoleTrust and VMAS alike.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck and of all actions.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for speed.csv and speed.json; it is made if need be.")
-    ] = None,
+    threads: Threads = 1,
+    seed: Seed = 0,
+    out: OptionalOut = None,
 ) -> None:
     """Measure [bold]how fast the games run[/]: one environment, batches, and time per rating up to 3,000x3,000.
 
-    mpe2 and VMAS are measured in the same run where they are installed, all in turn over and over.
-    A step counts all that a learner needs: noise drawn, the round played, observations and rewards made.
-    Printed is the median of the repeats, with the least and the greatest.
+    mpe2 and VMAS are measured in the same run if they are installed; all contestants take turns. A step includes all
+    that a learner needs: drawing noise, playing the round, and computing observations and rewards. The tables show the
+    median of the repeats, the least and the greatest.
+
+    Written with --out: [green]speed.csv speed.json[/].
 
     [bold]Examples[/]
 
     [dim]# the short run[/]
     [cyan]roletrust speed --quick[/]
 
-    [dim]# everything, on two threads, with the results kept[/]
+    [dim]# the full run on two threads, with the results saved[/]
     [cyan]roletrust speed --threads 2 --out results/speed[/]
     """
     if out is not None:
@@ -103,22 +105,23 @@ def speed(
     for table in (_steps_table(steps, threads), _ratings_table(ratings), _targets_table(targets)):
         console.print(table)
     for reason in dict.fromkeys(skipped):
-        console.print(f"[dark_orange3]not measured:[/] {reason}", soft_wrap=True)
+        console.print(f"[dark_orange3]not measured:[/] {escape(reason)}", soft_wrap=True)
     if out is not None:
         about = {"command": "roletrust speed", "quick": quick, **_machine(threads), **_software(seed)}
         _write(out, about, steps, ratings, targets)
         console.print(f"Written to {out}: speed.csv, speed.json", soft_wrap=True)
+    print_next("costs", option("--threads", threads, 1))
 
 
 class Entry(NamedTuple):
-    """A contestant to be made: the package that it needs, and how it is made."""
+    """A contestant that is not made yet: the package that it needs, and a function that makes it."""
 
     package: str
     make: Callable[[], Contestant]
 
 
 def _players(plan: Plan, seed: int) -> dict[int, list[Entry]]:
-    """All whose steps are counted, by the number of games: peers side by side, and no large batch among small ones."""
+    """Return the contestants for steps per second by number of games, so that equal sizes are measured together."""
     one = [Entry("numpy", partial(timing.one_environment, seed)), Entry("mpe2", partial(timing.simple_adversary, seed))]
     players = {1: one}
     for games in sorted({*plan.batches, *plan.compiled}):
@@ -134,7 +137,7 @@ def _players(plan: Plan, seed: int) -> dict[int, list[Entry]]:
 
 
 def _raters(plan: Plan, seed: int) -> list[Entry]:
-    """All whose time per rating is measured."""
+    """Return the contestants for the time per rating."""
     model = Game(make_scenario("paper-3x3")).model
     entries = []
     for side in plan.sides:
@@ -144,7 +147,7 @@ def _raters(plan: Plan, seed: int) -> list[Entry]:
 
 
 def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) -> tuple[list[Timing], list[str]]:
-    """Make the contestants and time them; also the reasons why some could not be made."""
+    """Make the contestants and time them. Return the timings, and the reasons why some could not be made."""
     task = progress.add_task(f"{label}: getting ready", total=len(entries))
     contestants, skipped = [], []
     for package, make in entries:
@@ -153,7 +156,7 @@ def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) 
         else:
             try:
                 contestants.append(make())
-            except RuntimeError as error:  # torch.compile without a C++ compiler, say
+            except RuntimeError as error:  # such as torch.compile without a C++ compiler
                 skipped.append(f"{package}: {str(error).strip().splitlines()[0]}")
         progress.advance(task)
     progress.update(task, description=label, completed=0, total=len(contestants) * plan.repeats)
@@ -162,7 +165,7 @@ def _race(entries: Sequence[Entry], plan: Plan, label: str, progress: Progress) 
 
 
 def _targets(steps: Sequence[Timing], ratings: Sequence[Timing]) -> list[Target]:
-    """What was promised for the speed, and what came of it."""
+    """Return the promised and the measured speeds."""
     played = {(t.contestant.name, t.contestant.games): t for t in steps}
     rated = {(t.contestant.name, t.contestant.agents // 2): t for t in ratings}
 
@@ -189,7 +192,7 @@ def _targets(steps: Sequence[Timing], ratings: Sequence[Timing]) -> list[Target]
 
 
 def _learner(seed: int) -> Target:
-    """What the environment costs a learner."""
+    """Return the promised and the measured cost of the environment for a learner."""
     what = "frames/s of PPO on 256 attack tasks / on no game"
     if importlib.util.find_spec("stable_baselines3") is None:
         return Target(what, 0.8, True, None)
@@ -235,7 +238,7 @@ def _targets_table(targets: Sequence[Target]) -> Table:
 
 
 def _rate(value: float) -> str:
-    """Three digits, for people."""
+    """Return a rate with three digits."""
     for unit, size in (("M", 1e6), ("k", 1e3)):
         if value >= size:
             return f"{value / size:,.{max(0, 2 - int(math.log10(value / size)))}f} {unit}"
@@ -264,7 +267,7 @@ def _machine(threads: int) -> dict[str, Any]:
 
 
 def _software(seed: int) -> dict[str, Any]:
-    """What decides the numbers beside the machine."""
+    """Return the software that affects the numbers."""
     about = provenance(Game(make_scenario("paper-3x3")), seed)
     found = {d.metadata["Name"]: d.version for d in distributions()}
     about["packages"] |= {name: found[name] for name in _PEERS if name in found}

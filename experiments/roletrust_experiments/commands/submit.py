@@ -26,28 +26,33 @@ from roletrust_env.benchmark.verification import (
     sample_claims,
 )
 from roletrust_env.storage.files import write_json
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, progress_bar
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import NAMED, Workers
 
 
 def submit(
-    results: Annotated[Path, typer.Argument(help="The file that `roletrust benchmark` keeps its results in.")],
-    out: Annotated[Path, typer.Option(help="The file to write.", metavar="FILE.json")],
+    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.")],
+    out: Annotated[Path, typer.Option(help="File to write.", metavar="FILE.json")],
     model: Annotated[
         list[str] | None,
-        typer.Option(help="Of the run's trust models, as the run names it; repeat for more. All, if none is given."),
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model of the run to submit; repeat for more; all if left out.",
+            show_default=False,
+        ),
     ] = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
-    """Write [bold]what a benchmark found of your trust model[/] to one file, for others to check.
+    """Write [bold]the benchmark results of your trust model[/] to one file that others can check.
 
-    It holds the scores with their intervals; the suite, whole; the versions of the software; hashes of the source of
-    each trust model and attack; and what each attack did in each cell, in the mean, which `roletrust verify` measures
-    again. The run must be over, and no cell failed: a model could else hide from an attack by breaking under it.
+    The file holds the scores with their intervals, the whole suite, the versions of the software, hashes of the source
+    of each trust model and attack, and the means of each attack in each cell, which `roletrust verify` measures again.
+    The run must be complete, without failed cells: otherwise a model could avoid an attack by failing under it.
 
     [bold]Examples[/]
 
-    [dim]# enter a model of your own[/]
+    [dim]# submit a model of your own[/]
     [cyan]roletrust benchmark --suite standard --model mypackage.mymodel:MyModel --out results/mine[/]
     [cyan]roletrust submit results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
     """
@@ -59,26 +64,32 @@ def submit(
     for name, standing in found.standings.items():
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
-    console.print(f"Written: {out}, {len(found.cells):,} cells; look at it with roletrust verify {out}", soft_wrap=True)
+    console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
+    print_next("verify", out)
 
 
 def verify(
-    file: Annotated[Path, typer.Argument(help="That `roletrust submit` has written, here or elsewhere.")],
+    file: Annotated[Path, typer.Argument(help="Submission that `roletrust submit` has written.")],
     number: Annotated[
         int,
-        typer.Option("--cells", min=0, help="Cells that are played again; if all, intervals are checked, too."),
+        typer.Option("--cells", min=0, help="Number of cells to play again; with all of them, intervals are checked."),
     ] = 10,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Which cells; by default others each time, so that nobody can foresee it.")
+        int | None,
+        typer.Option(
+            min=0,
+            help="Random seed of the choice of cells; by default a new one each time, which nobody can predict.",
+            show_default=False,
+        ),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; by default one for each core.")] = None,
+    workers: Workers = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
-    """See [bold]whether a submission is true[/]: its hashes, what its numbers say of each other, and a sample of cells.
+    """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
 
-    On the same software and processor a cell must come to the same numbers to the last bit; elsewhere every mean must
-    be within the interval. Where something is not as said, the exit code is 1; a file that cannot be read is refused
-    with 2. A file may name only what is installed, unless you allow more.
+    With the same software and processor, a cell must give the same numbers to the last bit; otherwise every mean must
+    lie within its interval. The exit code is 1 if a check fails, and 2 if the file cannot be read. The file may only
+    name what is installed, unless --allow-code is given.
 
     [bold]Examples[/]
 
@@ -102,7 +113,11 @@ def verify(
     if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
         checks += check_scores(found, suite, kept, same)
     console.print(_table(file, checks))
-    console.print(f"{len(kept)} of {len(found.cells):,} cells played again; the same ones with --seed {seed}")
+    console.print(f"{len(kept)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
+    if len(kept) < len(found.cells):
+        print_next("verify", file, "--cells", min(len(found.cells), max(10, 2 * number)))
+    else:
+        print_next("list", "models")
     if not all(check.ok for check in checks):
         raise typer.Exit(1)
 

@@ -1,205 +1,229 @@
-"""`roletrust train`: an attacker that learns, in a folder from which it goes on if it was interrupted."""
+"""`roletrust train`: train an attacker, in a folder that holds all that an interrupted run needs to continue."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from roletrust_agents.training.runs import RunFolder, write_bytes
 
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.resources import check_memory
-from roletrust_env.evaluation.specs import parse_settings, read_trust_model
+from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
+from roletrust_env.game.attack_task import Knowledge, Objective
 from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.commands.console import console, errors, progress_bar
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import console, errors, option, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.task_options import (
+from roletrust_experiments.commands.options import (
+    NAMED,
+    Compromised,
     ScenarioOption,
     SettingsOption,
     StealthTolerance,
     StealthWeight,
-    TrustModelOption,
+    check_choice,
     find_task,
+    task_options,
 )
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.training.runs import RunFolder, write_bytes
 
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.learned.saved import SavedAttacker
+    from roletrust_agents.training.loop import Point, Report, Run
 
-    from roletrust_experiments.training.loop import Point, Report, Run
-
-_OUT = Path("results/train")
-
-
-class Algorithm(StrEnum):
-    """What learns."""
-
-    PPO = "ppo"
-    SAC = "sac"
-    RECURRENT_PPO = "recurrent-ppo"
-
-
-class Objective(StrEnum):
-    """What the attacker is after."""
-
-    DAMAGE = "damage"
-    EXPLOIT = "exploit"
-    PROMOTE = "promote"
-    MISLEAD = "mislead"
-
-
-class Knowledge(StrEnum):
-    """What the attacker sees."""
-
-    BLACK_BOX = "black_box"
-    GREY_BOX = "grey_box"
-    WHITE_BOX = "white_box"
+_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
+"""Names of the learners, and of their algorithms in configurations and saved attackers."""
 
 
 def train(
     task: Annotated[
         str | None,
-        typer.Argument(help="ProviderAttack, RaterAttack, DualAttack or CollusionAttack.", show_default=False),
+        typer.Argument(
+            help=f"Attack task: {', '.join(completion.task_names())}.",
+            autocompletion=completion.tasks,
+            show_default=False,
+        ),
     ] = None,
-    algo: Annotated[Algorithm, typer.Option(help="What learns.")] = Algorithm.PPO,
+    learner: Annotated[
+        str,
+        typer.Option(
+            metavar=NAMED,
+            help=f"Learning algorithm, one of {', '.join(_ALGORITHMS)}, with settings such as gamma=0.9.",
+            autocompletion=lambda incomplete: [name for name in _ALGORITHMS if name.startswith(incomplete)],
+        ),
+    ] = "PPO",
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Rounds to train for, of all games together, at least; tuned if left out.")
+        int | None,
+        typer.Option(min=1, help="Minimum number of rounds to train for, over all games; the tuned one if left out."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all luck, that of the learner included.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the games and of the learner.")] = 0,
     runs: Annotated[
         int,
-        typer.Option(min=1, help="How often it is trained, with this seed and the ones after it, in folders seed-..."),
+        typer.Option(min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."),
     ] = 1,
-    out: Annotated[Path, typer.Option(help="Folder of the run; it is made if need be.")] = _OUT,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run; it is created if it is missing.")] = Path(
+        "results/train"
+    ),
     scenario: ScenarioOption = None,
     settings: SettingsOption = None,
-    trust_model: TrustModelOption = "role-trust",
-    compromised: Annotated[
-        list[str] | None, typer.Option(metavar="AGENT", help="Who is controlled; repeat for more.")
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model; a class of your own needs an entry point.",
+            autocompletion=completion.models,
+        ),
+    ] = "role-trust",
+    compromised: Compromised = None,
+    objective: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(get_args(Objective)),
+            help="Aim of the attacker; the task's own if left out.",
+            autocompletion=lambda incomplete: [name for name in get_args(Objective) if name.startswith(incomplete)],
+            show_default=False,
+        ),
     ] = None,
-    objective: Annotated[Objective | None, typer.Option(help="Another aim than the task's.")] = None,
     accomplice: Annotated[
-        list[str] | None, typer.Option(metavar="AGENT", help="Whom 'promote' is for; repeat for more.")
+        list[str] | None,
+        typer.Option(
+            metavar="AGENT", help="Provider that the objective promote is about; repeat for more.", show_default=False
+        ),
     ] = None,
     stealth_weight: StealthWeight = 0.0,
     stealth_tolerance: StealthTolerance = 0.1,
-    knowledge: Annotated[Knowledge, typer.Option(help="What the attacker sees.")] = Knowledge.BLACK_BOX,
-    learner: Annotated[
-        list[str] | None,
-        typer.Option(metavar="SETTING=VALUE", help="Change a setting of the learner, such as gamma; repeat for more."),
-    ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of torch; networks this small gain little by two.")] = 1,
+    knowledge: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(get_args(Knowledge)),
+            help="Threat model: what the attacker observes.",
+            autocompletion=lambda incomplete: [name for name in get_args(Knowledge) if name.startswith(incomplete)],
+        ),
+    ] = "black_box",
+    threads: Annotated[
+        int, typer.Option(min=1, help="Number of threads of torch; networks of this size gain little from two.")
+    ] = 1,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run in --out, from its last checkpoint.")
+        bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
 ) -> None:
-    r"""Train [bold]an attacker[/] by reinforcement learning, and save it to be shared and played anywhere.
+    r"""Train [bold]an attacker[/] by reinforcement learning, and save it so that it can be shared and played anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
-    TensorBoard. The score is the mean reward per round in held-out games. A run that was stopped, however it was,
-    goes on with [cyan]--resume --out DIR[/]. On the same machine the same seed learns the same to the last bit, in runs
-    that nothing stops. Of several runs, the whole command is given again, with [cyan]--resume[/].
+    TensorBoard. The score is the mean reward per round in held-out games. An interrupted run continues with
+    [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/]. On the
+    same machine, the same seed gives the same result to the last bit if the run is not interrupted.
 
     [bold]Examples[/]
 
-    [dim]# a provider that sells bad service on good trust[/]
+    [dim]# a provider that sells bad service while it is trusted[/]
     [cyan]roletrust train ProviderAttack --set max_cycles=200[/]
 
-    [dim]# a rater that lies, but not so that it shows[/]
+    [dim]# a rater that lies without being detected[/]
     [cyan]roletrust train RaterAttack --stealth-weight 2 --set noise=0 --out results/rater[/]
 
-    [dim]# go on with it[/]
+    [dim]# continue this run[/]
     [cyan]roletrust train --resume --out results/rater[/]
+
+    [dim]# another learner, with settings of its own[/]
+    [cyan]roletrust train RaterAttack --learner SAC:gamma=0.9,gradient_steps=2 --out results/sac[/]
 
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
 
-    [dim]# the attacker at play[/]
+    [dim]# play the trained attacker[/]
     [cyan]roletrust play --attack sr_2=learned:path=results/rater[/]
     """
     require("training", "train", "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard")
     import torch
     from roletrust_agents.learned.cards import Price, TaskCard
-
-    from roletrust_experiments.training.loop import Run
-    from roletrust_experiments.training.settings import make_settings
+    from roletrust_agents.training.loop import Run
+    from roletrust_agents.training.settings import make_settings
 
     torch.set_num_threads(threads)
     run = None
     if task is not None:
         task_id = find_task(task)
-        changes = parse_settings(learner or [], "--learner")
-        tuned = make_settings(task_id, algo.value, {**changes, **({"steps": steps} if steps else {})})
+        name, changes = parse_parameters(learner)
+        algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower())
+        algo = algo or check_choice("learner", name, tuple(_ALGORITHMS))
+        tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
         rules = make_scenario(scenario or defaults["scenario"])
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
         run = Run(
-            algo=algo.value,
+            algo=algo,
             steps=tuned.steps,
             seed=seed,
             settings=tuned.model_dump(mode="json"),
             task=TaskCard(
                 id=task_id,
                 compromised=tuple(compromised or defaults["compromised"]),
-                objective=objective.value if objective else defaults["objective"],
+                objective=check_choice("objective", objective or defaults["objective"], get_args(Objective)),
                 stealth=Price(weight=stealth_weight, tolerance=stealth_tolerance),
-                knowledge=knowledge.value,
+                knowledge=check_choice("knowledge", knowledge, get_args(Knowledge)),
                 accomplices=tuple(accomplice or ()),
             ),
-            trust_model=_model_card(trust_model, rules),
+            trust_model=_model_card(model, rules),
             scenario=rules,
         )
-    asked = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
+    planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
     folders = [RunFolder(out / f"seed-{seed + k}" if runs > 1 else out) for k in range(runs)]
-    for one, folder in [(_which(*pair, resume), pair[1]) for pair in zip(asked, folders, strict=True)]:
+    for one, folder in [(_run_in(folder, plan, resume), folder) for plan, folder in zip(planned, folders, strict=True)]:
         try:
             _train(one, folder)
         except KeyboardInterrupt:
             again = f"--resume --out {out}" if runs == 1 else "the same command and --resume"
-            errors.print(f"Stopped; what is trained is kept: go on by roletrust train {again}", soft_wrap=True)
+            errors.print(
+                f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
+            )
             raise typer.Exit(130) from None
+    if task is None or objective or accomplice or knowledge != "black_box":
+        print_next("zoo", "--folder", out if runs == 1 else folders[0].path)
+    else:
+        shared = task_options(scenario, settings, model, compromised, stealth_weight, stealth_tolerance)
+        print_next("ladder", task, shared, option("--seed", seed, 0), option("--runs", runs, 1), "--learned", out)
 
 
-def _which(asked: "Run | None", folder: RunFolder, resume: bool) -> "Run":
-    """The run to train in a folder: what is asked for, or what the folder holds.
+def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
+    """Return the run to train in a folder: the planned one, or the one that the folder holds.
 
     Raises:
-        ValueError: there is none and none is asked for, or there is one that is not to be gone on with.
+        ValueError: There is neither, or the folder holds a run that must not be continued.
     """
-    from roletrust_experiments.training.loop import Run
+    from roletrust_agents.training.loop import Run
 
     config, out = folder.config(), folder.path
     if config is None:
-        if asked is None:
+        if planned is None:
             several = next(out.parent.glob("seed-*") if out.name.startswith("seed-") else out.glob("seed-*"), None)
             how = "give the whole command again, with --resume" if several else "name a task to begin one"
-            raise ValueError(f"there is no run in {out} to go on with; {how}" if resume else "name a task")
-        return asked
-    found = Run.read(config.get("run"))
+            raise ValueError(f"there is no run in {out} to continue; {how}" if resume else "name a task")
+        return planned
+    run = Run.read(config.get("run"))
     if not resume:
-        raise ValueError(f"{out} holds a run; go on with it by --resume, or choose another --out")
-    if asked is not None and asked != found:
-        raise ValueError(f"{out} holds another run, see its config.json; leave the task out to go on with that one")
-    return found
+        raise ValueError(f"{out} holds a run; continue it with --resume, or choose another --out")
+    if planned is not None and planned != run:
+        raise ValueError(f"{out} holds another run, see its config.json; leave the task out to continue that one")
+    return run
 
 
 def _train(run: "Run", folder: RunFolder) -> None:
-    """Train a run, or go on with it."""
-    from roletrust_agents.learned.saved import carded_task
-
-    from roletrust_experiments.training.loop import MANY, game_memory, versions
-    from roletrust_experiments.training.loop import train as learn
+    """Train a run from its last checkpoint or from the beginning."""
+    from roletrust_agents.learned.saved import task_from_card
+    from roletrust_agents.training.loop import MANY, game_memory, versions
+    from roletrust_agents.training.loop import train as learn
 
     games = run.settings["games"]
     if games > MANY:
         check_memory("--learner games", games, game_memory(run))
-    game = carded_task(run.task, run.trust_model, run.scenario).game  # before anything is written of a wrong one
+    game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()
     if folder.config() is None:
         about = {"command": "roletrust train", "run": run.model_dump(mode="json"), "learner_packages": versions()}
@@ -225,14 +249,14 @@ def _model_card(text: str, rules: Scenario) -> "ModelCard":
     registry, name, parameters = read_trust_model(text, rules)
     if registry is not trust_models:
         raise ValueError(
-            f"--trust-model {text}: a saved attacker tells its trust model by name, and no code is run to find it; "
+            f"--model {text}: a saved attacker refers to its trust model by name, so that no code runs to find it; "
             f"declare the model as an entry point in the group {trust_models.group!r}"
         )
     return ModelCard(name=name, parameters=parameters)
 
 
 def _bar() -> Progress:
-    """A progress bar that shows the score."""
+    """Return a progress bar that shows the score."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

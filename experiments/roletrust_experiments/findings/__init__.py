@@ -1,1 +1,1 @@
-"""What the paper claims or leaves open: a file for each question, and the rules by which answers are worded."""
+"""Answers to what the paper claims or leaves open: a file for each question, and the rules that word the answers."""

@@ -1,4 +1,4 @@
-"""What admission control buys."""
+"""The effect of admission control."""
 
 from collections.abc import Mapping
 
@@ -10,13 +10,13 @@ from roletrust_env.evaluation.measurement import Watched
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.findings.finding import Finding, amount, interval, listed, verdict
-from roletrust_experiments.findings.games import Asked, as_settings, last, play
+from roletrust_experiments.findings.games import Effort, as_settings, last, play
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "What does admission control buy?"
 _THRESHOLDS = 0.1, 0.15, 0.2, 0.25, 0.3, 0.4
 _USUAL, _STRICT = 0.25, 0.4
-"""Thresholds that the answer is about; the first is that of the preset `open-system`."""
+"""Thresholds of the answer; the first is that of the preset `open-system`."""
 _ROUNDS = 10
 _BAD_RATERS, _BAD_PROVIDERS = 6, 4
 
@@ -25,17 +25,17 @@ GAIN, BLIND, CUT, CAUGHT = "by trust", "blindly", "honest cut off", "attackers c
 STRICT = "strictly, by trust"
 
 
-def answer(asked: Asked) -> Finding:
+def answer(effort: Effort) -> Finding:
     """Play the market with and without admission control, at several thresholds."""
-    open_to_all = make_scenario("market").change(max_cycles=asked.rounds(150))
+    open_to_all = make_scenario("market").change(max_cycles=effort.rounds(150))
     attacks = _attacks(open_to_all)
-    thresholds = sorted({*asked.some(_THRESHOLDS), _USUAL, _STRICT})
+    thresholds = sorted({*effort.some(_THRESHOLDS), _USUAL, _STRICT})
     found: dict[tuple[str, str, float], Floats] = {}
-    for name, attackers in asked.progress.track(attacks.items(), description="admission control"):
-        free = play(asked, open_to_all, attackers)
+    for name, attackers in effort.progress.track(attacks.items(), description="admission control"):
+        free = play(effort, open_to_all, attackers)
         for threshold in thresholds:
             guarded = open_to_all.change(admission={"threshold": threshold, "rounds": _ROUNDS})
-            seen = play(asked, guarded, attackers)
+            seen = play(effort, guarded, attackers)
             found[GAIN, name, threshold] = (seen.bought.got - free.bought.got).mean(axis=0)
             found[BLIND, name, threshold] = (seen.bought.blind - free.bought.blind).mean(axis=0)
             found[CUT, name, threshold], found[CAUGHT, name, threshold] = _cut_off(open_to_all, attackers, seen)
@@ -68,20 +68,20 @@ def answer(asked: Asked) -> Finding:
         )
     )
     settings = as_settings(open_to_all, **attacks) | {"thresholds": thresholds, "rounds": _ROUNDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of the quality that consumers get more than without, and of the honest that are cut off."""
+    """Return the answer from the gain in quality for consumers and the share of honest agents that are cut off."""
 
-    def found(what: str) -> dict[str, Estimate]:
+    def part(what: str) -> dict[str, Estimate]:
         start = f"{what}, "
         return {
             f"where {name.removeprefix(start)}": differences[name] for name in differences if name.startswith(start)
         }
 
-    gains = found(GAIN), found(BLIND), found(STRICT)
-    cut = ", ".join(f"{amount(one)} {where}" for where, one in found(CUT).items())
+    gains = part(GAIN), part(BLIND), part(STRICT)
+    cut = ", ".join(f"{amount(one)} {where}" for where, one in part(CUT).items())
     return (
         f"Better service? {verdict(one for gain in gains for one in gain.values())}: a threshold of {_USUAL:g} for "
         f"{_ROUNDS} rounds brings consumers who go by trust quality of {listed(gains[0])}, and those who go blindly of "
@@ -99,7 +99,7 @@ def _attacks(scenario: Scenario) -> dict[str, dict[str, Policy]]:
 
 
 def _cut_off(scenario: Scenario, attackers: Mapping[str, Policy], seen: Watched) -> tuple[Floats, Floats]:
-    """The shares of the honest and of the attackers that are not there at the end, (G,); NaN of nobody."""
+    """Return the shares of honest agents and of attackers that are absent at the end, (G,); NaN without agents."""
     gone = np.isnan(seen.trust[-1])
     bad = np.array([name in attackers for name in Roster.of(scenario).names])
     nobody = np.full(gone.shape[-1], np.nan)

@@ -1,4 +1,4 @@
-"""What ToA does for agents with both roles."""
+"""ToA of agents with both roles."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,25 +9,25 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
 from roletrust_env.evaluation.composite import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_env.metrics.score import mean_where
-from roletrust_experiments.findings.finding import Finding, interval, told, verdict
-from roletrust_experiments.findings.games import SETTLED, Asked, as_settings
+from roletrust_env.metrics.score import mean_or_nan
+from roletrust_experiments.findings.finding import Finding, in_words, interval, verdict
+from roletrust_experiments.findings.games import SETTLED, Effort, as_settings
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "What does ToA do for agents that are raters and providers?"
 _PEERS, _ATTACKERS = 9, 3
 _ROLES = {"liars": "ToR", "cheats": "ToP", "seldom": "ToR"}
 _SELDOM = ("SP", "SP", "SP", "SR")
-"""Roles in turn of an attacker that rates in one round of four."""
+"""Roles, in turn, of an attacker that rates in one round of four."""
 
 
 class Case(NamedTuple):
-    """Some attackers.
+    """A kind of attackers.
 
     Attributes:
-        words: what they do.
-        policy: how.
-        turns: the roles that they play in turn; none, and they play both in every round.
+        words: Description of the attack.
+        policy: Policy of each attacker.
+        turns: Roles that they play in turn; empty if they play both in every round.
     """
 
     words: str
@@ -36,11 +36,11 @@ class Case(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """How the trusts of some agents look in each game, by the trust, (G,) each.
+    """Separation of attackers and honest agents in each game, by kind of trust, (G,) each.
 
     Attributes:
-        gap: the mean trust of the honest less that of the attackers.
-        auc: how well trust tells them apart, see `metrics.auc`.
+        gap: Mean trust of the honest agents minus that of the attackers.
+        auc: Probability that trust ranks them correctly, see `metrics.auc`.
     """
 
     gap: Mapping[str, Floats]
@@ -55,9 +55,9 @@ _CASES = {
 }
 
 
-def answer(asked: Asked) -> Finding:
-    """Play peers of whom a third attack in one role, in the other one, or in both."""
-    seen = {name: _play(asked, case) for name, case in asked.progress.track(_CASES.items(), description="both roles")}
+def answer(effort: Effort) -> Finding:
+    """Play peers, a third of which attack in one role, in the other role, or in both."""
+    seen = {name: _play(effort, case) for name, case in effort.progress.track(_CASES.items(), description="both roles")}
     differences = {
         f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
         for name, trust in _ROLES.items()
@@ -82,18 +82,18 @@ def answer(asked: Asked) -> Finding:
             ("auc", "how well they are told apart", "AUC: 0.5 as by chance, 1 surely"),
         )
     )
-    settings = as_settings(_peers(asked, ()), **{case.words: _attackers(case) for case in _CASES.values()})
-    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+    settings = as_settings(_peers(effort, ()), **{case.words: _attackers(case) for case in _CASES.values()})
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of what ToA shows less what the trust in the role shows in which somebody attacks."""
+    """Return the answer from the separation by ToA minus the separation by the trust in the attacked role."""
     gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
     hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
 
     def part(name: str) -> str:
-        auc = told(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
-        return f"{told(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
+        auc = in_words(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
+        return f"{in_words(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
 
     return (
         f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie and serve well stand "
@@ -102,12 +102,12 @@ def sentence(differences: dict[str, Estimate]) -> str:
     )
 
 
-def _play(asked: Asked, case: Case) -> Seen:
-    """Games in which the last peers attack; trust counts once it has settled."""
-    game = Game(_peers(asked, case.turns), "role-trust")
-    history = record(JointPolicy(game, _attackers(case)), game.random(asked.seed), (asked.games,))
+def _play(effort: Effort, case: Case) -> Seen:
+    """Play games in which the last peers attack, and compare trust once it has settled."""
+    game = Game(_peers(effort, case.turns), "role-trust")
+    history = record(JointPolicy(game, _attackers(case)), game.random(effort.seed), (effort.games,))
     trusts = {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}
-    mean = {name: mean_where(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
+    mean = {name: mean_or_nan(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
     bad = slice(_PEERS - _ATTACKERS, _PEERS)
     return Seen(
         {name: np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0) for name, trust in mean.items()},
@@ -119,8 +119,8 @@ def _attackers(case: Case) -> dict[str, Policy]:
     return {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
 
 
-def _peers(asked: Asked, turns: tuple[str, ...]) -> Scenario:
-    """Peers of differing ability with both roles in every round, of whom the last ones may take turns."""
+def _peers(effort: Effort, turns: tuple[str, ...]) -> Scenario:
+    """Return a scenario of peers with different abilities and both roles; the last ones may take turns."""
     peer = {"role": "SR+SP", "noise": 0.05, "ability": (0.3, 1.0)}
     agents = [{**peer, "count": _PEERS - _ATTACKERS}, {**peer, "count": _ATTACKERS, "turns": turns}]
-    return make_scenario("peers").change(agents=agents, max_cycles=asked.rounds(100))
+    return make_scenario("peers").change(agents=agents, max_cycles=effort.rounds(100))

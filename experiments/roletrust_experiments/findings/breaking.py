@@ -1,4 +1,4 @@
-"""Which share of liars breaks each trust model."""
+"""The share of liars that breaks each trust model."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -11,29 +11,29 @@ from roletrust_env.benchmark.leaderboard import AttackScores, attack_scores, wor
 from roletrust_env.benchmark.suite import Stage, Suite, Track, load_suite
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_experiments.findings.finding import Finding, sign
-from roletrust_experiments.findings.games import PATIENCE_S, Asked, play_suite
+from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6
 _ROUNDS = 30
 _FEWER = 4
-"""Of the games, one in so many: all models and all scripts, of which some are slow, are played."""
+"""Divisor of the number of games, because all models and all scripts are played and some are slow."""
 
 _LEAST = 6
-"""Games: of less, intervals are so wide that nothing is shown."""
+"""Minimum number of games; with fewer, the intervals are too wide to show anything."""
 
 _LEFT = 0.5
-"""A model is broken where less than this part is left of what going by trust brings while nobody lies."""
+"""A model is broken where less than this part of the benefit of trust without liars is left."""
 
 
 class Break(NamedTuple):
-    """Where a model breaks.
+    """Share of liars that breaks a model.
 
     Attributes:
-        share: of liars at which it does, between two that were tried; 1 where it never did.
-        whole: the largest share up to which it is shown to hold.
-        broken: the smallest share at which it is shown to be broken; 1 where it never was.
+        share: Estimated share, interpolated between two measured ones; 1 if the model never breaks.
+        whole: Largest share up to which the model is shown to hold.
+        broken: Smallest share at which the model is shown to be broken; 1 if there is none.
     """
 
     share: float
@@ -41,10 +41,10 @@ class Break(NamedTuple):
     broken: float
 
 
-def answer(asked: Asked) -> Finding:
-    """Play all models against all scripts by more and more raters in the benchmark's small market."""
-    suite = _suite(asked)
-    kept = play_suite(asked, suite, "liars")
+def answer(effort: Effort) -> Finding:
+    """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
+    suite = _suite(effort)
+    kept = play_suite(effort, suite, "liars")
     cases = worst_cases(attack_scores(kept))
     left: dict[str, dict[float, Estimate]] = {}
     for model in model_names(suite):
@@ -66,10 +66,10 @@ def answer(asked: Asked) -> Finding:
 
 
 def breaking(over: Mapping[float, Estimate]) -> Break:
-    """Where a model breaks: the first share of liars from which too little is left.
+    """Return the share of liars that breaks a model.
 
     Args:
-        over: by the share, from 0 on, how much more is left than what counts as broken.
+        over: Benefit that is left minus the limit for a broken model, by share of liars, from 0 on.
     """
     shares = list(over)
     signs = [sign(over[share]) for share in shares]
@@ -84,7 +84,7 @@ def breaking(over: Mapping[float, Estimate]) -> Break:
 
 
 def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[str, str]) -> str:
-    """The answer, of where each model breaks, and of those that have nothing to lose or failed."""
+    """Return the answer from the share that breaks each model; name models without benefit and failed ones."""
     groups: dict[tuple[float, float], list[str]] = {}
     for model in sorted(breaks, key=lambda model: (breaks[model].whole, breaks[model].broken, model)):
         groups.setdefault(breaks[model][1:], []).append(model)
@@ -105,23 +105,23 @@ def _between(whole: float, broken: float) -> str:
 
 
 def _over_half(case: AttackScores, calm: AttackScores) -> Estimate:
-    """How much more than half of what going by trust is worth is left: of its utility beyond that of going blindly."""
+    """Return the benefit of trust over a blind choice in utility, minus half of that benefit without liars."""
     mine, full = (one.measured["utility"] - one.measured["blind"] for one in (case, calm))
     return estimate(np.asarray(mine - _LEFT * full))
 
 
-def _suite(asked: Asked) -> Suite:
+def _suite(effort: Effort) -> Suite:
     quick = load_suite("quick")
     assert isinstance(quick, Suite)
     market = quick.scenarios["market"]
-    rounds = asked.rounds(_ROUNDS)
+    rounds = effort.rounds(_ROUNDS)
     suite = Suite(
         name="liars",
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
-        tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=asked.some(_SHARES))},
+        tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=effort.some(_SHARES))},
         rungs=("scripted",),
-        games=max(_LEAST, asked.games // _FEWER),
-        seeds=(asked.seed,),
+        games=max(_LEAST, effort.games // _FEWER),
+        seeds=(effort.seed,),
         limit_s=PATIENCE_S,
     )
-    return suite.model_copy(update={"models": asked.some(model_names(suite))})
+    return suite.model_copy(update={"models": effort.some(model_names(suite))})

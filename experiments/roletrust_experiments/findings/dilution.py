@@ -1,4 +1,4 @@
-"""Whether larger systems dilute liars."""
+"""The effect of liars in larger systems."""
 
 from collections.abc import Callable
 from math import sqrt
@@ -8,8 +8,8 @@ from roletrust_baselines import BadMouthing
 
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_experiments.findings.finding import Finding, amount, exact, interval, told
-from roletrust_experiments.findings.games import Asked, as_settings, honest, last, lost, play
+from roletrust_experiments.findings.finding import Finding, amount, exact, in_words, interval
+from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "Do larger systems dilute liars?"
@@ -20,17 +20,17 @@ _MANY: dict[str, Callable[[int], int]] = {"one liar": lambda size: 1, "a third l
 FALLS, FROM = "fall", "from"
 
 
-def answer(asked: Asked) -> Finding:
-    """Play crowds of several sizes with one liar, and with as many as a third."""
-    sizes = asked.some(_SIZES)
+def answer(effort: Effort) -> Finding:
+    """Play crowds of several sizes with one liar, and with a third of liars."""
+    sizes = effort.some(_SIZES)
     taken: dict[tuple[str, str, int], Floats] = {}
-    for size in asked.progress.track(sizes, description="larger systems"):
-        scenario = _crowd(size, asked)
-        twin = play(asked, scenario)
+    for size in effort.progress.track(sizes, description="larger systems"):
+        scenario = _crowd(size, effort)
+        twin = play(effort, scenario)
         for lie, level in _LIES.items():
             for who, many in _MANY.items():
                 liars = dict.fromkeys(last(scenario, "SR", many(size)), BadMouthing(level=level))
-                seen = play(asked, scenario, liars)
+                seen = play(effort, scenario, liars)
                 taken[lie, who, size] = lost(seen, twin, honest(scenario, liars))
     differences = {
         f"{what}, {who}, {lie}": estimate(taken[lie, who, sizes[0]] - rest)
@@ -49,16 +49,16 @@ def answer(asked: Asked) -> Finding:
         )
         for lie, level in _LIES.items()
     )
-    settings = as_settings(_crowd(sizes[-1], asked)) | {"sizes": list(sizes), "lies": _LIES}
-    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, differences, asked.games, settings)
+    settings = as_settings(_crowd(sizes[-1], effort)) | {"sizes": list(sizes), "lies": _LIES}
+    return Finding(QUESTION, sentence(differences, sizes[0], sizes[-1]), panels, differences, effort.games, settings)
 
 
 def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
-    """The answer, of the damage in the smallest system, and of that less the damage in the largest."""
+    """Return the answer from the damage in the smallest system, and from its difference to the largest."""
 
     def part(who: str, lie: str) -> str:
         fall, all_of_it = (differences[f"{what}, {who}, {lie}"] for what in (FALLS, FROM))
-        return f"{told(fall, 'less', 'more')} (of {amount(all_of_it)}) if liars {lie}"
+        return f"{in_words(fall, 'less', 'more')} (of {amount(all_of_it)}) if liars {lie}"
 
     fixed_number, fixed_share = (" and ".join(part(who, lie) for lie in _LIES) for who in _MANY)
     return (
@@ -68,28 +68,28 @@ def sentence(differences: dict[str, Estimate], small: int, large: int) -> str:
 
 
 def closed_form(share: float, level: float) -> tuple[float, float]:
-    """What honest raters and providers lose without noise, where a share of the raters rates all good services `level`.
+    """Return the loss of honest agents without noise, if a share of the raters rates all services `level`.
 
-    With d = 1 - level the consensus is 1 - share * d, so that (Algorithms 1 and 2 of Su and Saint-Jore, 2023)
-    QoR = 1 - sqrt(share * d) of the honest and 1 - sqrt((1 - share) * d) of a liar, and QoP is the mean of
-    rho * QoR * f over the raters, with rho = sinc(1 - f). Size has no part in it.
+    With d = 1 - level, the consensus is 1 - share * d. By Algorithms 1 and 2 of Su and Saint-Jore (2023), QoR is
+    1 - sqrt(share * d) for an honest rater and 1 - sqrt((1 - share) * d) for a liar. QoP is the mean of rho * QoR * f
+    over the raters, with rho = sinc(1 - f). The size of the system does not matter.
 
     Returns:
-        The loss of ToR by the honest raters, and of ToP.
+        The loss of ToR of honest raters, and the loss of ToP.
     """
     distance = 1 - level
     truthful, lying = 1 - sqrt(share * distance), 1 - sqrt((1 - share) * distance)
     return 1 - truthful, 1 - (1 - share) * truthful - share * lying * level * float(np.sinc(distance))
 
 
-def _crowd(size: int, asked: Asked) -> Scenario:
+def _crowd(size: int, effort: Effort) -> Scenario:
     crowd = make_scenario("crowd-10x10")
     agents = [{**group.model_dump(), "count": size} for group in crowd.agents]
-    return crowd.change(name=f"crowd-{size}x{size}", agents=agents, max_cycles=asked.rounds(40))
+    return crowd.change(name=f"crowd-{size}x{size}", agents=agents, max_cycles=effort.rounds(40))
 
 
 def _without_noise(lie: str, level: float, who: str, sizes: tuple[int, ...]) -> Series:
-    """The closed form, the mean over the honest."""
+    """Return the closed form as a mean over the honest agents."""
     values = []
     for size in sizes:
         liars = _MANY[who](size)

@@ -1,7 +1,7 @@
-"""An answer, and the rules that make its words of numbers, so that they cannot contradict them.
+"""Answers, and the rules that turn their numbers into words, so that the words cannot contradict the numbers.
 
-A difference of two means is shown where its 95% interval does not hold 0. It is paired: the same games, with the same
-luck, played in both ways. Every interval stands for itself; nothing is corrected for there being many of them.
+A difference of two means is shown if its 95% interval does not contain 0. Differences are paired: both sides play the
+same games with the same random numbers. Intervals are not corrected for multiple comparisons.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,22 +12,22 @@ from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.plots.findings import Panel
 
 _SAME = 1e-9
-"""What is rounding, and no difference."""
+"""Largest difference that is due to rounding."""
 
 _DIGITS = range(3, 10)
-"""Decimals that a number may be given with; as few of them as do not hide what is shown."""
+"""Numbers of decimals; a number gets as few as possible without hiding a difference that is shown."""
 
 
 class Finding(NamedTuple):
-    """An answer.
+    """An answer to a question.
 
     Attributes:
-        question: in words.
-        sentence: that answers it.
-        panels: of its figure.
-        differences: that the sentence is made of, by what they are.
-        games: of which each mean is taken.
-        settings: what was played, as plain data.
+        question: Question in words.
+        sentence: Answer in words.
+        panels: Panels of the figure.
+        differences: Differences behind the sentence, by name.
+        games: Number of games of each mean.
+        settings: Settings of the games, as plain data.
     """
 
     question: str
@@ -39,7 +39,7 @@ class Finding(NamedTuple):
 
 
 def sign(difference: Estimate) -> int:
-    """1 or -1 where a difference is shown to be above or below 0, else 0: also where there are not two games.
+    """Return 1 or -1 if a difference is shown to be above or below 0, else 0, also for a single game.
 
     Example:
         >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2))
@@ -50,7 +50,7 @@ def sign(difference: Estimate) -> int:
 
 
 def verdict(differences: Iterable[Estimate]) -> str:
-    """Whether some differences, all of which are to be above 0, are.
+    """Return in words whether all differences are shown to be above 0.
 
     Example:
         >>> up, down, open = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
@@ -64,7 +64,7 @@ def verdict(differences: Iterable[Estimate]) -> str:
 
 
 def amount(value: Estimate) -> str:
-    """A mean and half its interval, which is rounded up, with as many decimals as it takes not to contradict `sign`.
+    """Return a mean and half its interval, rounded up, with enough decimals to agree with `sign`.
 
     Example:
         >>> amount(Estimate(0.21342, 0.0041)), amount(Estimate(0.00044, 0.00043))
@@ -79,11 +79,13 @@ def amount(value: Estimate) -> str:
     return f"{shown.mean:.{digits}f} ± {shown.half:.{digits}f}"
 
 
-def told(difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less") -> str:
-    """A difference in words.
+def in_words(
+    difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less"
+) -> str:
+    """Return a difference in words.
 
     Example:
-        >>> told(Estimate(-0.25, 0.01)), told(Estimate(0.001, 0.01))
+        >>> in_words(Estimate(-0.25, 0.01)), in_words(Estimate(0.001, 0.01))
         ('0.250 ± 0.010 less', 'neither more nor less (0.001 ± 0.010)')
     """
     way = sign(difference)
@@ -94,13 +96,13 @@ def told(difference: Estimate, more: str = "more", less: str = "less", neither: 
 
 
 def listed(differences: Mapping[str, Estimate]) -> str:
-    """Some differences in words, by where they are: those that are shown, then within what bounds the others lie.
+    """Return differences in words, by place: first those that are shown, then the bounds of the others.
 
     Example:
         >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
         '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
     """
-    parts = [f"{told(one)} {where}" for where, one in differences.items() if sign(one)]
+    parts = [f"{in_words(one)} {where}" for where, one in differences.items() if sign(one)]
     hidden = {where: one for where, one in differences.items() if not sign(one)}
     if hidden:
         bound = max(abs(one.mean) + one.half for one in hidden.values())
@@ -110,11 +112,11 @@ def listed(differences: Mapping[str, Estimate]) -> str:
 
 
 def interval(estimate: Estimate) -> Interval:
-    """An estimate as what is drawn."""
+    """Return an estimate as an interval for a figure."""
     mean, half = estimate.mean, estimate.half
     return Interval(mean, mean - half, mean + half)
 
 
 def exact(value: float) -> Interval:
-    """A number that is known, as what is drawn."""
+    """Return an exact number as an interval for a figure."""
     return Interval(value, value, value)

@@ -1,4 +1,4 @@
-"""How the games of a question are played: with the benchmark's measuring, and the same luck in all that is compared."""
+"""Games of a question: measured as in the benchmark, with the same random numbers in all compared games."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -24,19 +24,19 @@ SETTLED = 10
 """Rounds after which the initial trust counts for 2 ** -10 at most, where lam is 0.5."""
 
 PATIENCE_S = 3600.0
-"""Seconds after which a cell of a suite is given up; they are minutes on a machine that has nothing else to do."""
+"""Time limit of a cell of a suite in seconds; an idle machine needs minutes."""
 
 _QUICK_ROUNDS, _QUICK_VALUES = 14, 2
 
 
-class Asked(NamedTuple):
-    """How thoroughly questions are answered.
+class Effort(NamedTuple):
+    """Effort for a question.
 
     Attributes:
-        games: of which means are taken.
-        seed: of all luck.
-        quick: whether games are short and only the first values are tried, to see that all works.
-        progress: where to show how far it is.
+        games: Number of games of each mean.
+        seed: Random seed.
+        quick: True for short games and the first values only, to check that everything works.
+        progress: Progress display.
     """
 
     games: int
@@ -45,62 +45,62 @@ class Asked(NamedTuple):
     progress: Progress
 
     def some(self, values: Iterable[T]) -> tuple[T, ...]:
-        """The values that are tried."""
+        """Return the values to try."""
         return tuple(values)[:_QUICK_VALUES] if self.quick else tuple(values)
 
     def rounds(self, many: int) -> int:
-        """The length of a game."""
+        """Return the length of a game in rounds."""
         return min(many, _QUICK_ROUNDS) if self.quick else many
 
 
-def play(asked: Asked, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> Watched:
-    """Play one scenario under the paper's model, with the same luck whoever attacks.
+def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> Watched:
+    """Play a scenario under the paper's model, with the same random numbers for all attacks.
 
     Returns:
-        Trust of shape (T, N, G), and what was bought, (T - 1, G).
+        Trust of shape (T, N, G), and purchases of shape (T - 1, G).
     """
     arguments = {
         "scenario": scenario,
         "trust_model": "role-trust",
         "compromised": tuple(
-            attackers or Roster.of(scenario).first_names[:1]
+            attackers or Roster.of(scenario).owner_names[:1]
         ),  # who is named and has no policy is honest
         "objective": "mislead",
     }
-    seen = watch(exact_task(arguments), Scripted(attackers or {}), asked.seed, (1, asked.games))
+    seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
     return Watched(seen.trust[:, :, 0], Bought(*(part[:, 0] for part in seen.bought)))
 
 
-def play_suite(asked: Asked, suite: Suite, label: str) -> list[StoredCell]:
+def play_suite(effort: Effort, suite: Suite, label: str) -> list[StoredCell]:
     """Play all cells of a suite, on all cores.
 
     Returns:
-        The cells in their order, those that failed too.
+        The cells in their order, including failed ones.
     """
     every = cells(suite)
-    played = asked.progress.track(LocalPool().play(suite, every), total=len(every), description=label)
+    played = effort.progress.track(LocalPool().play(suite, every), total=len(every), description=label)
     done = dict(played)
     return [StoredCell(cell, done[cell]) for cell in every]
 
 
 def lost(seen: Watched, twin: Watched, agents: Iterable[int]) -> Floats:
-    """What some agents lost of their trust against other games with the same luck, once it has settled, (G,)."""
+    """Return the trust that agents lost against other games with the same random numbers, once it has settled, (G,)."""
     return metrics.damage(seen.trust[SETTLED:], twin.trust[SETTLED:], list(agents)).value
 
 
 def last(scenario: Scenario, role: Role, many: int) -> tuple[str, ...]:
     """Return the names of the last agents of a role, such as `SR`."""
     roster = Roster.of(scenario)
-    return tuple(name for name in roster.first_names if roster.role(name) == role)[-many:]
+    return tuple(name for name in roster.owner_names if roster.role(name) == role)[-many:]
 
 
 def honest(scenario: Scenario, attackers: Mapping[str, Policy]) -> list[int]:
-    """The places of all agents that do not attack."""
+    """Return the indices of all agents that do not attack."""
     return [place for place, name in enumerate(Roster.of(scenario).names) if name not in attackers]
 
 
 def as_settings(scenario: Scenario, **attacks: Mapping[str, Policy]) -> dict[str, Any]:
-    """What was played, as plain data: a scenario, and who attacks in it."""
+    """Return a scenario and its attackers as plain data."""
     return {
         "trust_model": "role-trust",
         "scenario": scenario.model_dump(mode="json"),

@@ -1,20 +1,20 @@
-"""What movement does: each rater sees only some providers."""
+"""The effect of movement: each rater sees only some providers."""
 
 from roletrust_baselines import BadMouthing
 
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, interval, listed
-from roletrust_experiments.findings.games import Asked, as_settings, honest, last, lost, play
+from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "What does movement do, where each rater sees only the providers near it?"
 _ARENA = 10.0
 _RADII = 2.0, 3.0, 4.0, 6.0, 8.0
 _EVERYONE = 15.0
-"""A radius that reaches across the arena, from corner to corner."""
+"""Radius that reaches from corner to corner of the arena."""
 _NEAR, _USUAL = 2.0, 4.0
-"""Radii that the answer is about; the larger one is that of the preset `robots-that-move`."""
+"""Radii of the answer; the larger one is that of the preset `robots-that-move`."""
 _SPEEDS = {"robots move": 0.3, "robots stand still": 0.0}
 _LIARS = 3
 
@@ -22,15 +22,15 @@ HARM, UTILITY = "harm", "utility"
 EVERYONE, STILL = "than everyone", "than still"
 
 
-def answer(asked: Asked) -> Finding:
+def answer(effort: Effort) -> Finding:
     """Play a crowd of robots with several radii, moving and standing still, with three liars and with none."""
-    radii = sorted({*asked.some(_RADII), _NEAR, _USUAL, _EVERYONE})
-    liars = dict.fromkeys(last(_robots(asked, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
+    radii = sorted({*effort.some(_RADII), _NEAR, _USUAL, _EVERYONE})
+    liars = dict.fromkeys(last(_robots(effort, _USUAL, 0.0), "SR", _LIARS), BadMouthing())
     found: dict[tuple[str, str, float], Floats] = {}
     for label, speed in _SPEEDS.items():
-        for radius in asked.progress.track(radii, description=f"movement, {label}"):
-            scenario = _robots(asked, radius, speed)
-            calm, struck = play(asked, scenario), play(asked, scenario, liars)
+        for radius in effort.progress.track(radii, description=f"movement, {label}"):
+            scenario = _robots(effort, radius, speed)
+            calm, struck = play(effort, scenario), play(effort, scenario, liars)
             found[HARM, label, radius] = lost(struck, calm, honest(scenario, liars))
             found[UTILITY, label, radius] = metrics.share_of_best(calm.bought.got, calm.bought.best).value
     moving, still = _SPEEDS
@@ -52,12 +52,12 @@ def answer(asked: Asked) -> Finding:
             (UTILITY, "what trust is worth with nobody lying", "utility of going by trust"),
         )
     )
-    settings = as_settings(_robots(asked, _USUAL, _SPEEDS[moving]), liars=liars) | {"radii": radii, "speeds": _SPEEDS}
-    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+    settings = as_settings(_robots(effort, _USUAL, _SPEEDS[moving]), liars=liars) | {"radii": radii, "speeds": _SPEEDS}
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of moving robots with some radii less those that see everybody, and less those that stand still."""
+    """Return the answer from the differences of moving robots to robots that see everybody or stand still."""
 
     def parts(what: str, other: str) -> str:
         radii = (_USUAL, _NEAR)
@@ -71,8 +71,8 @@ def sentence(differences: dict[str, Estimate]) -> str:
     )
 
 
-def _robots(asked: Asked, radius: float, speed: float) -> Scenario:
+def _robots(effort: Effort, radius: float, speed: float) -> Scenario:
     crowd = make_scenario("crowd-10x10")
     agents = [group.model_dump() | ({"ability": (0.3, 1.0)} if group.role == "SP" else {}) for group in crowd.agents]
     access = {"kind": "in-range", "radius": radius, "arena": _ARENA, "speed": speed}
-    return crowd.change(agents=agents, access=access, max_cycles=asked.rounds(150))
+    return crowd.change(agents=agents, access=access, max_cycles=effort.rounds(150))

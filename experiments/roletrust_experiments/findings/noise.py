@@ -1,4 +1,4 @@
-"""How noise alone costs trust."""
+"""The cost of noise with all agents honest."""
 
 from math import sqrt
 
@@ -8,8 +8,8 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.findings.finding import Finding, amount, exact, interval, told
-from roletrust_experiments.findings.games import Asked, as_settings, honest, last, lost, play
+from roletrust_experiments.findings.finding import Finding, amount, exact, in_words, interval
+from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "What does noise alone cost, with everybody honest?"
@@ -22,20 +22,20 @@ _ROOT_MOMENT = 0.822179
 RATERS, PROVIDERS, LIAR, SHARE = "ToR", "ToP", "than a liar", "than its share"
 
 
-def answer(asked: Asked) -> Finding:
-    """Play a crowd of ten and ten with more and more noise, and once with a liar and none."""
-    noises = sorted({*asked.some(_NOISES), _SMALL, _LARGE})
+def answer(effort: Effort) -> Finding:
+    """Play ten raters and ten providers with growing noise, and once with a liar and no noise."""
+    noises = sorted({*effort.some(_NOISES), _SMALL, _LARGE})
     loss: dict[tuple[str, str, float], Floats] = {}
-    calm = _crowd(1.0, 0.0, asked)
+    calm = _crowd(1.0, 0.0, effort)
     raters, providers = _sides(calm)
-    for label, quality in asked.progress.track(_QUALITIES.items(), description="noise"):
-        twin = play(asked, _crowd(quality, 0.0, asked))
+    for label, quality in effort.progress.track(_QUALITIES.items(), description="noise"):
+        twin = play(effort, _crowd(quality, 0.0, effort))
         for noise in noises:
-            seen = play(asked, _crowd(quality, noise, asked))
+            seen = play(effort, _crowd(quality, noise, effort))
             loss[RATERS, label, noise] = lost(seen, twin, raters)
             loss[PROVIDERS, label, noise] = lost(seen, twin, providers)
     liar = dict.fromkeys(last(calm, "SR", 1), BadMouthing())
-    by_liar = lost(play(asked, calm, liar), play(asked, calm), honest(calm, liar))
+    by_liar = lost(play(effort, calm, liar), play(effort, calm), honest(calm, liar))
     good = next(iter(_QUALITIES))
     both = {noise: (loss[RATERS, good, noise] + loss[PROVIDERS, good, noise]) / 2 for noise in (_SMALL, _LARGE)}
     differences = {
@@ -59,36 +59,36 @@ def answer(asked: Asked) -> Finding:
         for trust, title in ((RATERS, "honest raters, ToR"), (PROVIDERS, "honest providers, ToP"))
     )
     settings = as_settings(calm, liar=liar) | {"noises": noises, "qualities": _QUALITIES}
-    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, settings)
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of what a noise costs and what else it is compared with."""
+    """Return the answer from the cost of noise and the costs that it is compared with."""
     return (
         f"A noise of {_LARGE:g} where all services are good costs honest raters {amount(differences[RATERS])} of their "
         f"ToR and providers {amount(differences[PROVIDERS])} of their ToP; that is, of both, "
-        f"{told(differences[LIAR])} than one liar among ten raters costs the honest, and a tenth of the noise costs "
-        f"{told(differences[SHARE])} than a tenth of it."
+        f"{in_words(differences[LIAR])} than one liar among ten raters costs the honest, and a tenth of the noise "
+        f"costs {in_words(differences[SHARE])} than a tenth of it."
     )
 
 
 def closed_form(noise: float, raters: int) -> float:
-    """What raters lose of their ToR, by Algorithm 1, where they differ by noise alone and no note is clipped.
+    """Return the loss of ToR by Algorithm 1, if raters differ by noise only and no rating is clipped.
 
-    A note differs from the mean of all, itself among them, by N(0, s) with s = noise * sqrt(1 - 1 / raters), and
-    the root of that is 0.822 sqrt(s) in the mean.
+    A rating differs from the mean of all ratings by N(0, s) with s = noise * sqrt(1 - 1 / raters). The mean of the
+    square root of the absolute difference is 0.822 sqrt(s).
     """
     return _ROOT_MOMENT * sqrt(noise * sqrt(1 - 1 / raters))
 
 
-def _crowd(quality: float, noise: float, asked: Asked) -> Scenario:
-    crowd = make_scenario("crowd-10x10").change(noise=noise, max_cycles=asked.rounds(60))
+def _crowd(quality: float, noise: float, effort: Effort) -> Scenario:
+    crowd = make_scenario("crowd-10x10").change(noise=noise, max_cycles=effort.rounds(60))
     agents = [group.model_dump() | ({"ability": quality} if group.role == "SP" else {}) for group in crowd.agents]
     return crowd.change(agents=agents)
 
 
 def _sides(scenario: Scenario) -> tuple[range, range]:
-    """The places of the raters, and those of the providers."""
+    """Return the indices of the raters, and those of the providers."""
     roster = Roster.of(scenario)
     return range(roster.n_raters), range(roster.n_raters, roster.n_agents)
 

@@ -4,20 +4,20 @@ from collections.abc import Mapping
 from typing import Any
 
 _INTRODUCTION = """\
-What Su and Saint-Jore ([EWSN 2023](https://hal.science/hal-04161463)) claim or leave open, measured. The trust model is
-theirs, `role-trust`, where no other one is named. What is compared was played with the same luck; numbers are means
-with 95% intervals over the games. A sentence is made of the numbers by a rule: a difference whose interval holds 0 is
-not shown, neither more nor less. Every interval stands for itself; of twenty differences that are none, one is shown
-by chance. `roletrust_experiments.findings` says what is measured, and where; `roletrust findings` writes a table of the
-numbers of each picture beside it.
+This page answers with measurements what Su and Saint-Jore ([EWSN 2023](https://hal.science/hal-04161463)) claim or
+leave open. The trust model is theirs, `role-trust`, unless another one is named. Compared games use the same random
+numbers. The numbers are means with 95% intervals over the games. A rule turns the numbers into sentences: a difference
+whose interval contains 0 is not shown, and the sentence says "neither more nor less". Intervals are not corrected for
+multiple comparisons: of twenty differences that do not exist, one is shown by chance. The code is in
+`experiments/roletrust_experiments/findings`; `roletrust findings` also writes a table of the numbers of each figure.
 """
 
 
 def page(answers: Mapping[str, Mapping[str, Any]]) -> str:
-    """The page.
+    """Return the page.
 
     Args:
-        answers: by the question's name: `question`, `sentence`, and `command`, which answers it again.
+        answers: Answers by name of the question, each with `question`, `sentence` and the `command` that repeats it.
     """
     parts = ["# The paper, answered\n", _INTRODUCTION]
     for name, answer in answers.items():

@@ -1,12 +1,12 @@
-"""The questions, by the names that the command knows them by."""
+"""The questions by name."""
 
 from collections.abc import Callable
 
 from roletrust_experiments.findings import admission, both_roles, breaking, dilution, movement, noise, roles
 from roletrust_experiments.findings.finding import Finding
-from roletrust_experiments.findings.games import Asked
+from roletrust_experiments.findings.games import Effort
 
-QUESTIONS: dict[str, Callable[[Asked], Finding]] = {
+QUESTIONS: dict[str, Callable[[Effort], Finding]] = {
     "roles": roles.answer,
     "dilution": dilution.answer,
     "noise": noise.answer,

@@ -1,4 +1,4 @@
-"""Whether raters do more harm than providers."""
+"""The harm by raters against the harm by providers."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, interval, listed, verdict
-from roletrust_experiments.findings.games import PATIENCE_S, Asked, play_suite
+from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "Do raters do more harm than providers?"
@@ -22,21 +22,21 @@ _SHARE = 1 / 3
 
 
 class Harm(NamedTuple):
-    """What the worst scripted attack by some agents takes, in each game, (G,).
+    """Harm of the worst scripted attack by some agents in each game, (G,).
 
     Attributes:
-        trust: of the honest, see `metrics.damage`.
-        utility: of consumers who go by trust, see `metrics.utility`.
+        trust: Trust that honest agents lose, see `metrics.damage`.
+        utility: Utility that consumers lose, see `metrics.utility`.
     """
 
     trust: Floats
     utility: Floats
 
 
-def answer(asked: Asked) -> Finding:
+def answer(effort: Effort) -> Finding:
     """Play all scripted attacks by a third of the raters, and by a third of the providers."""
-    suite = _suite(asked)
-    kept = play_suite(asked, suite, "raters and providers")
+    suite = _suite(effort)
+    kept = play_suite(effort, suite, "raters and providers")
     harms = {
         (place, who): harm(_rows(kept, place, who), _rows(kept, place, "honest")[0])
         for place in suite.scenarios
@@ -51,11 +51,11 @@ def answer(asked: Asked) -> Finding:
         Panel(title, "", "less than without the attack", _series(harms, what))
         for what, title in zip(Harm._fields, ("trust of the honest", "utility of consumers"), strict=True)
     )
-    return Finding(QUESTION, sentence(differences), panels, differences, asked.games, suite.model_dump(mode="json"))
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, suite.model_dump(mode="json"))
 
 
 def sentence(differences: dict[str, Estimate]) -> str:
-    """The answer, of the harm by raters less that by providers."""
+    """Return the answer from the harm by raters minus that by providers."""
 
     def parts(what: str) -> str:
         found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
@@ -69,11 +69,11 @@ def sentence(differences: dict[str, Estimate]) -> str:
 
 
 def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> Harm:
-    """The worst that some attacks do, each kind of harm by the attack that does most of it in the games for choosing.
+    """Return the harm of the worst attack, for each kind of harm the worst one in the games for choosing.
 
     Args:
-        attacks: that were played.
-        calm: the same games with everybody honest.
+        attacks: Results of the attacks.
+        calm: Result of the same games with all agents honest.
     """
     by_trust = max(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["damage"])))
     by_utility = min(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["utility"])))
@@ -81,9 +81,9 @@ def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> Harm:
     return Harm(_numbers(by_trust.measured["damage"]), utility)
 
 
-def _suite(asked: Asked) -> Suite:
+def _suite(effort: Effort) -> Suite:
     stages = {
-        place: Stage(preset=name, set={"max_cycles": asked.rounds(make_scenario(name).max_cycles)})
+        place: Stage(preset=name, set={"max_cycles": effort.rounds(make_scenario(name).max_cycles)})
         for place, name in _PLACES.items()
     }
     return Suite(
@@ -92,17 +92,17 @@ def _suite(asked: Asked) -> Suite:
         scenarios=stages,
         tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
         rungs=("scripted",),
-        games=asked.games,
-        seeds=(asked.seed,),
+        games=effort.games,
+        seeds=(effort.seed,),
         limit_s=PATIENCE_S,
     )
 
 
 def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
-    """What was played on a track.
+    """Return the results on a track.
 
     Raises:
-        ValueError: that failed.
+        ValueError: The cell failed.
     """
     cell, done = next(one for one in kept if (one.cell.scenario, one.cell.track) == (place, track))
     if done.failed:

@@ -1,1 +1,1 @@
-"""The ladder: the rows of its table."""
+"""The ladder of attacks: the rows of its table."""

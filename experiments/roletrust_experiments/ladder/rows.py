@@ -1,4 +1,4 @@
-"""The rows of a ladder: what the rungs found in all runs, how near it comes to the top, and who beat whom."""
+"""The rows of a ladder: the results of each rung in all runs, their shares, and comparisons of rungs."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,18 +9,18 @@ from roletrust_env.evaluation.search import MeasuredSearch
 from roletrust_env.metrics.confidence import over_games
 
 HEADER = ("rung", "run", "score", "half_95", "objective", "cost", "rounds", "seconds", "attack")
-"""Of a table with a line for every run of every rung."""
+"""Header of a table with a line for every run of every rung."""
 
 
 class Row(NamedTuple):
     """A rung of the ladder.
 
     Attributes:
-        name: of the rung.
-        runs: what it found in each run; every rung searches and is measured with the same seed in the same run.
-        score: mean over the runs.
-        half: half its 95% confidence interval: over the runs, or over the games of a single one.
-        share: of the way from honest play to the top.
+        name: Name of the rung.
+        runs: Result of each run; all rungs have the same seed in the same run.
+        score: Mean score over the runs.
+        half: Half the 95% confidence interval, over the runs or over the games of a single run.
+        share: Position between honest play, 0, and the top, 1.
     """
 
     name: str
@@ -31,22 +31,22 @@ class Row(NamedTuple):
 
     @property
     def scores(self) -> list[float]:
-        """The mean score of each run."""
+        """Mean score of each run."""
         return [float(run.scores.mean()) for run in self.runs]
 
     @property
     def best(self) -> int:
-        """The run that scored best."""
+        """Index of the run with the best score."""
         return int(np.argmax(self.scores))
 
 
 def ranked(found: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
-    """The rungs, each with its runs, and their share: 0 is honest play, the first, and 1 the top, see `top`."""
+    """Return the rungs with their runs and shares: 0 is honest play, the first rung, and 1 is the top, see `top`."""
     rows = []
     for runs in found:
         means = np.array([run.scores.mean() for run in runs])
         score, half, _ = over_games(means if len(runs) > 1 else runs[0].scores)
-        # Games that luck has no part in differ by the rounding of their sums only.
+        # Games without randomness differ only by rounding.
         rows.append(Row(runs[0].name, tuple(runs), float(score), float(half) if half > 1e-12 else 0.0, np.nan))
     foot, highest = rows[0].score, top(rows)[0]
     if highest <= foot:
@@ -55,7 +55,7 @@ def ranked(found: Sequence[Sequence[MeasuredSearch]]) -> list[Row]:
 
 
 def top(rows: Sequence[Row]) -> tuple[float, str]:
-    """The score whose share is 1, and what it is: the exact optimum, a bound, or the best that was found."""
+    """Return the score with share 1, and its meaning: the exact optimum, a bound, or the best score found."""
     for row in rows:
         bound = row.runs[0].bound
         if bound is not None:
@@ -64,20 +64,20 @@ def top(rows: Sequence[Row]) -> tuple[float, str]:
 
 
 def compared(rows: Sequence[Row]) -> tuple[Row, Row]:
-    """The best scripted attack, and the best of all."""
+    """Return the best scripted attack, and the best attack of all."""
     scripted = [row for row in rows if row.name.startswith("scripted")]
     return max(scripted, key=lambda row: row.score), max(rows, key=lambda row: row.score)
 
 
 def wins(rows: Sequence[Row]) -> list[list[int]]:
-    """In how many runs each rung scored more than each other one."""
+    """Return the number of runs in which each rung scored more than each other rung."""
     scores = np.array([row.scores for row in rows])
     counts: list[list[int]] = (scores[:, None] > scores[None]).sum(axis=2).tolist()
     return counts
 
 
 def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
-    """The runs as `HEADER` has them, the first of which has this seed."""
+    """Return the runs as lines under `HEADER`. The first run has the given seed."""
     table = []
     for row in rows:
         for run, found in enumerate(row.runs, start=seed):
@@ -88,7 +88,7 @@ def lines(rows: Sequence[Row], seed: int) -> list[tuple[Any, ...]]:
 
 
 def summary(rows: Sequence[Row], seed: int) -> list[dict[str, Any]]:
-    """The rungs as plain data, with their runs, the first of which has this seed, and with whom they beat how often."""
+    """Return the rungs as plain data, with their runs and comparisons. The first run has the given seed."""
     rungs: list[dict[str, Any]] = []
     for row, beaten in zip(rows, wins(rows), strict=True):
         share = None if np.isnan(row.share) else row.share  # NaN is no JSON

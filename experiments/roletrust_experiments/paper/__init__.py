@@ -1,1 +1,1 @@
-"""The paper's two figures: who attacks, what is claimed, and whether a run shows it."""
+"""The paper's two figures: their attacks, their claims, and the check of a run against them."""

@@ -1,4 +1,4 @@
-"""What Su and Saint-Jore (2023) say of their Figures 3 and 4, and whether a run shows it."""
+"""Claims of Su and Saint-Jore (2023) on their Figures 3 and 4, checked against a run."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.scenario import Scenario
 
 SETTLE_S = 5.0
-"""Seconds after a start, a perturbation or an attack's begin in which trust is still moving: 10 rounds, 2 ** -10."""
+"""Seconds until trust has settled after a start, a perturbation or the start of an attack: 10 rounds, 2 ** -10."""
 
 _VISIBLE = 0.1  # depth from which a dip can be seen in the figure
 
@@ -20,7 +20,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class Window(NamedTuple):
-    """From when to when an attack is on, in seconds."""
+    """Start and end of an attack, in seconds."""
 
     start_s: float
     stop_s: float
@@ -30,13 +30,13 @@ class Claim(NamedTuple):
     """One line of the table.
 
     Attributes:
-        figure: number of the paper's figure.
-        what: is looked at.
-        paper: what the paper says.
-        needed: the criterion here.
-        measured: in words.
-        values: the numbers in it.
-        ok: whether the criterion is met; None where it does not apply.
+        figure: Number of the paper's figure.
+        what: Quantity.
+        paper: Statement of the paper.
+        needed: Criterion of the check.
+        measured: Measured values in words.
+        values: Measured values.
+        ok: True if the criterion is met; None if it does not apply.
     """
 
     figure: int
@@ -49,7 +49,7 @@ class Claim(NamedTuple):
 
 
 def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
-    """The claims on Figure 3, in which provider 3 attacks."""
+    """Return the claims on Figure 3, with an attack by provider 3."""
     on = _some((curves.time_s > attack.start_s) & (curves.time_s <= attack.stop_s), "under the attack")
     top = curves.top[on, :, 0]
     victim, others = float(top[:, 2].min()), [float(top[:, j].min()) for j in (0, 1)]
@@ -61,7 +61,7 @@ def check_on_off(curves: Curves, scenario: Scenario, attack: Window) -> list[Cla
 
 
 def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
-    """The claims on Figure 4, in which rater 3 attacks."""
+    """Return the claims on Figure 4, with an attack by rater 3."""
     steady = _some(steady_under(curves.time_s, scenario, attack), "steadily under the attack")
     tor = curves.tor[steady, :, 0].mean(axis=0).tolist()
     top = curves.top[steady, :, 0].max(axis=0).tolist()
@@ -76,15 +76,15 @@ def check_bad_mouthing(curves: Curves, scenario: Scenario, attack: Window) -> li
 
 
 def in_clear_view(found: Sequence[Claim]) -> bool:
-    """Whether calm trust says that there is a person in clear view throughout."""
+    """Return whether calm trust shows a person in clear view throughout."""
     return all(claim.ok for claim in found if claim.what == _CALM)
 
 
 def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
-    """The claims as far as they apply to given frames; they are calibrated to the rendered scene.
+    """Return the claims that apply to given frames. They are calibrated to the rendered scene.
 
-    The levels are those of a person in clear view: where there is none, none applies. And the fast target is a blur
-    over the frames, in which a person may be recognised still: then there is no dip to see.
+    No level applies without a person in clear view. The fast target blurs the frames; if the detector still recognises
+    the person, there is no dip.
     """
     if not in_clear_view(found):
         return [claim._replace(ok=None) for claim in found]
@@ -92,23 +92,23 @@ def for_given_frames(found: Sequence[Claim]) -> list[Claim]:
 
 
 def calm_before(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
-    """The moments before the attack in which nothing has happened for `SETTLE_S` seconds."""
+    """Return the moments before the attack with no event in the last `SETTLE_S` seconds."""
     return (time_s >= SETTLE_S) & (time_s <= attack.start_s) & ~_perturbed(time_s, scenario)
 
 
 def steady_under(time_s: npt.NDArray[np.float64], scenario: Scenario, attack: Window) -> Mask:
-    """The moments of the attack in which it has been the only trouble for `SETTLE_S` seconds."""
+    """Return the moments of the attack with no other event in the last `SETTLE_S` seconds."""
     return (time_s >= attack.start_s + SETTLE_S) & (time_s <= attack.stop_s) & ~_perturbed(time_s, scenario)
 
 
 def spans(time_s: npt.NDArray[np.float64], mask: Mask) -> str:
-    """The stretches of a mask in words, such as `5-18 s, 25-30 s`."""
+    """Return the intervals of a mask in words, such as `5-18 s, 25-30 s`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return ", ".join(f"{time_s[a]:g}-{time_s[b - 1]:g} s" for a, b in edges.reshape(-1, 2))
 
 
 def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> list[Claim]:
-    """The claims that both figures share: all is well at first, and every camera suffers from the fast target."""
+    """Return the claims of both figures: high trust at first, and a dip of every camera for the fast target."""
     calm = _some(calm_before(curves.time_s, scenario, attack), "calmly before the attack")
     low = float(min(curves.tor[calm].min(), curves.top[calm].min()))
     claims = [Claim(figure, _CALM, "-", "> 0.9", _words([low]), [low], low > 0.9)]
@@ -134,18 +134,18 @@ def _before(figure: int, curves: Curves, scenario: Scenario, attack: Window) -> 
 
 
 def _some(moments: Mask, when: str) -> Mask:
-    """The moments themselves.
+    """Return the moments.
 
     Raises:
-        ValueError: there are none, such as on a machine too slow for the rounds.
+        ValueError: There are none, for example on a machine that is too slow for the rounds.
     """
     if not moments.any():
-        raise ValueError(f"no round {when}: too few rounds to hold against what the paper says")
+        raise ValueError(f"no round {when}: too few rounds to check the paper's claims")
     return moments
 
 
 def _perturbed(time_s: npt.NDArray[np.float64], scenario: Scenario) -> Mask:
-    """Where a perturbation strikes or has not been over for `SETTLE_S` seconds."""
+    """Return the moments of a perturbation and of the `SETTLE_S` seconds after it."""
     struck = np.zeros(time_s.shape, dtype=bool)
     for blow in scenario.perturbations:
         start, stop = blow.start * scenario.period_s, blow.stop * scenario.period_s

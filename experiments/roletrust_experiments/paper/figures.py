@@ -1,4 +1,4 @@
-"""The two figures of Su and Saint-Jore (2023) that are played again: who attacks, when, and what is claimed of it."""
+"""Figures 3 and 4 of Su and Saint-Jore (2023): their attacks, their windows and their claims."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -15,17 +15,17 @@ Attack = Literal["on-off", "bad-mouthing"]
 
 
 class Paper(NamedTuple):
-    """One of the paper's figures: who attacks, and what is claimed of it.
+    """One of the paper's figures.
 
     Attributes:
-        number: in the paper.
-        title: of the picture.
-        attacker: the curve to stand out, such as `ToP_3`.
-        label: what to write above the attack.
-        attack: when it is on.
-        policies: of the attackers.
-        levels: of ToR that the paper reads off its figure under the attack.
-        check: the claims, of curves, a scenario and the attack's window.
+        number: Number in the paper.
+        title: Title of the figure.
+        attacker: Curve of the attacker, such as `ToP_3`.
+        label: Label of the attack.
+        attack: Window of the attack.
+        policies: Policies of the attackers.
+        levels: Levels of ToR under the attack that the paper names.
+        check: Function of curves, a scenario and the window that returns the claims.
     """
 
     number: int
@@ -39,7 +39,7 @@ class Paper(NamedTuple):
 
 
 def papers(period_s: float) -> tuple[Paper, Paper]:
-    """Figure 3 and Figure 4, where a round takes so many seconds."""
+    """Return Figure 3 and Figure 4 for rounds of a given length in seconds."""
 
     def rounds(window: claims.Window) -> tuple[int, int]:
         return round(window.start_s / period_s), round(window.stop_s / period_s)
@@ -71,5 +71,5 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
 
 
 def paper_of(attack: Attack, period_s: float) -> Paper:
-    """The figure of an attack, where a round takes so many seconds."""
+    """Return the figure of an attack for rounds of a given length in seconds."""
     return papers(period_s)[0 if attack == "on-off" else 1]

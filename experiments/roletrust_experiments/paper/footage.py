@@ -1,22 +1,22 @@
-"""Given camera frames that are shorter than the game."""
+"""Camera frames that are shorter than the game."""
 
 from pathlib import Path
 
 from roletrust_env import Game
 
 
-def looped_s(game: Game) -> float | None:
-    """How long the footage is that a game was shown over and over, seconds; None if it was not."""
+def loop_length_s(game: Game) -> float | None:
+    """Return the length of repeated footage in seconds; None if the footage was not repeated."""
     if game.scenario.playback == "once":
         return None
     from roletrust_env.world.vision import HogService
 
-    return game.service.looped_s if isinstance(game.service, HogService) else None
+    return game.service.loop_length_s if isinstance(game.service, HogService) else None
 
 
 def loop_note(game: Game) -> str | None:
-    """The same in words, for captions."""
-    length = looped_s(game)
+    """Return a caption on repeated footage; None if the footage was not repeated."""
+    length = loop_length_s(game)
     return (
         None if length is None else f"the frames of {Path(str(game.scenario.frames)).name}, {length:.3g} s, are looped"
     )

@@ -1,4 +1,4 @@
-"""Many games of one scenario under some trust models: what they would take, what came of them, and that as a table."""
+"""Games of one scenario under several trust models: their cost, their results, and a table of these."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Policy
 from roletrust_env.evaluation.attacked_games import HELD_OUT, AttackedRound, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.curves import Curves, kept_bytes
+from roletrust_env.evaluation.curves import Curves, curve_bytes
 from roletrust_env.evaluation.resources import Cost, some, try_out
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.rollout import rollout
@@ -20,15 +20,15 @@ HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "gam
 
 
 class Played(NamedTuple):
-    """One trust model's games.
+    """The games of one trust model.
 
     Attributes:
-        model: its name, as it was given.
-        game: that was played.
-        curves: that it left behind.
-        groups: how the agents fared.
-        damage: that an attack did, by whom it befell.
-        metrics: of an attack, by their names, see `measures.under_attack`.
+        model: Name of the model, as the user gave it.
+        game: Game that was played.
+        curves: Curves of the games.
+        groups: Results of each group of agents.
+        damage: Damage of the attack, by group of victims.
+        metrics: Metrics of the attack by name, see `group_measures.under_attack`.
     """
 
     model: str
@@ -40,29 +40,29 @@ class Played(NamedTuple):
 
 
 def has_twin(game: Game, attackers: Mapping[str, Policy]) -> bool:
-    """Whether the games are played again with everyone honest: a live camera shows nothing twice."""
+    """Return whether the games are played again with all agents honest. A live camera shows nothing twice."""
     return bool(attackers) and not isinstance(game.scenario.frames, int)
 
 
-def all_kept_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
-    """The memory that the curves of every game take at the worst moment, see `foresee`."""
-    return kept_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
+def all_curve_bytes(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> int:
+    """Return the peak memory of the curves of each game in bytes, see `foresee`."""
+    return curve_bytes(joint_policies[0]) * (len(joint_policies) + has_twin(joint_policies[0].game, attackers) + 1)
 
 
 def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Policy]) -> Cost:
-    """What every game takes, under all the models: bytes at the worst moment, and seconds to the end.
+    """Return the peak memory in bytes and the time in seconds of each game, over all models.
 
-    The curves of all models are kept to the end. Besides there are those of the games without the attack, and while
-    the last games are recorded, their rows, of which the curves are made.
+    The curves of all models stay in memory to the end. In addition there are the curves without the attack and, while
+    the last games are recorded, the rows of their curves.
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
     trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
-    memory = all_kept_bytes(joint_policies, attackers) + trial.memory
+    memory = all_curve_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 
 
 def task_memory(task: AttackTask, attacker: Attacker) -> float:
-    """The memory that each game takes in which an attacker is measured, bytes."""
+    """Return the memory of each game that measures an attacker, in bytes."""
 
     def played(games: int) -> Iterator[AttackedRound]:
         return judged_rollout(task, attacker, (1, games), *random_sources(task, 0, HELD_OUT))
@@ -73,7 +73,7 @@ def task_memory(task: AttackTask, attacker: Attacker) -> float:
 def play_games(
     model: str, joint_policy: JointPolicy, attackers: Mapping[str, Policy], *, games: int, seed: int, progress: Progress
 ) -> Played:
-    """Play under one trust model, with the attack and once more without, and measure it."""
+    """Play and measure the games of one trust model, with the attack and without it."""
     game, twin, rates_raters = joint_policy.game, None, joint_policy.game.model.rates_raters
     attackers = game.roster.with_reserves(attackers)
     curves = track_curves(joint_policy, seed, progress, f"Playing, {model}", games=games)
@@ -87,8 +87,8 @@ def play_games(
 
 
 def rows(played: Played) -> list[tuple[Any, ...]]:
-    """One row for each agent, trust and round: the mean over the games in which it was present, and its interval."""
-    roster, curves, found = played.game.roster, played.curves, []
+    """Return a row for each agent, trust and round: the mean over games with the agent present, and its interval."""
+    roster, curves, lines = played.game.roster, played.curves, []
     tables = [("ToR", roster.rater_names, curves.tor), ("ToP", roster.provider_names, curves.top)]
     if roster.n_both:
         first = roster.n_agents - roster.n_both
@@ -98,5 +98,5 @@ def rows(played: Played) -> list[tuple[Any, ...]]:
         for i, name in enumerate(names):
             columns = (mean[:, i], (mean - half)[:, i], (mean + half)[:, i], games[:, i])
             table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
-            found += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
-    return found
+            lines += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
+    return lines

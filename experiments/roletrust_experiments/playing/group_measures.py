@@ -1,4 +1,4 @@
-"""What a game comes to in numbers: how each group of agents fared, and what an attack took from the honest."""
+"""Results of games in numbers: measures of each group of agents, and effects of an attack on honest agents."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.game.policy import policy_name
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_env.metrics.score import Score, mean_where
+from roletrust_env.metrics.score import Score, mean_or_nan
 from roletrust_env.world.group import Role
 from roletrust_env.world.roster import PREFIXES, Roster
 
@@ -22,18 +22,18 @@ UTILITY_WITHOUT, RECOVERY = "utility, no attack", "recovery, rounds"
 
 _NEVER = "the attack never began"
 _UNRATED = "the model has no trust in raters"
-_SETTLED = 10  # rounds after which the initial trust counts for 2 ** -10 at most
+_SETTLED = 10  # rounds after which the weight of the initial trust is at most 2 ** -10
 
 
 class Group(NamedTuple):
-    """Agents that have a role and a policy in common.
+    """Agents with the same role and policy.
 
     Attributes:
-        label: for people.
-        honest: whether they play honestly.
-        size: number of agents.
-        present: how many of them are there at the end.
-        measures: one for each of `MEASURES`.
+        label: Label for people.
+        honest: True if they play honestly.
+        size: Number of agents.
+        present: Number of agents that are present at the end.
+        measures: Value of each of `MEASURES`.
     """
 
     label: str
@@ -46,14 +46,14 @@ class Group(NamedTuple):
 def measure(
     roster: Roster, curves: Curves, attackers: Mapping[str, Policy], since: int, rates_raters: bool = True
 ) -> list[Group]:
-    """Every group of agents and how it fared.
+    """Return the measures of every group of agents.
 
     Args:
-        roster: who is who.
-        curves: of the games.
-        attackers: who attacks, and how.
-        since: the round from which the lowest trust is looked for.
-        rates_raters: whether the model does; without, the trust of agents that only rate is undefined.
+        roster: Agents of the games.
+        curves: Curves of the games.
+        attackers: Policies of the attackers by agent.
+        since: First round of the search for the lowest trust.
+        rates_raters: True if the model has trust in raters; otherwise the trust of agents that only rate is undefined.
     """
     places_of: dict[tuple[str, Any], list[int]] = {}
     for i, name in enumerate(roster.names):
@@ -74,9 +74,9 @@ def measure(
 
 
 def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, int]:
-    """The first round of the first attack and the first after the last one, of a game of some rounds.
+    """Return the first round of the first attack, and the first round after the last attack.
 
-    What has no window lasts from the first to the last.
+    An attack without a window lasts for the whole game.
     """
     windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
     stops = [rounds if stop is None else min(stop, rounds) for _, stop in windows]
@@ -84,7 +84,7 @@ def attack_rounds(attackers: Mapping[str, Policy], rounds: int) -> tuple[int, in
 
 
 def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
-    """The round from which the lowest trust is looked for: the first attack's start, and not the first few rounds."""
+    """Return the first round of the search for the lowest trust: the start of the attack, but not the first rounds."""
     start, _ = attack_rounds(attackers, rounds)
     return max(min(_SETTLED, rounds // 2), start if start < rounds else 0)
 
@@ -92,14 +92,14 @@ def measured_since(attackers: Mapping[str, Policy], rounds: int) -> int:
 def damage(
     roster: Roster, curves: Curves, twin: Curves, attackers: Mapping[str, Policy], rates_raters: bool = True
 ) -> dict[str, Estimate]:
-    """What an attack took from the honest, see `roletrust_env.metrics.damage`.
+    """Return the damage of an attack to honest agents, see `roletrust_env.metrics.damage`.
 
     Args:
-        roster: who is who.
-        curves: under the attack.
-        twin: with the same luck and everyone honest.
-        attackers: who attacks.
-        rates_raters: whether the model does; without, the damage to agents that only rate is undefined.
+        roster: Agents of the games.
+        curves: Curves under the attack.
+        twin: Curves with the same random numbers and all agents honest.
+        attackers: Policies of the attackers by agent.
+        rates_raters: True if the model has trust in raters; otherwise the damage to agents that only rate is undefined.
 
     Returns:
         The damage to each role, and to all honest agents.
@@ -122,19 +122,18 @@ def damage(
 def under_attack(
     roster: Roster, curves: Curves, twin: Curves | None, attackers: Mapping[str, Policy], rates_raters: bool = True
 ) -> dict[str, Estimate]:
-    """How an attack is told apart, what it costs consumers, and how long it is felt; see `roletrust_env.metrics`.
+    """Return detection, cost and recovery of an attack, see `roletrust_env.metrics`.
 
     Args:
-        roster: who is who.
-        curves: under the attack.
-        twin: with the same luck and everyone honest; None if there are no such games.
-        attackers: who attacks.
-        rates_raters: whether the model does; without, agents that only rate count in nothing.
+        roster: Agents of the games.
+        curves: Curves under the attack.
+        twin: Curves with the same random numbers and all agents honest; None if there are no such games.
+        attackers: Policies of the attackers by agent.
+        rates_raters: True if the model has trust in raters; otherwise agents that only rate are left out.
 
     Returns:
-        For each role that attacks, the AUC of its agents' mean trust under the attack and of that at the end; the false
-        alarms among the honest; the utility of going by ToP, under the attack and without it; and the rounds of
-        recovery after the attack.
+        For each attacking role the AUC of mean trust under the attack and of trust at the end; the false alarms among
+        honest agents; the utility of choosing by ToP, under the attack and without it; and the rounds of recovery.
     """
     rounds, games = len(curves.trust), curves.trust.shape[-1]
     start, stop = attack_rounds(attackers, rounds)
@@ -146,7 +145,7 @@ def under_attack(
         trust = curves.trust[:, places]
         if bad:
             unrated = None if places[0] in judged else _undefined(games, _UNRATED)
-            meanwhile = metrics.auc(mean_where(trust[start:stop], axis=0), bad)
+            meanwhile = metrics.auc(mean_or_nan(trust[start:stop], axis=0), bad)
             meanwhile = meanwhile if start < rounds else _undefined(games, _NEVER)
             found[f"{AUC_MEANWHILE}, {role}"] = unrated or meanwhile
             found[f"{AUC_FINALLY}, {role}"] = unrated or metrics.auc(trust[-1], bad)
@@ -165,20 +164,20 @@ def under_attack(
 
 
 def _measures(trust: Floats, rewards: Floats, since: int) -> dict[str, Estimate]:
-    """One number a game for each measure, and of these the mean; both arrays are (T, agents, games)."""
-    each_round = mean_where(trust, axis=1)
+    """Return the mean over games of each measure; both arrays have the shape (T, agents, games)."""
+    each_round = mean_or_nan(trust, axis=1)
     lowest = np.where(np.isnan(each_round), np.inf, each_round)[since:].min(axis=0)
     per_game = (
-        mean_where(trust, axis=(0, 1)),
+        mean_or_nan(trust, axis=(0, 1)),
         np.where(np.isinf(lowest), np.nan, lowest),
         each_round[-1],
-        mean_where(rewards, axis=(0, 1)),
+        mean_or_nan(rewards, axis=(0, 1)),
     )
     return {name: estimate(values) for name, values in zip(MEASURES, per_game, strict=True)}
 
 
 def _scored(score: Score) -> Estimate:
-    """The mean of a score over games, and why and how often it is undefined."""
+    """Return the mean of a score over games, with the reason and the number of games where it is undefined."""
     missing, games = int(np.isnan(score.value).sum()), score.value.size
     where = f", in {missing} of {games} games" if missing < games else ""
     return estimate(score.value)._replace(why=f"{score.why}{where}" if missing else "")
@@ -189,7 +188,7 @@ def _undefined(games: int, why: str) -> Score:
 
 
 def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
-    """Places of agents, by their role."""
+    """Return the indices of agents by role."""
     roles: dict[str, list[int]] = {}
     for i in places:
         roles.setdefault(PREFIXES[roster.role(roster.names[i])], []).append(i)
@@ -197,5 +196,5 @@ def _by_role(roster: Roster, places: Iterable[int]) -> dict[str, list[int]]:
 
 
 def _rated(role: Role, rates_raters: bool) -> bool:
-    """Return whether the model judges agents of a role at all."""
+    """Return whether the model has trust in agents of a role."""
     return rates_raters or role != "SR"

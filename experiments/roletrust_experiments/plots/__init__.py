@@ -1,1 +1,1 @@
-"""Pictures: each is given rows and gives back a figure."""
+"""Figures from rows of results."""

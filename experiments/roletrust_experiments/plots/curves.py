@@ -1,4 +1,4 @@
-"""The trust curves of any game, in one picture: lines for a few agents, bands for a crowd."""
+"""Trust curves of any game in one figure: lines for a few agents, bands for a crowd."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,18 +12,18 @@ from roletrust_env import Game, Policy
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.metrics.confidence import Floats, over_games
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.footage import loop_note
 from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
 
 _FAINT = 0.3  # opacity
-_VISIBLE = 0.005  # width of a band that can be seen
-_FEW = 4  # up to as many honest agents get a line each
-_NAMED = 4  # up to as many attackers are named and coloured one by one
+_VISIBLE = 0.005  # minimum width of a visible band
+_FEW = 4  # maximum number of honest agents with a line each
+_NAMED = 4  # maximum number of attackers with a name and a colour each
 
 
 class _Look(NamedTuple):
-    """How a line looks."""
+    """Style of a line."""
 
     label: str
     colour: str
@@ -32,17 +32,17 @@ class _Look(NamedTuple):
 
 
 def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str, Policy]) -> Figure:
-    """The trust of raters, of providers, and of agents that are both, against seconds.
+    """Return a figure of the trust of raters, of providers, and of agents with both roles, against time.
 
-    Honest agents get a line each, or in a crowd the mean over them and a band that holds the middle 90 of 100.
-    Attackers always have lines of their own. Over several games a line is the mean, in its 95% confidence interval.
-    A line is faint where fewer than half of those that it stands for are present, and its label counts them at the end.
+    Each honest agent has a line; a crowd has its mean and a band with the middle 90%. Each attacker has a line. Over
+    several games, a line is the mean with its 95% confidence interval. A line is faint where fewer than half of its
+    agents are present, and its label counts them at the end.
 
     Args:
-        title: of the picture.
-        game: that was played.
-        curves: what it left behind.
-        attackers: who attacks, and how.
+        title: Title of the figure.
+        game: Game that was played.
+        curves: Curves of the games.
+        attackers: Policies of the attackers by agent.
     """
     roster, scenario = game.roster, game.scenario
     panels = [Panel("trust of raters, ToR", roster.rater_names, curves.tor)] if game.model.rates_raters else []
@@ -62,7 +62,7 @@ def curve_figure(title: str, game: Game, curves: Curves, attackers: Mapping[str,
 
 
 class Panel(NamedTuple):
-    """The trust of some agents, (T, agents, games), by their names, and what it is called."""
+    """Label, agents and trust, (T, agents, games), of a panel."""
 
     label: str
     names: Sequence[str]
@@ -80,17 +80,17 @@ def trust_figure(
     perturbed: Iterable[tuple[float, float]] = (),
     notes: Sequence[str] = (),
 ) -> Figure:
-    """Trust against seconds, in one or more panels. Lines are as in `curve_figure`.
+    """Return a figure of trust against time in one or more panels. Lines are as in `curve_figure`.
 
     Args:
-        title: of the picture.
-        panels: one above the other.
-        time_s: (T,).
-        end: of the axis, seconds.
-        attackers: their names.
-        attacks: stretches of time in which anybody attacks.
-        perturbed: stretches of time in which services are perturbed.
-        notes: to be read below.
+        title: Title of the figure.
+        panels: Panels from top to bottom.
+        time_s: Times in seconds, (T,).
+        end: End of the axis in seconds.
+        attackers: Names of the attackers.
+        attacks: Intervals with an attack.
+        perturbed: Intervals with a perturbation of services.
+        notes: Notes below the figure.
     """
     figure = Figure(figsize=(9.6, 0.6 + 2.5 * len(panels)), layout="constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -105,15 +105,15 @@ def trust_figure(
     grid[-1].set_xlabel("time (s)", color=INK)
     figure.suptitle(title, x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     games = panels[0].trust.shape[-1]
-    said = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
-    said += [*notes, *(["faint: more than half are absent"] if any(faints) else [])]
-    if said:
-        figure.supxlabel("; ".join(said), x=0.99, ha="right", fontsize=9, color=QUIET)
+    remarks = [f"mean of {games} games, in its 95% confidence interval"] if games > 1 else []
+    remarks += [*notes, *(["faint: more than half are absent"] if any(faints) else [])]
+    if remarks:
+        figure.supxlabel("; ".join(remarks), x=0.99, ha="right", fontsize=9, color=QUIET)
     return figure
 
 
 def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attackers: Collection[str]) -> bool:
-    """All agents of one panel; trust is (T, agents, games). Returns whether some line is faint somewhere."""
+    """Draw all agents of one panel, with trust (T, agents, games). Return whether some line is faint somewhere."""
     bad = [i for i, name in enumerate(names) if name in attackers]
     honest = [i for i in range(len(names)) if i not in bad]
     faint = False
@@ -136,11 +136,11 @@ def _draw(axes: Axes, names: Sequence[str], time_s: Floats, trust: Floats, attac
 
 
 def _line(axes: Axes, time_s: Floats, values: Floats, look: _Look) -> bool:
-    """The mean of some agents over games, (T, agents, games), and its interval; returns whether it is faint somewhere.
+    """Draw the mean of agents over games, (T, agents, games), and its interval. Return whether it is faint somewhere.
 
-    Attackers, who are broad, lie under the others.
+    Lines of attackers are broad and lie under the others.
     """
-    mean, half, games = over_games(mean_where(values, axis=1))
+    mean, half, games = over_games(mean_or_nan(values, axis=1))
     few = _few(values)
     order = 4.0 - look.width / 10
     style: Any = {"color": look.colour, "linestyle": look.dashes, "zorder": order}
@@ -153,7 +153,7 @@ def _line(axes: Axes, time_s: Floats, values: Floats, look: _Look) -> bool:
 
 
 def _thin(axes: Axes, time_s: Floats, values: Floats, label: str | None) -> bool:
-    """One of many attackers, (T, games); returns whether its line is faint somewhere."""
+    """Draw one of many attackers, (T, games). Return whether its line is faint somewhere."""
     mean, _, games = over_games(values)
     few = _few(values[:, None])
     for shown, alpha, name in ((~few, 0.5, label), (_and_next(few), _FAINT / 2, None)):
@@ -162,13 +162,13 @@ def _thin(axes: Axes, time_s: Floats, values: Floats, label: str | None) -> bool
 
 
 def _few(values: Floats) -> npt.NDArray[np.bool_]:
-    """Where fewer than half of agents and games are there, (T,); values are (T, agents, games)."""
+    """Return where fewer than half of agents and games are present, (T,); values are (T, agents, games)."""
     few: npt.NDArray[np.bool_] = (~np.isnan(values)).mean(axis=(1, 2)) < 0.5
     return few
 
 
 def _and_next(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """The mask and its neighbours, so that a faint piece of a line touches the next one."""
+    """Return the mask with its neighbours, so that a faint part of a line touches the next part."""
     wide = mask.copy()
     wide[1:] |= mask[:-1]
     wide[:-1] |= mask[1:]
@@ -176,7 +176,7 @@ def _and_next(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
 
 
 def _counted(label: str, values: Floats) -> str:
-    """The label, and how many are present at the end if not all are; values are (T, agents, games)."""
+    """Return the label with the number of agents at the end, if some are absent; values are (T, agents, games)."""
     there = ~np.isnan(values[-1])
     if there.all():
         return label
@@ -187,7 +187,7 @@ def _counted(label: str, values: Floats) -> str:
 
 
 def _middle(values: Floats) -> tuple[Floats, Floats]:
-    """The 5% and the 95% quantile of each row, of what is not NaN; NaN where nothing is."""
+    """Return the 5% and 95% quantiles of each row without NaN; NaN for a row of NaN."""
     low, high = np.full((2, len(values)), np.nan)
     some = ~np.isnan(values).all(axis=1)
     low[some], high[some] = np.nanquantile(values[some], [0.05, 0.95], axis=1)
@@ -195,7 +195,7 @@ def _middle(values: Floats) -> tuple[Floats, Floats]:
 
 
 def _windows(attackers: Mapping[str, Policy], period_s: float, end: float) -> list[tuple[float, float]]:
-    """When anybody attacks, in stretches of time."""
+    """Return the time intervals with an attack."""
     windows = [(p.start, p.stop) if isinstance(p, WindowedAttack) else (0, None) for p in attackers.values()]
     merged: list[tuple[float, float]] = []
     for first, after in sorted(windows, key=lambda window: window[0]):

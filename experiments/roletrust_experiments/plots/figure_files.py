@@ -1,4 +1,4 @@
-"""Figures as files."""
+"""Files of figures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The figure of an answer: means with their 95% intervals, along an axis of numbers or one row for each name."""
+"""The figure of an answer: means with 95% intervals, along an axis of numbers or in a row for each name."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -16,7 +16,7 @@ _MARKS = ("o", "s", "^", "D", "v")
 _COLUMNS = 2
 _WIDE, _HIGH, _ROW = 4.7, 3.1, 0.25  # inches of a panel, and of a row of names
 _APART = 0.24  # of a row, between series
-_FAR = 0.6  # of the highest value, from which on the lowest one has nothing to do with 0
+_FAR = 0.6  # share of the highest value above which the lowest value needs no line at 0
 _LONGEST = 96  # letters of a line of the title
 
 
@@ -24,10 +24,10 @@ class Series(NamedTuple):
     """Values with their intervals.
 
     Attributes:
-        label: for the legend.
-        at: where each stands: numbers, or the names of rows.
-        values: as many.
-        known: whether they are a closed form, which is drawn as a quiet line.
+        label: Label in the legend.
+        at: Position of each value: numbers, or names of rows.
+        values: Values, one for each position.
+        known: True for a closed form, which is drawn as a thin grey line.
     """
 
     label: str
@@ -37,14 +37,14 @@ class Series(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One of the pictures of a figure.
+    """A panel of a figure.
 
     Attributes:
-        title: of the panel.
-        along: what the values stand at; unused for names.
-        what: the values are.
-        series: that are shown, all at numbers or all at names, which are the same ones side by side.
-        scale: of an axis of numbers; `symlog` is linear up to the first number above 0.
+        title: Title of the panel.
+        along: Label of the positions; unused for names.
+        what: Label of the values.
+        series: Series to draw, all at numbers or all at the same names.
+        scale: Scale of an axis of numbers; `symlog` is linear up to the first number above 0.
     """
 
     title: str
@@ -55,12 +55,12 @@ class Panel(NamedTuple):
 
 
 def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
-    """The panels side by side.
+    """Return a figure with panels side by side.
 
     Args:
-        question: that they answer.
-        panels: at least one.
-        note: for the foot of the page.
+        question: Question that the panels answer.
+        panels: Panels, at least one.
+        note: Note below the panels.
     """
     looks, columns = _looks(panels), min(len(panels), _COLUMNS)
     down = -(-len(panels) // columns)
@@ -87,13 +87,13 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
 
 
 def _high(panel: Panel) -> float:
-    """The height of a panel, inches."""
+    """Return the height of a panel in inches."""
     names = len(_names(panel))
     return 1.0 + names * _ROW * (1 + _APART * len(panel.series)) if names else _HIGH
 
 
 def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
-    """A look for each label, the same in all panels; a closed form has the colour of what it is the form of."""
+    """Return a style for each label, the same in all panels; a closed form is a thin grey line."""
     labels = list(dict.fromkeys(one.label for panel in panels for one in panel.series if not one.known))
     looks: dict[str, dict[str, Any]] = {
         label: {"color": _COLOURS[k % len(_COLOURS)], "marker": _MARKS[k % len(_MARKS)], "linestyle": DASHES[k % 4]}
@@ -104,7 +104,7 @@ def _looks(panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
 
 
 def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
-    """A line for each series."""
+    """Draw a line for each series."""
     for one in panel.series:
         value, low, high = np.array(one.values, float).reshape(-1, 3).T
         at = np.array(one.at, float)
@@ -129,7 +129,7 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
 
 
 def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
-    """A row for each name, and in it a mark for each series."""
+    """Draw a row for each name, with a mark for each series."""
     names = _names(panel)
     for k, one in enumerate(panel.series):
         value, low, high = np.array(one.values, float).reshape(-1, 3).T
@@ -143,12 +143,12 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
 
 
 def _bars(value: Any, low: Any, high: Any) -> Any:
-    """The lengths of error bars below and above; none where there is no interval."""
+    """Return the lengths of error bars below and above; 0 without an interval."""
     return np.nan_to_num(np.maximum([value - low, high - value], 0))
 
 
 def _names(panel: Panel) -> list[str]:
-    """The names of the rows; none of an axis of numbers."""
+    """Return the names of the rows; none for an axis of numbers."""
     return list(dict.fromkeys(at for one in panel.series for at in one.at if isinstance(at, str)))
 
 

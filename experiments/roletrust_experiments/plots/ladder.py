@@ -1,4 +1,4 @@
-"""The picture of a ladder: the rungs as bars, and below them the scripted attack beside the best one."""
+"""The figure of a ladder: the rungs as bars, and below them the scripted attack beside the best one."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -16,25 +16,25 @@ if TYPE_CHECKING:
     from roletrust_experiments.ladder.rows import Row
 
 _SHOWN = 40
-"""Rounds of a game that are shown; more would be too dense to see what is done."""
+"""Number of rounds to draw; more would be too dense."""
 
 _MAPS = 3
-"""Raters whose ratings get a map; more would be a picture of its own."""
+"""Maximum number of raters with a map of their ratings."""
 
-_FEW = 3  # up to as many ratings of a rater get a line each
+_FEW = 3  # maximum number of ratings of a rater with a line each
 _COLOURS = {"honest play": HONEST[0], "exact": INK, "best known": INK}
 _OTHERS = "#9CA3AF"
 
 
 def ladder_figure(about: str, rows: "Sequence[Row]", trajectories: Sequence[Trajectory]) -> Figure:
-    """The whole picture.
+    """Return the figure of a ladder.
 
     Args:
-        about: the title.
-        rows: of the ladder, from honest play upwards.
-        trajectories: the scripted attack's and the best one's.
+        about: Title.
+        rows: Rows of the ladder, from honest play upwards.
+        trajectories: Trajectories of the scripted attack and of the best one.
     """
-    # Many ratings are a map of their own: a row for each honest provider.
+    # Many ratings are drawn as a map with a row for each honest provider.
     maps = [name for name, values in trajectories[0].ratings.items() if _is_many(trajectories, values)][:_MAPS]
     height, below_height = 0.9 + 0.36 * len(rows), 6.6 + 1.0 * len(maps)
     figure = Figure(figsize=(10.4, height + below_height), layout="constrained")
@@ -59,11 +59,11 @@ def ladder_figure(about: str, rows: "Sequence[Row]", trajectories: Sequence[Traj
 
 
 def _bars(axes: Axes, rows: "Sequence[Row]") -> None:
-    """One bar for each rung, from honest play at the foot up, and a point for each of its runs."""
+    """Draw a bar for each rung, with honest play at the bottom, and a point for each run."""
     scores = [row.score for row in rows]
     best = max(row.score for row in rows if row.name not in _COLOURS)
     low, high = min(0.0, *scores), max(0.0, *scores)
-    # A script that is far below honest play would squeeze all others together; its number says where it is.
+    # The bar of a script far below honest play is cut, because it would compress all others; its number is printed.
     low = max(low, -0.25 * high)
     for place, row in enumerate(rows):
         colour = _COLOURS.get(row.name, ATTACKER if row.score == best else _OTHERS)
@@ -97,7 +97,7 @@ def _bars(axes: Axes, rows: "Sequence[Row]") -> None:
 
 
 def _actions(axes: Axes, trajectory: Trajectory) -> None:
-    """What the attacker does: a line for each quality; each rating, or their mean."""
+    """Draw the actions of the attacker: a line for each quality, and for each rating or their mean."""
     tidy(axes, "what it does")
     colours = _agents(trajectory)
     for name, values in trajectory.quality.items():
@@ -108,20 +108,20 @@ def _actions(axes: Axes, trajectory: Trajectory) -> None:
             continue
         if len(trajectory.ratings) == 1 and values.shape[1] <= _FEW:
             for j in range(values.shape[1]):
-                # The later, the thinner, so that equal ones are seen inside each other.
+                # Later lines are thinner, so that equal lines stay visible.
                 _step(axes, values[:, j], f"rating {j + 1} by {name}", ATTACKERS[j], 4.2 - 1.5 * j)
             continue
         _step(axes, values.mean(axis=1), f"mean rating by {name}", colours[name], 1.6)
 
 
 def _agents(trajectory: Trajectory) -> dict[str, str]:
-    """The colour of each compromised agent."""
+    """Return the colour of each compromised agent."""
     names = dict.fromkeys((*trajectory.quality, *trajectory.ratings))
     return {name: ATTACKERS[k % len(ATTACKERS)] for k, name in enumerate(names)}
 
 
 def _legend(axes: Axes) -> None:
-    """A legend in one line above the axes, which it must not make narrower: only its height is set aside."""
+    """Draw a legend in one line above the axes, and reserve its height but not its width."""
     if not axes.get_title(loc="left"):
         axes.set_title(" ", fontsize=10)
     legend = axes.legend(
@@ -139,7 +139,7 @@ def _legend(axes: Axes) -> None:
 
 
 def _map(axes: Axes, name: str, values: Floats) -> None:
-    """The ratings by one rater: a row for each honest provider, the darker the lower."""
+    """Draw the ratings by one rater, with a row for each honest provider; dark is low."""
     shown = np.ma.masked_invalid(values[:_SHOWN].T)
     colours = LinearSegmentedColormap.from_list("lies", [ATTACKER, "#FDF3EC"])
     axes.imshow(shown, cmap=colours, vmin=0, vmax=1, aspect="auto", interpolation="none")
@@ -154,13 +154,13 @@ def _map(axes: Axes, name: str, values: Floats) -> None:
 
 
 def _is_many(trajectories: Sequence[Trajectory], values: Floats) -> bool:
-    """Whether ratings are too many for lines, and not all the same in every attack that is shown."""
+    """Return whether there are too many ratings for lines, and they differ in some attack."""
     different = any(np.ptp(given[1:], axis=1).max() > 1e-9 for t in trajectories for given in t.ratings.values())
     return different and (values.shape[1] > _FEW or len(trajectories[0].ratings) > 1)
 
 
 def _trust(axes: Axes, trajectory: Trajectory) -> None:
-    """Trust of the attacker's agents, of each if they are few, and the mean of the honest ones."""
+    """Draw the trust of the attacker's agents, of each if they are few, and the mean of the honest agents."""
     tidy(axes, "trust")
     dashes, colours = {"ToR": "-", "ToP": (0, (4, 1.5))}, _agents(trajectory)
     lines = [(kind, "honest", HONEST[0], values) for kind, values in trajectory.honest.items()]
@@ -175,7 +175,7 @@ def _trust(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def _gains(axes: Axes, trajectory: Trajectory) -> None:
-    """What a round brings, and what it costs."""
+    """Draw the objective and the cost of each round."""
     tidy(axes, "per round")
     rounds = np.arange(min(_SHOWN, len(trajectory.cost)))
     axes.plot(rounds, trajectory.objective[:_SHOWN], color=HONEST[1], lw=1.7, label="objective")

@@ -1,4 +1,4 @@
-"""The picture of a learners' suite: who reaches what over all tasks, and with how many rounds on each of them."""
+"""The figure of a suite for learners: the share of each learner over all tasks, and by budget on each task."""
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
@@ -12,19 +12,19 @@ from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, LearnerRes
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
 
 _COLUMNS = 4
-"""Tasks side by side."""
+"""Number of tasks side by side."""
 
 _LOWEST = -0.5
-"""Share below which nothing is shown: far below honest play, one place is as bad as another."""
+"""Lowest share to draw; lower shares, far below honest play, are drawn here."""
 
 
 def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, Scale]) -> Figure:
-    """The whole picture.
+    """Return the figure of a suite for learners.
 
     Args:
-        about: the title.
-        found: what the learners reach, see `roletrust_env.benchmark.learners.optimum_share.aggregate`.
-        scales: of the tasks.
+        about: Title.
+        found: Results of the learners, see `roletrust_env.benchmark.learners.optimum_share.aggregate`.
+        scales: Scales of the tasks.
     """
     names = ranking(found)
     colours = [*HONEST, *ATTACKERS]
@@ -55,7 +55,7 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
 def _bars(
     axes: Axes, found: Sequence[LearnerResult], names: Sequence[str], looks: Mapping[str, dict[str, Any]]
 ) -> None:
-    """What each learner reaches with the largest budget, the best on top, with its interval."""
+    """Draw the share of each learner with the largest budget and its interval, the best on top."""
     largest = max((one.budget for one in found), default=0)
     mine = {one.learner: one.share for one in found if one.budget == largest}
     for place, name in enumerate(reversed(names)):

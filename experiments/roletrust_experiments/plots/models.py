@@ -13,7 +13,7 @@ from rich.progress import Progress
 from roletrust_env import JointPolicy
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import Floats
-from roletrust_env.metrics.score import mean_where
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import attack_rounds
 from roletrust_experiments.playing.tracked import track_curves
@@ -73,7 +73,7 @@ def mean_lines(
         bad = np.array([name in attackers for name in names])
         for whose, places in (("honest", ~bad), ("attackers", bad)):
             if places.any():
-                found[trust, whose] = mean_where(values[:, places], axis=(1, 2))
+                found[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
     return found
 
 

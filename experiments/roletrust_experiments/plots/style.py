@@ -1,4 +1,4 @@
-"""How all pictures look: colours that colour-blind people tell apart (Okabe and Ito 2008), and quiet axes."""
+"""Style of all figures: colours for colour-blind readers (Okabe and Ito 2008), and plain axes."""
 
 from collections.abc import Iterable
 
@@ -13,7 +13,7 @@ PERTURBED, ATTACKED = "#9CA3AF", "#FBE3D2"
 
 
 def tidy(axes: Axes, label: str) -> None:
-    """A trust axis from 0 to 1 with a light grid."""
+    """Set a trust axis from 0 to 1 with a light grid."""
     axes.set_ylim(-0.03, 1.05)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "0.5", "", "1"])
     axes.set_ylabel(label, color=INK)
@@ -28,7 +28,7 @@ def tidy(axes: Axes, label: str) -> None:
 
 
 def shade(axes: Axes, windows: Iterable[tuple[float, float]], colour: str, label: str | None = None) -> None:
-    """Shade stretches of time, and say above each what it is; attacks stand a line higher, clear of perturbations."""
+    """Shade time intervals, with a label above each; labels of attacks are a line higher than others."""
     attack = colour == ATTACKED
     for start, stop in windows:
         axes.axvspan(

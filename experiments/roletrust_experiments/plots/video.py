@@ -1,4 +1,4 @@
-"""A game as a video."""
+"""Videos of games."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -17,21 +17,20 @@ Picture = npt.NDArray[np.uint8]
 
 
 def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: int, progress: Progress) -> None:
-    """Play one game through the PettingZoo environment and film it, one frame a round.
+    """Play one game through the PettingZoo environment, and write a video with one frame for each round.
 
-    The last frame is saved beside the film, as a picture.
-
-    The seed deals this game the luck of the first game that `record` plays alone with it.
+    The last frame is also saved as an image. A single game of `record_curves` with the same seed has the same random
+    numbers.
 
     Args:
-        path: of the file, ending in .mp4.
-        game: to be played.
-        attackers: who attacks, and how; all others are honest.
-        seed: of all luck.
-        progress: where to show how far it is.
+        path: Path of the file, ending in .mp4.
+        game: Game to play.
+        attackers: Policies of the attackers by agent; all other agents are honest.
+        seed: Random seed.
+        progress: Progress display.
 
     Raises:
-        OSError: a file cannot be written.
+        OSError: A file cannot be written.
     """
     import imageio.v2 as imageio
 
@@ -55,13 +54,13 @@ def write_video(path: Path, game: Game, attackers: Mapping[str, Policy], seed: i
 
 @contextmanager
 def _filming(path: Path) -> Iterator[Callable[[Picture], None]]:
-    """Adds pictures to a film. ffmpeg itself is quiet: one error says what goes wrong, and names the file."""
+    """Yield a function that adds frames to a video; an error of ffmpeg becomes one message with the file name."""
     import imageio.v2 as imageio
 
     def add(picture: Picture) -> None:
         try:
             film.append_data(picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2])  # H.264 wants it even
-        except (OSError, RuntimeError) as error:  # ffmpeg stopped, or there is none
+        except (OSError, RuntimeError) as error:  # ffmpeg stopped or is missing
             raise OSError(f"{path} cannot be written, ffmpeg failed: {str(error).partition(chr(10))[0]}") from None
 
     with replacing(path) as temporary:

@@ -1,1 +1,1 @@
-"""The report of a benchmark: one HTML file to look at, and beside it the same numbers and pictures as files."""
+"""The report of a benchmark: one HTML page, with the same numbers and figures as files."""

@@ -1,4 +1,4 @@
-"""What a report tells: of a benchmark of trust models, of one of learners, or of both."""
+"""Content of a report: a benchmark of trust models, of learners, or both."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,31 +15,31 @@ from roletrust_experiments.report.table import Table
 
 
 class Content(NamedTuple):
-    """What was found; one part at least is there."""
+    """Parts of a report, at least one."""
 
     robustness: Robustness | None = None
     learners: Learners | None = None
 
     @property
     def parts(self) -> list[Robustness | Learners]:
-        """Those that are there."""
+        """Parts that are present."""
         return [part for part in self if part is not None]
 
     @property
     def tables(self) -> dict[str, Table]:
-        """All tables, by the name of what shows them."""
+        """All tables by the name of their figure."""
         return {name: table for part in self.parts for name, table in part.tables.items()}
 
 
 def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
-    """What the files of some runs hold.
+    """Return the content of the files of runs.
 
     Args:
-        paths: of the files.
-        allow_code: whether they may name trust models that are not installed.
+        paths: Paths of the files.
+        allow_code: True if they may name trust models that are not installed.
 
     Raises:
-        ValueError: one cannot be read, holds nothing yet or names what it may not, or two are of suites of one kind.
+        ValueError: A file cannot be read, is empty or names an uninstalled model, or two files have the same kind.
     """
     content, taken = Content(), dict[str, Path]()
     for path in paths:
@@ -47,7 +47,7 @@ def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
             suite, kept, software = store.suite, store.all(), store.software
         if suite.kind in taken:
             raise ValueError(
-                f"{taken[suite.kind]} and {path} are both of a suite for {suite.kind}; a report is on one of each kind"
+                f"{taken[suite.kind]} and {path} are both of a suite for {suite.kind}; a report has one of each kind"
             )
         taken[suite.kind] = path
         if isinstance(suite, LearnersSuite):

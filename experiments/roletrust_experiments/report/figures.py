@@ -1,4 +1,4 @@
-"""The figures of the page. They come without data: `page.js` fills them with what the reader chose."""
+"""The figures of the page. They contain no data: `page.js` fills them with the selection of the reader."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ _SURE = "@utility{0.000} ± @utility_half_95{0.000}"
 
 
 def figures(content: Content) -> dict[str, Any]:
-    """The figures by the name of their table."""
+    """Return the figures by the name of their table."""
     found: dict[str, Any] = {}
     if content.robustness:
         found |= {
@@ -30,14 +30,14 @@ def figures(content: Content) -> dict[str, Any]:
     return found
 
 
-def _heatmap(told: Robustness) -> Any:
-    """A row for each model, a column for each attack, the darker the less is left; a frame around a worst case."""
-    table = told.tables["heatmap"]
+def _heatmap(robustness: Robustness) -> Any:
+    """Return a heat map of models and attacks; dark is low utility, and a frame marks a worst case."""
+    table = robustness.tables["heatmap"]
     source = _source("cells", *table.header, "column", "text", "ink", "frame")
     left = [row[table.header.index("utility")] for row in table.rows]
     mapper = LinearColorMapper(palette=Cividis256, low=min(left, default=0.0), high=1.0)
     found = _figure(
-        x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above", height=190 + 24 * len(told.order)
+        x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above", height=190 + 24 * len(robustness.order)
     )
     fill: Any = {"field": "utility", "transform": mapper}
     cells = found.rect("column", "model", 1, 1, source=source, fill_color=fill, line_color=fill)
@@ -56,7 +56,7 @@ def _heatmap(told: Robustness) -> Any:
 
 
 def _curves() -> Any:
-    """A line for each model, or for each attack on it."""
+    """Return lines for each model, or for each attack on it."""
     found = _figure(x_axis_label="round", y_axis_label="utility in the round", height=400)
     lines = _lines(found, "lines", "model", "attack", "wide", "strength", line_width="wide", line_alpha="strength")
     _hover(found, lines, ("under", "@attack"), ("round", "$x{0}"), ("utility", "$y{0.000}"))
@@ -64,7 +64,7 @@ def _curves() -> Any:
 
 
 def _breakdown() -> Any:
-    """A line for each model from share to share, with intervals."""
+    """Return a line for each model by share, with intervals."""
     found = _figure(x_axis_label="share of the compromised", y_axis_label="utility in the worst case", height=400)
     found.xaxis.formatter = NumeralTickFormatter(format="0%")
     _lines(found, "lines", "model", line_width=2.2)
@@ -75,7 +75,7 @@ def _breakdown() -> Any:
 
 
 def _tradeoff() -> Any:
-    """A mark for each attack on each model; a large one for the worst case."""
+    """Return a mark for each attack on each model; the worst case has a large one."""
     found = _figure(x_axis_label="detectability (AUC)", y_axis_label="damage to the honest", height=440)
     found.x_range = Range1d(start=-0.03, end=1.03)
     more = ("auc_half_95", "damage_half_95", "attack", "size")
@@ -88,11 +88,11 @@ def _tradeoff() -> Any:
     return found
 
 
-def _learners(told: Learners) -> Any:
-    """A line for each learner from budget to budget, with intervals."""
+def _learners(learners: Learners) -> Any:
+    """Return a line for each learner by budget, with intervals."""
     found = _figure(x_axis_label="rounds of play", y_axis_label="share of the optimum", height=400, x_axis_type="log")
     found.y_range = Range1d(start=0.0, end=1.0)
-    found.xaxis.ticker = list(told.suite.budgets)
+    found.xaxis.ticker = list(learners.suite.budgets)
     found.xaxis.formatter = NumeralTickFormatter(format="0,0")
     for level in (0, 1):
         found.add_layout(_level(level, "width"))
@@ -119,7 +119,7 @@ def _figure(**options: Any) -> Any:
 
 
 def _level(value: float, along: Any) -> Span:
-    """A line that means something: chance, honest play, the optimum."""
+    """Return a reference line: chance, honest play or the optimum."""
     return Span(location=value, dimension=along, line_color="#8b949e", line_dash="dashed", line_width=1)
 
 
@@ -133,15 +133,15 @@ def _lines(found: Any, name: str, *more: str, **how: Any) -> Any:
 
 
 def _marks_with_ends(found: Any, x: str, y: str, source: ColumnDataSource) -> Any:
-    """Marks, each with its interval."""
+    """Draw marks with their intervals."""
     heads: Any = [TeeHead(size=7, line_color="colour") for _ in range(2)]
     ends: Any = {"base": x, "lower": "low", "upper": "high", "lower_head": heads[0], "upper_head": heads[1]}
     found.add_layout(Whisker(source=source, line_color="colour", **ends))
     return found.scatter(x, y, source=source, marker="mark", size=9, color="colour", fill_alpha=0.75)
 
 
-def _hover(found: Any, renderer: Any, *said: tuple[str, str], who: str = "@model") -> None:
-    found.add_tools(HoverTool(renderers=[renderer], tooltips=[("", who), *said]))
+def _hover(found: Any, renderer: Any, *rows: tuple[str, str], who: str = "@model") -> None:
+    found.add_tools(HoverTool(renderers=[renderer], tooltips=[("", who), *rows]))
 
 
 def _with_half(name: str) -> tuple[str, str]:

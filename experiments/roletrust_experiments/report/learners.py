@@ -1,4 +1,4 @@
-"""What a learners' suite found, as the report tells it."""
+"""Results of a suite for learners in the report."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +17,12 @@ class Learners(NamedTuple):
     """The learners' part of a report.
 
     Attributes:
-        suite: that was played.
-        software: that it was played with.
-        command: that plays it.
-        scales: what share 0 and 1 are on each task.
-        found: what each learner reaches.
-        warnings: what a reader should know.
+        suite: Suite that was played.
+        software: Versions of the software.
+        command: Command that plays the suite.
+        scales: Scores of share 0 and 1 on each task.
+        found: Results of each learner.
+        warnings: Warnings for the reader.
     """
 
     suite: LearnersSuite
@@ -34,16 +34,16 @@ class Learners(NamedTuple):
 
     @classmethod
     def of(cls, suite: LearnersSuite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
-        """What a run found.
+        """Return the results of a run.
 
         Args:
-            suite: of the run.
-            kept: its trials, with what became of them.
-            software: that it was played with.
-            path: of its file.
+            suite: Suite of the run.
+            kept: Trials with their results.
+            software: Versions of the software.
+            path: Path of the file.
 
         Raises:
-            ValueError: not one learner of it has been played.
+            ValueError: No learner has been played.
         """
         scales, found = learner_results(suite, kept)
         if not found:
@@ -55,19 +55,19 @@ class Learners(NamedTuple):
 
     @property
     def order(self) -> list[str]:
-        """The learners, the best first."""
+        """Learners, the best first."""
         return ranking(self.found)
 
     @property
     def tables(self) -> dict[str, Table]:
-        """The one table, by the name of what shows it."""
+        """The table by the name of its figure."""
         tasks, names = [ALL_TASKS, *self.scales], self.order
         found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
         return {"learners": Table(HEADER, table_rows(found))}
 
     @property
     def shares(self) -> dict[str, dict[str, Interval]]:
-        """What each learner reaches with the largest budget, the best learner first: over all tasks, and on each."""
+        """Share of each learner with the largest budget over all tasks and on each task, the best learner first."""
         largest = self.suite.budgets[-1]
         mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
         nothing = Interval(float("nan"), float("nan"), float("nan"))

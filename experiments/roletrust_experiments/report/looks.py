@@ -1,4 +1,4 @@
-"""How each model is drawn: a colour, a dash and a mark, so that none is told by its colour alone."""
+"""Style of each model: a colour, a dash and a mark, so that colour is never the only difference."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,12 +11,12 @@ MARKS = ("circle", "square", "triangle", "diamond", "inverted_triangle")
 
 
 class Look(NamedTuple):
-    """How a model is drawn.
+    """Style of a model.
 
     Attributes:
-        colour: of its line and its marks.
-        dash: lengths of strokes and gaps in pixels; empty for a solid line.
-        mark: by its name in Bokeh.
+        colour: Colour of its line and its marks.
+        dash: Lengths of strokes and gaps in pixels; empty for a solid line.
+        mark: Name of its mark in Bokeh.
     """
 
     colour: str
@@ -25,5 +25,5 @@ class Look(NamedTuple):
 
 
 def looks(models: Sequence[str]) -> dict[str, Look]:
-    """A look for each model; no two of the first 28 have the same line, and no two of the first 35 the same mark."""
+    """Return a style for each model; the first 28 have different lines, and the first 35 different marks."""
     return {model: Look(COLOURS[k % 7], DASHES[k % 4], MARKS[k % 5]) for k, model in enumerate(models)}

@@ -1,4 +1,4 @@
-"""The HTML file: the template with tables, figures and their numbers, and all that it needs inside."""
+"""The HTML page: the template with tables, figures and their numbers, complete in one file."""
 
 import json
 import math
@@ -19,22 +19,22 @@ _DIGITS = 4
 """Decimals of the numbers in the page; the CSV files have more."""
 
 _CHOSEN = 6
-"""Models that the figures show at first."""
+"""Number of models that the figures show at first."""
 
 
 def page(content: Content, command: str) -> str:
-    """The page, which needs no other file and no network.
+    """Return the page, which needs no other file and no network.
 
     Args:
-        content: what it tells.
-        command: that makes it, as a person types it.
+        content: Content of the report.
+        command: Command that writes the page.
     """
     styles = {
         who: {name: look._asdict() for name, look in looks(part.order).items()}
         for who, part in (("model", content.robustness), ("learner", content.learners))
         if part is not None
     }
-    told = {
+    data = {
         "tables": {name: _plain(table.columns()) for name, table in content.tables.items()},
         "looks": styles,
         "figures": {name: json_item(found) for name, found in figures(content).items()},
@@ -54,13 +54,13 @@ def page(content: Content, command: str) -> str:
         looks=styles,
         chosen=_CHOSEN,
         choices={name: table.choices() for name, table in content.tables.items()},
-        data=Markup(_script_safe(json.dumps(told, allow_nan=False, separators=(",", ":")))),
+        data=Markup(_script_safe(json.dumps(data, allow_nan=False, separators=(",", ":")))),
         bokeh=Markup(Resources(mode="inline", components=["bokeh"]).render_js()),
     )
 
 
 def _script_safe(text: str) -> str:
-    """JSON that no HTML parser takes for a tag, whatever the names in it."""
+    """Return JSON that an HTML parser never reads as a tag."""
     return text.replace("<", "\\u003c")
 
 
@@ -69,7 +69,7 @@ def _plain(columns: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
 
 
 def _shared(values: list[Any]) -> Any:
-    """A column; where most values come again and again, each of them once, and where it stands."""
+    """Return a column; if most values repeat, each value once and the indices."""
     places: dict[str, int] = {}
     at = [places.setdefault(json.dumps(value), len(places)) for value in values]
     return {"values": [json.loads(text) for text in places], "at": at} if 2 * len(places) < len(values) else values

@@ -1,4 +1,4 @@
-"""The figures of the report as pictures for papers and slides: the best models, in the first condition of each."""
+"""Figures of the report as images for papers and slides: the best models, in the first condition of each."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -19,26 +19,28 @@ from roletrust_experiments.report.table import Table
 
 _MARKS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D", "inverted_triangle": "v"}
 _LINES = 6
-"""Models of a picture with lines; more would hide each other."""
+"""Maximum number of models with lines; more would hide each other."""
 
 
 def pictures(content: Content) -> dict[str, Figure]:
-    """A picture for each table, by its name."""
+    """Return an image for each table by name."""
     found = _of_models(content.robustness) if content.robustness else {}
-    if told := content.learners:
-        found["learners"] = learners_figure(title(told.suite), told.found, told.scales)
+    if learners := content.learners:
+        found["learners"] = learners_figure(title(learners.suite), learners.found, learners.scales)
     return found
 
 
-def _of_models(told: Robustness) -> dict[str, Figure]:
-    styles = dict(list(looks(told.order).items())[:_LINES])
-    heat = partial(_heat, lowest=_lowest(told))
+def _of_models(robustness: Robustness) -> dict[str, Figure]:
+    styles = dict(list(looks(robustness.order).items())[:_LINES])
+    heat = partial(_heat, lowest=_lowest(robustness))
     return {
-        "leaderboard": _leaderboard(told.leaderboard.rows),
-        "heatmap": _panels(told.tables["heatmap"], heat, told.order, (10.4, 0.3 * len(told.order) + 2.2)),
-        "curves": _panels(told.tables["curves"], _curves, styles, (8.4, 3.2)),
-        "breakdown": _panels(told.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
-        "tradeoff": _panels(told.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
+        "leaderboard": _leaderboard(robustness.leaderboard.rows),
+        "heatmap": _panels(
+            robustness.tables["heatmap"], heat, robustness.order, (10.4, 0.3 * len(robustness.order) + 2.2)
+        ),
+        "curves": _panels(robustness.tables["curves"], _curves, styles, (8.4, 3.2)),
+        "breakdown": _panels(robustness.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
+        "tradeoff": _panels(robustness.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
     }
 
 
@@ -64,7 +66,7 @@ def _leaderboard(standings: Sequence[LeaderboardRow]) -> Figure:
 
 
 def _panels(table: Table, draw: Any, how: Any, size: tuple[float, float]) -> Figure:
-    """A panel for each value of a table's first column."""
+    """Return a figure with a panel for each value of the first column of a table."""
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in table.rows:
         groups.setdefault(row[0], []).append(dict(zip(table.header, row, strict=True)))
@@ -75,9 +77,9 @@ def _panels(table: Table, draw: Any, how: Any, size: tuple[float, float]) -> Fig
     return figure
 
 
-def _lowest(told: Robustness) -> float:
-    """The least utility of all, where the colours of every panel begin."""
-    table = told.tables["heatmap"]
+def _lowest(robustness: Robustness) -> float:
+    """Return the lowest utility, at which the colours of every panel begin."""
+    table = robustness.tables["heatmap"]
     place = table.header.index("utility")
     return float(np.nanmin([row[place] for row in table.rows], initial=1.0))
 

@@ -43,6 +43,7 @@ class Robustness(NamedTuple):
     suite: Suite
     software: dict[str, Any]
     command: str
+    path: Path
     leaderboard: Leaderboard
     blind: float
     conditions: list[str]
@@ -75,7 +76,7 @@ class Robustness(NamedTuple):
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
         where = list(dict.fromkeys(one.condition.description for one in struck))
-        return cls(suite, software, reproduction_command(suite, path), leaderboard, blind, where, tables)
+        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
     @property
     def warnings(self) -> list[str]:
@@ -170,7 +171,7 @@ def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
 
 
 def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
-    """What an attack costs the honest, and how well it is told apart."""
+    """Return the damage and the detectability of each attack."""
     header = ("condition", "attack", "model", "damage", "damage_half_95", "auc", "auc_half_95", "worst")
     rows = []
     for one in attacks:

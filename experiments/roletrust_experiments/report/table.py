@@ -1,4 +1,4 @@
-"""A table of a report: a CSV file, and what a figure of the page is drawn from."""
+"""A table of a report: the content of a CSV file and the data of a figure."""
 
 from typing import Any, NamedTuple
 
@@ -10,9 +10,9 @@ class Table(NamedTuple):
     rows: list[tuple[Any, ...]]
 
     def columns(self) -> dict[str, list[Any]]:
-        """The values of each column."""
+        """Return the values of each column."""
         return {name: [row[k] for row in self.rows] for k, name in enumerate(self.header)}
 
     def choices(self) -> list[Any]:
-        """What the first column holds: of these the reader of a figure chooses one."""
+        """Return the values of the first column, one of which the reader of a figure selects."""
         return list(dict.fromkeys(row[0] for row in self.rows))

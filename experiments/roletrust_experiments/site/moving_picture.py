@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from roletrust_baselines import BadMouthing
 
 from roletrust_env import Player, Policy, make_scenario, parallel_env
 from roletrust_env.storage.files import replacing
-from roletrust_baselines import BadMouthing
 
 LARGEST = 1_000_000
 """Largest size of the file in bytes."""
@@ -43,9 +43,7 @@ def _pictures(rounds: int) -> Iterator[np.ndarray]:
     attackers = {"sr_2": BadMouthing(start=rounds // 3)}
     environment = parallel_env(scenario, render_mode="rgb_array")
     seen, _ = environment.reset(seed=0, options={"attackers": list(attackers)})
-    players = {
-        agent: Player(attackers.get(agent, Policy()), agent, environment.layout) for agent in environment.agents
-    }
+    players = {agent: Player(attackers.get(agent, Policy()), agent, environment.layout) for agent in environment.agents}
     with closing(environment):
         while environment.agents:
             seen, *_ = environment.step({agent: players[agent](seen[agent]) for agent in environment.agents})

@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.identification.scenario_files import as_toml
 from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
@@ -21,7 +22,6 @@ from roletrust_experiments.commands.catalogue import (
     where_searched,
 )
 from roletrust_experiments.commands.models import ROUNDS, SCENARIO
-from roletrust_experiments.identification.scenario_files import as_toml
 from roletrust_experiments.site.commands import everything, roletrust
 from roletrust_experiments.site.drawn import Drawn, draw
 from roletrust_experiments.site.environments import attack_tasks, described

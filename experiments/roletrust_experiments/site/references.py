@@ -32,7 +32,7 @@ def cited(text: str, path: Path) -> list[str]:
         path: BibTeX file.
     """
     plain = _ascii(" ".join(text.split()))
-    found = {}
+    found: dict[str, int] = {}
     for key, (name, year) in _entries(path).items():
         for match in re.finditer(rf"\b{re.escape(_ascii(name))}\b{_REST}\b{year}\b", plain):
             if not _COAUTHOR.search(plain[: match.start()]):

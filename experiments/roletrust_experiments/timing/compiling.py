@@ -1,8 +1,8 @@
-"""Compiling ahead of the timing: in processes of their own, which can be stopped, into torch's cache on disk.
+"""Compilation before timing, in separate processes that can be stopped, into torch's cache on disk.
 
-What one process has compiled, others may find in the cache: the one that times it, and those of the next run, so that
-a run that was broken off goes on where it was. Where torch takes their settings for others, they compile anew. The
-cache is where torch keeps it, see its TORCHINDUCTOR_CACHE_DIR.
+The timing process and later runs find the compiled code in the cache, so that an interrupted run continues where it
+stopped. They compile again if torch considers their settings different. The folder of the cache is torch's own, see
+its TORCHINDUCTOR_CACHE_DIR.
 """
 
 import pickle
@@ -28,17 +28,17 @@ def compile_ahead(
     threads: int,
     advance: Callable[[Key], None] = lambda key: None,
 ) -> dict[Key, str]:
-    """Do jobs in two other processes, and stop what takes too long.
+    """Run jobs in two other processes, and stop those that take too long.
 
     Args:
-        work: a function of a module; what it returns or raises is lost.
-        jobs: its arguments; those that cannot be sent to another process are passed over.
-        limit_s: seconds that a job may take, not counting what a process needs to start and to load torch.
-        threads: of torch, which the compiled code depends on.
-        advance: called with each key before its job begins.
+        work: Function of a module; its results and exceptions are discarded.
+        jobs: Arguments of the function; those that cannot be pickled are skipped.
+        limit_s: Time limit of a job in seconds, without the start of the process and the import of torch.
+        threads: Number of threads of torch, which the compiled code depends on.
+        advance: Called with each key before its job begins.
 
     Returns:
-        Why not, for each key whose job was not done: it was stopped, or its process broke down.
+        The reason for each key whose job did not finish: it was stopped, or its process crashed.
     """
     sent = {key: job for key, job in jobs.items() if _can_be_sent(job)}
     undone: dict[Key, str] = {}
@@ -46,25 +46,25 @@ def compile_ahead(
     with crew, suppress(ChildProcessError):
         for key, answer in crew.run(sent, limit_s, advance=advance):
             if answer.timed_out:
-                undone[key] = f"to compile it takes more than {in_time(limit_s)}"
+                undone[key] = f"compiling takes more than {in_time(limit_s)}"
             elif answer.exit_code is not None:
-                undone[key] = "the process that compiled it broke down"
+                undone[key] = "the compiling process crashed"
     return undone
 
 
 def _can_be_sent(job: tuple[Any, ...]) -> bool:
-    with suppress(pickle.PicklingError, AttributeError, TypeError):  # it depends on what is in it
+    with suppress(pickle.PicklingError, AttributeError, TypeError):  # pickle raises different errors
         pickle.dumps(job)
         return True
     return False
 
 
 def _compile(work: Callable[..., object], *job: Any) -> None:
-    """Do a job."""
-    with suppress(Exception):  # whatever it raises comes again where it is not lost
+    """Run a job."""
+    with suppress(Exception):  # the timing process raises it again
         work(*job)
 
 
 def _load_torch(threads: int) -> None:
-    """Let torch, where it is installed, work on so many threads from now on."""
+    """Set the number of threads of torch, if it is installed."""
     torch_threads(threads).__enter__()

@@ -1,4 +1,4 @@
-"""What `roletrust speed` times, and how: every contestant is a step that can be taken over and over."""
+"""Contestants of `roletrust speed`, and their timing: each is a step that can be repeated."""
 
 import contextlib
 import inspect
@@ -16,20 +16,20 @@ from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.game.state import Actions
 from roletrust_env.world import AgentGroup
 
-# Actions are sampled before the clock starts, and taken in turn.
+# Actions are sampled before the clock starts, and used in turn.
 _SAMPLES = 64
 _BATCH_SAMPLES = 4
 
 
 class Contestant(NamedTuple):
-    """Something to be timed.
+    """A step to time.
 
     Attributes:
-        name: what it is.
-        games: number of games that play in one step.
-        agents: number of agents in each game.
-        step: takes one step in every game.
-        ratings: number of ratings in each round of a game; 0 for games without.
+        name: Name in tables.
+        games: Number of games that play in one step.
+        agents: Number of agents in each game.
+        step: Function that takes one step in every game.
+        ratings: Number of ratings in each round of a game; 0 for games without ratings.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Contestant(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """The median of the repeats, and the least and the greatest of them."""
+    """Median, minimum and maximum of repeats."""
 
     median: float
     low: float
@@ -48,36 +48,36 @@ class Spread(NamedTuple):
 
     @classmethod
     def of(cls, values: Iterable[float]) -> "Spread":
-        """The spread of some values."""
+        """Return the spread of values."""
         known = np.asarray(list(values))
         return cls(float(np.median(known)), float(known.min()), float(known.max()))
 
 
 class Timing(NamedTuple):
-    """How long one step of a contestant took, in seconds, in each repeat."""
+    """Time of one step of a contestant in each repeat, in seconds."""
 
     contestant: Contestant
     seconds: tuple[float, ...]
 
     def env_steps(self) -> Spread:
-        """Rounds of a game a second."""
+        """Return the rounds of a game per second."""
         return Spread.of(self.contestant.games / s for s in self.seconds)
 
     def agent_steps(self) -> Spread:
-        """Actions of an agent a second."""
+        """Return the actions of an agent per second."""
         return Spread.of(self._acts / s for s in self.seconds)
 
     def per_rating(self) -> Spread:
-        """Seconds for each rating of a round."""
+        """Return the seconds for each rating of a round."""
         return Spread.of(self._for_a_rating)
 
     def times_faster(self, peer: "Timing") -> Spread:
-        """Ratio of the agent-steps a second to those of a peer, turn by turn."""
+        """Return the ratio of agent-steps per second to those of a peer, turn by turn."""
         pairs = zip(self.seconds, peer.seconds, strict=True)
         return Spread.of((self._acts / ours) / (peer._acts / theirs) for ours, theirs in pairs)
 
     def times_dearer(self, peer: "Timing") -> Spread:
-        """Ratio of the time per rating to that of a peer, turn by turn."""
+        """Return the ratio of the time per rating to that of a peer, turn by turn."""
         return Spread.of(ours / theirs for ours, theirs in zip(self._for_a_rating, peer._for_a_rating, strict=True))
 
     @property
@@ -92,13 +92,13 @@ class Timing(NamedTuple):
 def measure(
     contestants: Sequence[Contestant], repeats: int, slice_s: float, advance: Callable[[], None] = lambda: None
 ) -> list[Timing]:
-    """Time contestants in turn, over and over, so that whatever else the machine does strikes all alike.
+    """Time contestants in turn and repeatedly, so that other work on the machine affects all alike.
 
     Args:
-        contestants: who takes part.
-        repeats: how many turns each of them gets.
-        slice_s: how long a turn lasts, about; a turn is one step at least.
-        advance: called after each turn.
+        contestants: Contestants.
+        repeats: Number of turns of each contestant.
+        slice_s: Approximate length of a turn in seconds; a turn is at least one step.
+        advance: Called after each turn.
     """
     steps = [_steps_in(contestant, slice_s) for contestant in contestants]
     seconds: list[list[float]] = [[] for _ in contestants]
@@ -118,7 +118,7 @@ def _time(contestant: Contestant, steps: int) -> float:
 
 
 def _steps_in(contestant: Contestant, seconds: float) -> int:
-    """How many steps fill that time."""
+    """Return the number of steps that fill a time."""
     _time(contestant, 3)  # torch compiles one graph for the first round and one for those that follow
     steps = 1
     while (elapsed := _time(contestant, steps) * steps) < seconds / 4:
@@ -127,13 +127,13 @@ def _steps_in(contestant: Contestant, seconds: float) -> int:
 
 
 def one_environment(seed: int) -> Contestant:
-    """The paper's scenario as a PettingZoo parallel environment."""
+    """Return the paper's scenario as a PettingZoo parallel environment."""
     env = parallel_env("paper-3x3")
     return Contestant("one environment", 1, len(env.possible_agents), _player(env, seed))
 
 
 def simple_adversary(seed: int) -> Contestant:
-    """The environment of mpe2 as it comes, but with episodes as long as ours."""
+    """Return the environment of mpe2, with episodes of the same length as ours."""
     from mpe2 import simple_adversary_v3
 
     env = simple_adversary_v3.parallel_env(max_cycles=make_scenario("paper-3x3").max_cycles)
@@ -141,7 +141,7 @@ def simple_adversary(seed: int) -> Contestant:
 
 
 def simple_spread(games: int, seed: int) -> Contestant:
-    """The batched environment of VMAS, three agents with continuous actions."""
+    """Return the batched environment of VMAS with three agents and continuous actions."""
     # VMAS imports the old gym, which prints that it is no longer maintained.
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -154,14 +154,14 @@ def simple_spread(games: int, seed: int) -> Contestant:
 
 
 def batch(library: str, games: int, seed: int) -> Contestant:
-    """A batch of games of the paper's scenario in float32, with all that a learner needs of a step.
+    """Return a batch of games of the paper's scenario in float32, with all that a learner needs of a step.
 
-    Noise is drawn, the round is played, observations and rewards are made. Games that are over start anew.
+    A step draws noise, plays the round, and computes observations and rewards. Finished games start again.
 
     Args:
         library: `NumPy`, `torch` or `compiled torch`.
-        games: size of the batch.
-        seed: of noise and actions.
+        games: Size of the batch.
+        seed: Random seed of noise and actions.
     """
     scenario = make_scenario("paper-3x3")
     step = _rounds(scenario, library, (games,), seed)
@@ -169,11 +169,11 @@ def batch(library: str, games: int, seed: int) -> Contestant:
 
 
 def attack_tasks(games: int, seed: int) -> Contestant:
-    """A batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
+    """Return a batch of `RoleTrust/ProviderAttack-v0` through Gymnasium, as learners play it.
 
     Args:
-        games: size of the batch.
-        seed: of noise and actions.
+        games: Size of the batch.
+        seed: Random seed of noise and actions.
     """
     env = AttackVectorEnv("RoleTrust/ProviderAttack-v0", games)
     env.reset(seed=seed)
@@ -183,7 +183,7 @@ def attack_tasks(games: int, seed: int) -> Contestant:
 
 
 def whole_round(side: int, seed: int) -> Contestant:
-    """One game of `side` raters and as many providers on NumPy in float32; a step as in `batch`."""
+    """Return one game of `side` raters and providers on NumPy in float32; a step is as in `batch`."""
     return Contestant("whole round", 1, 2 * side, _rounds(_square(side), "NumPy", (), seed), side**2)
 
 
@@ -193,7 +193,7 @@ def _square(side: int) -> Scenario:
 
 
 def _player(env: Any, seed: int) -> Callable[[], None]:
-    """A step of a PettingZoo environment under random actions."""
+    """Return a step of a PettingZoo environment under random actions."""
     env.reset(seed=seed)
     spaces = {agent: env.action_space(agent) for agent in env.possible_agents}
     for i, space in enumerate(spaces.values()):
@@ -210,7 +210,7 @@ def _player(env: Any, seed: int) -> Callable[[], None]:
 
 
 def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int) -> Callable[[], None]:
-    """A step of a game or of a batch under random actions."""
+    """Return a step of a game or of a batch under random actions."""
     like, random = source(library, seed)
     game = Game(scenario, like=like)
     s, p = game.roster.n_raters, game.roster.n_providers
@@ -218,7 +218,7 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
     actions = itertools.cycle(samples)
 
     def advance(state: Any, joint: Actions, key: Any) -> tuple[Any, ...]:
-        state, rewards = game.step(state, joint, game.luck(key, shape))
+        state, rewards = game.step(state, joint, game.noise(key, shape))
         return state, rewards, game.observations(state)
 
     if library == "compiled torch":
@@ -240,13 +240,13 @@ def _rounds(scenario: Scenario, library: str, shape: tuple[int, ...], seed: int)
 
 
 def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
-    """A step on tensors, compiled by torch into one graph."""
+    """Return a step on tensors, compiled by torch into one graph."""
     import torch
 
-    # Steps of several sizes share their code, and a code has few compilations, unless torch is told of it.
+    # Steps of several sizes share their code, and torch limits the compilations of a code by default.
     known = inspect.signature(torch.compile).parameters
     apart: Any = {"isolate_recompiles": True} if "isolate_recompiles" in known else {}
-    # Nobody changes the library while it is timed; what tells rounds apart is still looked at.
+    # The library does not change during the timing; guards on the arguments stay.
     unguarded: dict[str, Any] = {"guard_filter_fn": torch.compiler.skip_guard_on_globals_unsafe}
     made: Any = torch.compile(step, dynamic=False, fullgraph=True, options=unguarded, **apart)
     in_inference: Callable[..., Any] = torch.inference_mode()(made)
@@ -254,7 +254,7 @@ def compiled(step: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def source(library: str, seed: int) -> tuple[Any, Random]:
-    """An array that shows library and dtype, and a source of luck to go with it."""
+    """Return an array with the library and dtype, and a matching source of random numbers."""
     like: Any = np.zeros((), np.float32)
     if library != "NumPy":
         import torch

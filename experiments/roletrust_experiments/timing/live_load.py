@@ -1,4 +1,4 @@
-"""What a manager of a large team takes: CPU, memory, and the time from ratings to trust, on loopback."""
+"""Load of the manager of a large team: CPU, memory, and the time from ratings to trust, on loopback."""
 
 import multiprocessing
 import os
@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.live.nodes.manage import run_manager
-from roletrust_env.live.nodes.running import SECOND, running
+from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -20,25 +20,25 @@ from roletrust_env.live.wire.dds import Node, Reader
 from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.trust import make_trust_model
 
-_MEET_S = 60.0  # in which a team must get together
-_MEETING_S = 1.0  # in which another manager would be found
-_SETTLED = 10  # rounds in which nobody is missing, before anything is measured
+_MEET_S = 60.0  # until a team must be complete
+_MEETING_S = 1.0  # until another manager would be found
+_SETTLED = 10  # complete rounds before the measurement begins
 _LOOK_S = 0.05
 _STOP_S = 5.0
 
 
 class Load(NamedTuple):
-    """What was measured of a team.
+    """Measurements of a team.
 
     Attributes:
-        raters: how many, and as many providers; each rates all of them in every round.
-        rounds: that were published while it was measured.
-        complete: the share of the rounds that there should be in which nobody was missing.
-        cpu: of the manager, as a share of a core.
-        median_ms: from the moment at which ratings are sent to the trust that follows, as somebody else hears it.
-        largest_ms: the largest of these.
-        memory_mb: of the manager at the end.
-        grown_mb: by which its median grew from the first half of the time to the second.
+        raters: Number of raters, and of providers; each rater rates all providers in every round.
+        rounds: Number of published rounds during the measurement.
+        complete: Share of the expected rounds without a missing rater.
+        cpu: CPU time of the manager as a share of a core.
+        median_ms: Median time in ms from the sending of ratings to the arrival of trust at a listener.
+        largest_ms: Largest of these times.
+        memory_mb: Memory of the manager at the end.
+        grown_mb: Growth of its median memory from the first half of the time to the second.
     """
 
     raters: int
@@ -52,20 +52,20 @@ class Load(NamedTuple):
 
 
 def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: Callable[[float], object]) -> Load:
-    """Run a manager and raters, who sign, and listen to the trust.
+    """Run a manager and raters that sign their ratings, and listen to the trust.
 
     Args:
-        side: raters, and providers.
-        seconds: how long it is measured.
-        rate: rounds in a second.
-        folder: for keys and the journal, a new one.
-        advance: told how long it was measured so far, seconds.
+        side: Number of raters, and of providers.
+        seconds: Length of the measurement.
+        rate: Number of rounds per second.
+        folder: New folder for keys and the journal.
+        advance: Called with the seconds measured so far.
 
     Raises:
-        ValueError: this system does not tell what processes take, or the team does not get together.
+        ValueError: The system has no /proc, or the team is not complete in time.
     """
     if not Path("/proc/self/stat").exists():
-        raise ValueError("what processes take is read from /proc, which this system has not")
+        raise ValueError("the load of processes is read from /proc, which this system does not have")
     team = Team(tuple(f"sr_{i}" for i in range(side)), tuple(f"sp_{j}" for j in range(side)))
     shared = {"team": team, "keys": folder / "keys", "period": round(SECOND / rate)}
     make_keys(folder / "keys", team.raters)
@@ -75,7 +75,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
         raise ValueError(f"a manager publishes {TRUST} already; stop it, or set another ROS_DOMAIN_ID")
     trust, model = node.reader(TRUST, messages.TRUST, depth=1000), make_trust_model("role-trust")
     with (
-        _process(run_manager, model=model, journal=folder / "journal", **shared) as manager,
+        _process(run_manager_node, model=model, journal=folder / "journal", **shared) as manager,
         _process(run_raters, **shared),
     ):
         _gather(trust, side)
@@ -86,9 +86,9 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
             now = time.time_ns()
             advance(spent)
             memory.append(_memory_mb(manager))
-            for said in _heard(trust):
-                delays.append((now - messages.stamp_of(said)) / 1e6)
-                complete += not len(said.missing)
+            for message in _received(trust):
+                delays.append((now - messages.stamp_of(message)) / 1e6)
+                complete += not len(message.missing)
         cpu = (cpu_s(manager) - before) / spent
     half = len(memory) // 2
     grown = median(memory[half:]) - median(memory[: half + 1])
@@ -97,17 +97,17 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
 
 
 def run_raters(team: Team, keys: Path, period: int) -> None:
-    """Be all raters of a team, each on a topic of its own, until told to stop. Ratings are signed before their time."""
+    """Run all raters of a team, each on its own topic, until a signal. Ratings are signed in advance."""
     node, random = Node("raters"), np.random.default_rng(0)
     voices = {name: node.writer(f"/{name}{RATINGS}", messages.RATINGS) for name in team.raters}
     signers = {name: Signer(keys, name) for name in team.raters}
     stamp = 0
-    with running() as on:
-        while on:
+    with run_until_signal() as active:
+        while active:
             stamp = max(stamp + period, (time.time_ns() // period + 1) * period)
-            said = {name: _signed(name, stamp, team, signer, random) for name, signer in signers.items()}
-            on.sleep_until(stamp)
-            for name, raw in said.items():
+            signed = {name: _signed(name, stamp, team, signer, random) for name, signer in signers.items()}
+            active.sleep_until(stamp)
+            for name, raw in signed.items():
                 voices[name].write_raw(raw)
 
 
@@ -120,7 +120,7 @@ def _signed(name: str, stamp: int, team: Team, signer: Signer, random: np.random
 
 @contextmanager
 def _process(run: Callable[..., None], **arguments: Any) -> Iterator[int]:
-    """A process that is stopped at the end, by its number."""
+    """Run a process in a context, and yield its id."""
     process = multiprocessing.get_context("spawn").Process(target=run, kwargs=arguments, daemon=True)
     process.start()
     try:
@@ -132,27 +132,27 @@ def _process(run: Callable[..., None], **arguments: Any) -> Iterator[int]:
 
 
 def _gather(trust: Reader, side: int) -> None:
-    """Wait until some rounds in which nobody was missing."""
+    """Wait for some complete rounds."""
     complete, end = 0, time.monotonic() + _MEET_S
     while complete < _SETTLED:
         if time.monotonic() > end:
             raise ValueError(f"{side} raters do not get together in {_MEET_S:.0f} s; that is too many for this machine")
         time.sleep(_LOOK_S)
-        complete += sum(not len(said.missing) and len(said.raters) == side for said in _heard(trust))
+        complete += sum(not len(one.missing) and len(one.raters) == side for one in _received(trust))
 
 
-def _heard(trust: Reader) -> list[Any]:
-    """What was published since the last time."""
+def _received(trust: Reader) -> list[Any]:
+    """Return the messages since the last call."""
     return [messages.decode(raw, messages.TRUST) for raw in trust.take()]
 
 
 def cpu_s(process: int) -> float:
-    """What a process and its threads took of the processor so far, seconds."""
+    """Return the CPU time of a process and its threads in seconds."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _memory_mb(process: int) -> float:
-    """What a process has of the memory, megabytes."""
+    """Return the memory of a process in megabytes."""
     pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

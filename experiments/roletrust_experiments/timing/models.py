@@ -1,4 +1,4 @@
-"""What trust models cost: the time of an update by the size of the game, and how it grows."""
+"""Cost of trust models: the time of an update by the size of the game, and its growth."""
 
 import math
 import tracemalloc
@@ -28,12 +28,12 @@ class Size(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What a single update may take.
+    """Limits of a single update.
 
     Attributes:
-        seconds: of time.
-        memory: bytes, at the worst moment.
-        compiling: seconds until it is compiled.
+        seconds: Time in seconds.
+        memory: Peak memory in bytes.
+        compiling: Time to compile in seconds.
     """
 
     seconds: float = 5.0
@@ -45,7 +45,7 @@ LIMITS = Limits()
 
 
 class Cell(NamedTuple):
-    """One cell of the table: a timing, or why there is none."""
+    """A cell of the table: a timing, or the reason why there is none."""
 
     timing: Timing | None
     left_out: str = ""
@@ -56,22 +56,21 @@ Found = dict[tuple[str, str, Size], Cell]
 
 
 def sizes(sides: Sequence[int], library: str) -> list[Size]:
-    """The squares of these sides; on NumPy between the last two also those that are long in one direction alone."""
+    """Return the square sizes; for NumPy, also the rectangles of the last two sides."""
     squares = [Size(side, side) for side in sides]
     b, c = sides[-2:]
     return squares if library != "NumPy" else [*squares[:-1], Size(b, c), Size(c, b), squares[-1]]
 
 
 def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, seed: int) -> Contestant:
-    """A trust model alone: one update in float32, of one game, in which all rate all, and what it publishes.
+    """Return a trust model as a contestant: one update in float32 in which all rate all, and the published trust.
 
     Args:
-        name: of the contestant.
-        model: to be timed. One that asks who is who is told that rater i is provider i, and these do not rate
-            themselves.
-        size: of the game.
+        name: Name of the contestant.
+        model: Trust model. If it takes peers, rater i is provider i, and peers do not rate themselves.
+        size: Size of the game.
         library: `NumPy` or `compiled torch`.
-        seed: of the ratings.
+        seed: Random seed of the ratings.
     """
     like, random = source(library, seed)
     ratings, others = (random.uniform(size) for _ in range(2))
@@ -83,7 +82,7 @@ def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, se
         state = model.update(state, ratings, mask)
         return state, model.rater_trust(state), model.provider_trust(state)
 
-    # After the second update every rating has one before it, as in the middle of a game.
+    # After the second update every rating has a predecessor, as in the middle of a game.
     state = update(update(start_model(model, ratings, peers), ratings)[0], others)[0]
     taken = compiled(update) if library == "compiled torch" else update
     with warnings.catch_warnings():  # on caches that torch.compile looks through
@@ -93,14 +92,14 @@ def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, se
 
 
 class Trial(NamedTuple):
-    """What one update took: seconds, and bytes at the worst moment."""
+    """Time in seconds and peak memory in bytes of one update."""
 
     seconds: float
     memory: float
 
     @classmethod
     def of(cls, contestant: Contestant) -> "Trial":
-        """Of a contestant on NumPy: the shortest of three steps, which other work disturbed least, and one traced."""
+        """Measure a contestant on NumPy: the shortest of three steps, and the memory of one."""
 
         def timed() -> float:
             began = perf_counter()
@@ -117,10 +116,10 @@ class Trial(NamedTuple):
 
 
 def too_much(trials: Mapping[Size, Trial], size: Size, limits: Limits) -> str:
-    """Why a size is left out, in words; empty if it is not.
+    """Return the reason to leave out a size; empty if there is none.
 
-    What an update would take is what it took with fewer raters, times what it took with fewer providers, by what it
-    took with fewer of both: right if it grows as a product of powers. Where these were not tried nothing is left out.
+    The forecast is the cost with fewer raters, times the cost with fewer providers, divided by the cost with fewer of
+    both. It is exact if the cost grows as a product of powers. Without these three trials nothing is left out.
     """
     fewer = [small for small in trials if small.raters < size.raters and small.providers < size.providers]
     corners = [
@@ -150,18 +149,18 @@ def measure_models(
     seed: int = 0,
     advance: Callable[[str], None] = lambda what: None,
 ) -> Found:
-    """Time every model at every size, those of one size in turn; with torch, once all are compiled.
+    """Time every model at every size, with the models of one size in turn, and for torch after all compilations.
 
     Args:
-        models: by name.
-        sides: of the squares, growing.
-        libraries: of `LIBRARIES`, NumPy first: what takes too much there is left out elsewhere, too.
-        limits: of an update, see `too_much`.
-        repeats: how many turns each model gets.
-        slice_s: how long a turn lasts, about.
-        threads: of torch, as it is set; those that compile ahead are told.
-        seed: of the ratings.
-        advance: called with what is done next: before each model is made ready, and before each is compiled.
+        models: Trust models by name.
+        sides: Sides of the squares, in ascending order.
+        libraries: Some of `LIBRARIES`, NumPy first: what takes too long there is left out for the others.
+        limits: Limits of an update, see `too_much`.
+        repeats: Number of turns of each model.
+        slice_s: Approximate length of a turn in seconds.
+        threads: Number of threads of torch, also for compiling processes.
+        seed: Random seed of the ratings.
+        advance: Called with the next step: before each model is prepared, and before each is compiled.
     """
     found: Found = {}
     trials: dict[str, dict[Size, Trial]] = {name: {} for name in models}
@@ -177,7 +176,7 @@ def measure_models(
                 try:
                     if not reason:
                         ready.append(trust_update(name, model, size, library, seed))
-                except Exception as error:  # whatever a foreign model raises, or a compiler that is not there
+                except Exception as error:  # from a foreign model, or without a compiler
                     reason = str(error).strip().partition("\n")[0] or repr(error)
                 found[name, library, size] = Cell(None, reason)
             if library == "NumPy":
@@ -197,7 +196,7 @@ def _compile_all(
     seed: int,
     advance: Callable[[str], None],
 ) -> dict[tuple[str, Size], str]:
-    """Compile all that does not take too much, into torch's cache; what was not done, and why."""
+    """Compile all models within the limits into torch's cache. Return the reasons for those that failed."""
     library = "compiled torch"
     jobs = {
         (name, size): (name, model, size, library, seed)
@@ -211,7 +210,7 @@ def _compile_all(
 
 
 def growth(found: Found, name: str) -> tuple[float, float]:
-    """The powers of S and of P that the time of an update on NumPy grew by, at the largest sizes; NaN if unknown."""
+    """Return the powers of S and P in the time of an update on NumPy, at the largest sizes; NaN if unknown."""
     seconds = {
         size: cell.timing.per_rating().median * math.prod(size)
         for (model, library, size), cell in found.items()

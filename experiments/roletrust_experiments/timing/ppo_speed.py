@@ -1,9 +1,11 @@
-"""What the environment costs a learner: PPO's frames per second on a task, beside the same PPO on no game at all."""
+"""Cost of the environment for a learner: frames per second of PPO on a task and on an empty environment."""
 
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from roletrust_agents.training.learners import make_model
+from roletrust_agents.training.settings import PPOSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
@@ -11,14 +13,12 @@ from stable_baselines3.common.vec_env import VecEnv
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.vec_env_base import Flags, Floats, Slots, Step
 from roletrust_env.game.attack_task import make_task
-from roletrust_experiments.training.learners import make_model
-from roletrust_experiments.training.settings import PPOSettings
 
 
 class PPOSpeed(NamedTuple):
-    """Frames per second: of PPO on the task, on no game, and the share of the second that the first reaches.
+    """Frames per second of PPO on the task and on an empty environment, and their ratio.
 
-    Each is of its fastest turn, which other work on the machine disturbed least.
+    Each is from the fastest turn, the one that other work on the machine disturbed least.
     """
 
     task: float
@@ -27,11 +27,11 @@ class PPOSpeed(NamedTuple):
 
 
 class NoGame(Slots):
-    """A `VecEnv` of the spaces and the size of another one, whose rounds do nothing.
+    """An empty `VecEnv` with the spaces and the size of another one.
 
     Args:
-        like: the other one, whose games have a fixed length.
-        length: of an episode, in rounds.
+        like: Other environment, whose games have a fixed length.
+        length: Length of an episode in rounds.
     """
 
     def __init__(self, like: AttackVecEnv, length: int) -> None:
@@ -43,10 +43,10 @@ class NoGame(Slots):
         super().__init__(like.num_envs, like.task.game, seen, action, scaled=False, seed=0)
 
     def step_async(self, actions: Any) -> None:
-        """Look at nothing."""
+        """Ignore the actions."""
 
     def step_wait(self) -> tuple[Floats, Floats, Flags, list[dict[str, Any]]]:
-        """Do nothing, at no cost that could be saved."""
+        """Return zeros."""
         self._round += 1
         over = self._round % self._length == 0
         return self._zeros, self._zeros[:, 0], np.full(self.num_envs, over), self._infos
@@ -62,13 +62,13 @@ class NoGame(Slots):
 
 
 def ppo_speed(*, games: int = 256, rollouts: int = 8, turns: int = 5, seed: int = 0) -> PPOSpeed:
-    """Measure PPO, with the settings of `roletrust train`, on `ProviderAttack` in `paper-3x3` and on no game, in turn.
+    """Measure PPO with the settings of `roletrust train`, in turn on `ProviderAttack` and on an empty environment.
 
     Args:
-        games: size of the batch.
-        rollouts: rollouts, with the updates that follow them, in a turn.
-        turns: of each of the two, one after the other.
-        seed: of all luck.
+        games: Size of the batch.
+        rollouts: Number of rollouts with updates in a turn.
+        turns: Number of turns of each environment.
+        seed: Random seed.
     """
     settings = PPOSettings(games=games)
     task = make_task("paper-3x3", ("sp_2",), objective="exploit", max_cycles=200)
@@ -82,13 +82,13 @@ def ppo_speed(*, games: int = 256, rollouts: int = 8, turns: int = 5, seed: int 
 
 
 def _put(model: BaseAlgorithm, env: VecEnv) -> None:
-    """Let it learn elsewhere from now on."""
+    """Give the learner another environment."""
     assert isinstance(model, PPO)
     model.set_env(env)
 
 
 def _speed(model: BaseAlgorithm, frames: int) -> float:
-    """Frames per second over one turn."""
+    """Return the frames per second of one turn."""
     began = perf_counter()
     model.learn(frames, reset_num_timesteps=False)
     return frames / (perf_counter() - began)

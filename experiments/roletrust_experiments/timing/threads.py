@@ -1,4 +1,4 @@
-"""On how many threads torch works while it is timed."""
+"""Number of threads of torch during a timing."""
 
 import contextlib
 import importlib.util
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def torch_threads(threads: int) -> Iterator[None]:
-    """Torch on that many threads, and then as before; nothing where it is not installed."""
+    """Set the number of threads of torch in a context; do nothing without torch."""
     if importlib.util.find_spec("torch") is None:
         yield
         return

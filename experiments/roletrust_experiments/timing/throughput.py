@@ -1,4 +1,4 @@
-"""What searching for the worst case costs beside playing: env-steps of scripted cells and of the bare game."""
+"""Cost of a search for the worst case: env-steps of scripted cells and of the plain game."""
 
 from collections.abc import Iterator
 from time import process_time

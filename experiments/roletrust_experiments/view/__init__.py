@@ -1,1 +1,1 @@
-"""The page on which a team is watched while it runs. Needs Bokeh."""
+"""The live page, which shows a running team in a browser. Needs Bokeh."""

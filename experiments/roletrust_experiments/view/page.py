@@ -1,4 +1,4 @@
-"""The page in one browser: curves that grow, and the parts that are told to all."""
+"""The live page in one browser: growing curves, and the parts that all viewers share."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,57 +10,57 @@ from bokeh.models.widgets.markups import Div
 from bokeh.plotting import figure
 from jinja2 import Environment, PackageLoader
 
-from roletrust_env.live.journal import Published
+from roletrust_env.live.journal import PublishedTrust
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST
-from roletrust_experiments.view.board import Board, Told
+from roletrust_experiments.view.dashboard import Dashboard, PageParts
 
 _TEMPLATE = Path(__file__).parent / "template"
 _COLOURS = (*HONEST[:3], *ATTACKERS[1:])
 _DASHES = ("solid", (7, 3), (2, 2), (9, 3, 2, 3))
-_KEPT = 600  # rounds that the curves show
-_MATCHES = 60  # rounds of which is shown who was there
-_NAMED = 8  # lines up to which there is a legend
+_CURVE_ROUNDS = 600  # rounds in the curves
+_MATCH_ROUNDS = 60  # rounds in the figure of arrived ratings
+_MAX_LEGEND = 8  # more lines have no legend
 
 
-def make_page(board: Board, document: Document) -> None:
-    """Put the page into a document, and keep it up to date."""
-    page = Page(board)
+def make_page(dashboard: Dashboard, document: Document) -> None:
+    """Add the page to a document and refresh it periodically."""
+    page = Page(dashboard)
     for root in page.roots:
         document.add_root(root)
     environment = Environment(loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True)
     document.template = environment.get_template("page.html")
     document.title = "RoleTrust, live"
-    document.add_periodic_callback(page.refresh, round(1000 * board.refreshed_s))
+    document.add_periodic_callback(page.refresh, round(1000 * dashboard.refresh_s))
 
 
 class Page:
-    """What one browser shows.
+    """The page in one browser.
 
     Args:
-        board: what there is to see.
+        dashboard: Content of the page.
 
     Attributes:
-        roots: the parts, by the names that the template has for them.
+        roots: Elements of the page, with the names of their places in the template.
     """
 
-    def __init__(self, board: Board) -> None:
-        self._board, self._shown = board, 0
-        self._tor, self._top = _Curves("tor", board), _Curves("top", board)
+    def __init__(self, dashboard: Dashboard) -> None:
+        self._dashboard, self._shown = dashboard, 0
+        self._tor, self._top = _Curves("tor", dashboard), _Curves("top", dashboard)
         self._matches = _Matches()
         sheet = InlineStyleSheet(css=(_TEMPLATE / "parts.css").read_text(encoding="utf-8"))
-        self._told = {
+        self._parts = {
             name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0, disable_math=True)
-            for name in Told._fields  # a name from the network may look like TeX
+            for name in PageParts._fields  # a name from the network may look like TeX
         }
-        self.roots: list[Any] = [self._tor.figure, self._top.figure, self._matches.figure, *self._told.values()]
+        self.roots: list[Any] = [self._tor.figure, self._top.figure, self._matches.figure, *self._parts.values()]
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what came since the last time."""
-        for name, text in self._board.told()._asdict().items():
-            if self._told[name].text != text:
-                self._told[name].text = text
-        rounds = self._board.rounds(self._shown)
+        """Show the changes since the last call."""
+        for name, text in self._dashboard.parts()._asdict().items():
+            if self._parts[name].text != text:
+                self._parts[name].text = text
+        rounds = self._dashboard.rounds(self._shown)
         if rounds:
             self._shown = rounds[-1].stamp
             self._tor.add(rounds)
@@ -69,45 +69,47 @@ class Page:
 
 
 class _Curves:
-    """The trust of raters, or of providers, against seconds."""
+    """Curves of the trust of raters, or of providers, over time."""
 
-    def __init__(self, kind: str, board: Board) -> None:
-        self._kind, self._board = kind, board
+    def __init__(self, kind: str, dashboard: Dashboard) -> None:
+        self._kind, self._dashboard = kind, dashboard
         self._names: list[str] = []
         self.source = ColumnDataSource({"time_s": []}, name=f"{kind}-source")
         self.figure = _figure(kind, 240, y_range=Range1d(start=-0.03, end=1.05), x_axis_label="time (s)")
         self.figure.yaxis.ticker = [0, 0.25, 0.5, 0.75, 1]
 
-    def add(self, rounds: Sequence[Published]) -> None:
-        """Go on with these rounds; a line begins for whoever is new."""
+    def add(self, rounds: Sequence[PublishedTrust]) -> None:
+        """Append rounds; a new agent gets a new line."""
         trust = [getattr(one, self._kind) for one in rounds]
         for name in trust[-1]:
             if name not in self._names:
-                self._begin(name)
+                self._add_line(name)
         nan = float("nan")
         columns = {str(k): [values.get(name, nan) for values in trust] for k, name in enumerate(self._names)}
-        self.source.stream({"time_s": [self._board.seconds(one) for one in rounds], **columns}, rollover=_KEPT)
+        self.source.stream(
+            {"time_s": [self._dashboard.seconds(one) for one in rounds], **columns}, rollover=_CURVE_ROUNDS
+        )
 
-    def _begin(self, name: str) -> None:
-        """A line, in a column of its number: names from the network may be anything."""
+    def _add_line(self, name: str) -> None:
+        """Add a line. Its column is named by a number, since names from the network may be any text."""
         place = len(self._names)
         self._names.append(name)
         self.source.add([float("nan")] * len(self.source.data["time_s"]), str(place))
-        bad = name in self._board.attackers
+        bad = name in self._dashboard.attackers
         colour = ATTACKER if bad else _COLOURS[place % len(_COLOURS)]
         look: dict[str, Any] = {"color": colour, "line_width": 3.4 if bad else 2, "line_dash": _DASHES[place % 4]}
         if bad:
             look["line_dash"] = "solid"
-        label = {"legend_label": f"{name} (attacker)" if bad else name} if place < _NAMED else {}
+        label = {"legend_label": f"{name} (attacker)" if bad else name} if place < _MAX_LEGEND else {}
         self.figure.line("time_s", str(place), source=self.source, name=name, **look, **label)
         legend: Any = self.figure.legend
         legend.location, legend.orientation = "bottom_left", "horizontal"
         legend.background_fill_alpha, legend.border_line_color = 0.0, None
-        legend.visible = place < _NAMED
+        legend.visible = place < _MAX_LEGEND
 
 
 class _Matches:
-    """Which raters were in the last rounds."""
+    """Figure of the raters whose ratings arrived in the last rounds."""
 
     def __init__(self) -> None:
         self.source = ColumnDataSource({"round": [], "rater": [], "colour": []}, name="matches-source")
@@ -116,24 +118,24 @@ class _Matches:
         self.figure.rect("round", "rater", 0.9, 0.8, color="colour", source=self.source)
         self.figure.ygrid.visible = False
 
-    def add(self, rounds: Sequence[Published]) -> None:
-        """Go on with these rounds."""
+    def add(self, rounds: Sequence[PublishedTrust]) -> None:
+        """Append rounds."""
         raters = list(rounds[-1].tor)
         if self._raters.factors != raters[::-1]:
             self._raters.factors = raters[::-1]
             self.figure.height = max(150, 70 + 12 * len(raters))
-        cells = [(one, name) for one in rounds[-_MATCHES:] for name in one.tor]
+        cells = [(one, name) for one in rounds[-_MATCH_ROUNDS:] for name in one.tor]
         new = {
             "round": [one.round for one, _ in cells],
             "rater": [name for _, name in cells],
             "colour": [ATTACKER if name in one.missing else HONEST[1] for one, name in cells],
         }
-        self.source.stream(new, rollover=_MATCHES * len(raters))
+        self.source.stream(new, rollover=_MATCH_ROUNDS * len(raters))
 
 
 def _figure(name: str, height: int, **options: Any) -> Any:
-    """A quiet figure as wide as its place; `page.js` gives it the colours of light or dark."""
-    found = figure(name=name, height=height, sizing_mode="stretch_width", toolbar_location=None, tools="", **options)
-    found.xgrid.visible = False
-    found.outline_line_color = found.background_fill_color = found.border_fill_color = None
-    return found
+    """Return a plain figure of full width; `page.js` sets the colours for light or dark mode."""
+    plain = figure(name=name, height=height, sizing_mode="stretch_width", toolbar_location=None, tools="", **options)
+    plain.xgrid.visible = False
+    plain.outline_line_color = plain.background_fill_color = plain.border_fill_color = None
+    return plain

@@ -1,4 +1,4 @@
-"""The server of the page, for this machine only."""
+"""The server of the live page, for this machine only."""
 
 import os
 import socket
@@ -10,51 +10,51 @@ from bokeh.application.handlers.function import FunctionHandler
 from bokeh.server.server import Server
 from tornado.ioloop import PeriodicCallback
 
-from roletrust_env.live.nodes.running import running
-from roletrust_env.live.nodes.watch import Watcher
-from roletrust_experiments.view.board import Board
+from roletrust_env.live.nodes.run_loop import run_until_signal
+from roletrust_env.live.nodes.team_listener import TeamListener
+from roletrust_experiments.view.dashboard import Dashboard
 from roletrust_experiments.view.page import make_page
 
 _HERE = "127.0.0.1"
-_LOOKED_MS = 100  # between two looks at whether it is to end
-_YIELDS = 10  # to the robots, as `nice` has it
+_POLL_MS = 100  # time between two checks for a signal
+_NICENESS = 10  # the server gives way to the robots
 
 
-def serve(board: Board, port: int) -> Server:
-    """A server of the page, for this machine only; its loop is still to be run.
+def serve(dashboard: Dashboard, port: int) -> Server:
+    """Return a started server of the page, for this machine only. The caller runs its loop.
 
     Raises:
-        ValueError: the port is taken.
+        ValueError: The port is not available.
     """
-    application = Application(FunctionHandler(partial(make_page, board)))
+    application = Application(FunctionHandler(partial(make_page, dashboard)))
     origins = [f"localhost:{port}", f"{_HERE}:{port}"]
     try:
         server = Server({"/": application}, port=port, address=_HERE, allow_websocket_origin=origins)
     except OSError as error:
-        raise _taken(port, error) from None
+        raise _port_error(port, error) from None
     server.start()
     return server
 
 
 def check_port(port: int) -> None:
-    """See before the work whether the page can have a port.
+    """Check before the work that a port is available.
 
     Raises:
-        ValueError: it cannot.
+        ValueError: The port is not available.
     """
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
         try:
             probe.bind((_HERE, port))
         except OSError as error:
-            raise _taken(port, error) from None
+            raise _port_error(port, error) from None
 
 
-def _taken(port: int, error: OSError) -> ValueError:
-    return ValueError(f"port {port} cannot be had: {error}; give another with --port")
+def _port_error(port: int, error: OSError) -> ValueError:
+    return ValueError(f"port {port} is not available: {error}; choose another with --port")
 
 
-def run_view(
+def run_view_server(
     port: int,
     period_s: float,
     *,
@@ -63,27 +63,27 @@ def run_view(
     network: bool = False,
     ready: Callable[[Server], None] = lambda server: None,
 ) -> None:
-    """Show a team until told to end. It comes after the robots in everything: they do not wait for who looks on.
+    """Serve the page of a team until a signal ends the process. The process has a lower priority than the robots.
 
     Args:
-        port: of the page.
-        period_s: between rounds, seconds.
-        speed: seconds of the scenario's clock in a second.
-        attackers: names to be marked.
-        network: see `Node`.
-        ready: is called when the page can be had.
+        port: Port of the page.
+        period_s: Time between rounds, seconds.
+        speed: Speed relative to the scenario's clock.
+        attackers: Names to mark as attackers.
+        network: See `Node`.
+        ready: Function that is called once the page is available.
 
     Raises:
-        ValueError: the port is taken.
+        ValueError: The port is not available.
     """
-    os.nice(_YIELDS)
-    watcher = Watcher(network=network)
+    os.nice(_NICENESS)
+    listener = TeamListener(network=network)
     try:
-        server = serve(Board(watcher, period_s, speed, attackers), port)
-        with running() as on:
+        server = serve(Dashboard(listener, period_s, speed, attackers), port)
+        with run_until_signal() as active:
             ready(server)
-            PeriodicCallback(lambda: None if on else server.io_loop.stop(), _LOOKED_MS).start()
+            PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()
             server.io_loop.start()
         server.stop()
     finally:
-        watcher.close()
+        listener.close()

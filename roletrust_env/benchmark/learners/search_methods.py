@@ -6,6 +6,7 @@ from typing import Any
 from roletrust_env.benchmark.attackers import SEARCH_RUNGS, make_search
 from roletrust_env.benchmark.learners.learner import LearnerSearch, registry
 from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.search import HonestPlay, SearchMethod, search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_named
 
@@ -38,6 +39,6 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     if name in SEARCH_RUNGS:
         return make_search(name)
     if ":" not in name and name not in registry.names():
-        known = ", ".join([*SEARCH_RUNGS, *registry.names()])
-        raise ValueError(f"unknown learner {name!r}; known: {known}, or your own package.module:Class")
+        known = suggest(name, [*SEARCH_RUNGS, *registry.names()])
+        raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
     return LearnerSearch(parse_named(registry, name), name, task_id)

@@ -1,1 +1,1 @@
-"""The robots' processes: cameras, raters that look at them, and the manager. Each runs until it is told to stop."""
+"""The processes of a team: cameras, raters and the manager. Each runs until it receives SIGTERM or Ctrl-C."""

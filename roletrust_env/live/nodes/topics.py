@@ -1,15 +1,15 @@
-"""What the topics are called, and whose they are."""
+"""Names of the topics and of their owners."""
 
 TRUST = "/trust"
 DIAGNOSTICS = "/diagnostics"
 
 IMAGES = "/image_raw/compressed"
 RATINGS = "/ratings"
-"""Behind the name of a camera, and of a rater: `/sp_0/image_raw/compressed`, `/sr_0/ratings`."""
+"""Endings behind the name of a camera and of a rater: `/sp_0/image_raw/compressed`, `/sr_0/ratings`."""
 
 
 def owner(topic: str, ending: str) -> str | None:
-    """Whose a topic is; None if it has not this ending, or is nobody's.
+    """Return the name of the agent that a topic belongs to; None if the topic has another ending or no owner.
 
     Example:
         >>> owner("/sr_0/ratings", RATINGS), owner("/sr_0/tor", RATINGS), owner("/ratings", RATINGS)

@@ -1,1 +1,1 @@
-"""What goes over the network: messages, their signatures, and DDS as ROS 2 uses it. Needs the extra `live`."""
+"""The network layer: messages, their signatures, and DDS as ROS 2 uses it. Needs the extra `live`."""

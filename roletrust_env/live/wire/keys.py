@@ -1,4 +1,4 @@
-"""Who a rater is: ed25519 keys, one pair for each name (Bernstein et al. 2012)."""
+"""Keys of raters: one ed25519 pair for each name (Bernstein et al. 2012)."""
 
 import os
 from collections.abc import Iterable
@@ -13,22 +13,26 @@ _PRIVATE, _PUBLIC = ".key", ".pub"
 
 
 def make_keys(folder: Path, names: Iterable[str]) -> list[str]:
-    """Make a pair of keys for each name that has none: `NAME.key`, for its owner's eyes only, and `NAME.pub`.
+    """Make a pair of keys for each name that has none: `NAME.key`, readable by its owner only, and `NAME.pub`.
+
+    Args:
+        folder: Folder for the keys; it is created if it does not exist.
+        names: Names of raters.
 
     Returns:
-        The names that got new ones.
+        The names that got a new pair.
 
     Raises:
-        ValueError: a name cannot be that of a file, or a private key that is there is none.
-        OSError: the folder cannot be written to.
+        ValueError: A name is not an identifier, or an existing private key is invalid.
+        OSError: The folder cannot be written.
     """
     names = list(dict.fromkeys(names))
     for name in names:
         if not name.isidentifier():
-            raise ValueError(f"{name!r} is no name of an agent; use letters, digits and '_', such as sr_0")
+            raise ValueError(f"{name!r} is no name of an agent; use letters, digits and '_', for example sr_0")
     folder.mkdir(parents=True, exist_ok=True)
-    made = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
-    for name in made:
+    new = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
+    for name in new:
         key = Ed25519PrivateKey.generate()
         private = key.private_bytes(
             serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
@@ -36,28 +40,28 @@ def make_keys(folder: Path, names: Iterable[str]) -> list[str]:
         file = os.open(folder / f"{name}{_PRIVATE}", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(file, "wb") as opened:
             opened.write(private)
-        _publish(key, folder / f"{name}{_PUBLIC}")
-    for name in names:  # one whose making was cut short has no public key yet
+        _write_public(key, folder / f"{name}{_PUBLIC}")
+    for name in names:  # an interrupted run may have left out the public key
         if not (folder / f"{name}{_PUBLIC}").exists():
-            _publish(_private(folder / f"{name}{_PRIVATE}"), folder / f"{name}{_PUBLIC}")
-    return made
+            _write_public(_read_private(folder / f"{name}{_PRIVATE}"), folder / f"{name}{_PUBLIC}")
+    return new
 
 
-def _publish(key: Ed25519PrivateKey, path: Path) -> None:
-    """Write the public key of a private one."""
+def _write_public(key: Ed25519PrivateKey, path: Path) -> None:
+    """Write the public key that belongs to a private one."""
     public = key.public_key().public_bytes(serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo)
     path.write_bytes(public)
 
 
 class Signer:
-    """Signs as a rater.
+    """Signs messages with the private key of a rater.
 
     Args:
-        folder: with the keys.
-        name: of the rater.
+        folder: Folder with the keys.
+        name: Name of the rater.
 
     Raises:
-        ValueError: there is no private key of that name, others may read it, or it is none.
+        ValueError: The private key does not exist, can be read by others, or is invalid.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -65,37 +69,40 @@ class Signer:
         if not path.exists():
             raise ValueError(f"there is no private key {path}; `roletrust live keys` makes one")
         if path.stat().st_mode & 0o077:
-            raise ValueError(f"{path} can be read by others; only its owner may, as after `chmod 600 {path}`")
-        self._key = _private(path)
+            raise ValueError(f"{path} can be read by others; restrict it to its owner with `chmod 600 {path}`")
+        self._key = _read_private(path)
 
     def sign(self, data: bytes) -> bytes:
-        """The signature of some bytes."""
+        """Return the signature of some bytes."""
         return self._key.sign(data)
 
 
 class PublicKeys:
-    """The public keys of a folder: the raters that are known. See `Keyring`.
+    """The public keys in a folder, as a `Keyring` of the known raters.
+
+    Args:
+        folder: Folder with the keys.
 
     Raises:
-        ValueError: there is none in the folder, or one is no key.
+        ValueError: The folder has no public key, or one is invalid.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._keys = {path.stem: _public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))}
+        self._keys = {path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))}
         if not self._keys:
             raise ValueError(f"there is no public key in {folder}; `roletrust live keys` makes some")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Whose keys there are."""
+        """Names of the raters that have a key."""
         return tuple(self._keys)
 
     def __contains__(self, rater: object) -> bool:
-        """See `Keyring`."""
+        """Return whether there is a key of that name, see `Keyring`."""
         return rater in self._keys
 
     def verifies(self, rater: str, signed: bytes, signature: bytes) -> bool:
-        """See `Keyring.verifies`."""
+        """Return whether a signature is valid, see `Keyring.verifies`."""
         try:
             self._keys[rater].verify(signature, signed)
         except InvalidSignature:
@@ -103,19 +110,19 @@ class PublicKeys:
         return True
 
 
-def _private(path: Path) -> Ed25519PrivateKey:
+def _read_private(path: Path) -> Ed25519PrivateKey:
     key: object = None
     with suppress(ValueError, TypeError, UnsupportedAlgorithm):
         key = serialization.load_pem_private_key(path.read_bytes(), password=None)
     if not isinstance(key, Ed25519PrivateKey):
-        raise ValueError(f"{path} is no private key of the kind ed25519")
+        raise ValueError(f"{path} is not a private ed25519 key")
     return key
 
 
-def _public(path: Path) -> Ed25519PublicKey:
+def _read_public(path: Path) -> Ed25519PublicKey:
     key: object = None
     with suppress(ValueError, UnsupportedAlgorithm):
         key = serialization.load_pem_public_key(path.read_bytes())
     if not isinstance(key, Ed25519PublicKey):
-        raise ValueError(f"{path} is no public key of the kind ed25519")
+        raise ValueError(f"{path} is not a public ed25519 key")
     return key

@@ -1,4 +1,4 @@
-"""Recordings of what was said, as MCAP in rosbag2's folders: every message with its time of arrival, as it came."""
+"""Recordings of all messages with their times of arrival, as MCAP files in the folders of rosbag2."""
 
 import struct
 from collections.abc import Iterator
@@ -11,18 +11,18 @@ from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer
 from roletrust_env.live.wire.messages import typestore
 
 _MAGIC = b"\x89MCAP0\r\n"
-_DAMAGED = struct.error, KeyError, UnicodeDecodeError  # what a record that is not as it was leads to
+_DAMAGED = struct.error, KeyError, UnicodeDecodeError  # errors of a damaged record
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06  # records, https://mcap.dev/spec
 
 
-class Recorded(NamedTuple):
-    """A message that was recorded.
+class RecordedMessage(NamedTuple):
+    """A message of a recording.
 
     Attributes:
-        time: of its arrival, nanoseconds.
-        topic: in ROS 2, such as `/trust`.
-        kind: its type.
-        raw: CDR.
+        time: Time of arrival, nanoseconds.
+        topic: Name of the topic in ROS 2, such as `/trust`.
+        kind: Type of the message.
+        raw: Message, as CDR.
     """
 
     time: int
@@ -32,25 +32,28 @@ class Recorded(NamedTuple):
 
 
 class Recorder:
-    """Writes a recording, of which no more than the time between two calls of `flush` is lost if it is killed.
+    """Writes a recording. If the process is killed, only the messages since the last `flush` are lost.
 
     Args:
-        folder: a new one.
+        folder: New folder.
+
+    Attributes:
+        count: Number of messages so far.
 
     Raises:
-        ValueError: there is such a folder or file already.
-        OSError: it cannot be written.
+        ValueError: The folder exists already.
+        OSError: The folder cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
         if folder.exists():
-            raise ValueError(f"{folder} is there already; a recording needs a new folder")
+            raise ValueError(f"{folder} exists already; a recording needs a new folder")
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
         self._connections: dict[str, Any] = {}
         self.count = 0
 
-    def write(self, message: Recorded) -> None:
+    def write(self, message: RecordedMessage) -> None:
         """Write a message."""
         if message.topic not in self._connections:
             connection = self._writer.add_connection(message.topic, message.kind, typestore=typestore())
@@ -59,14 +62,14 @@ class Recorder:
         self.count += 1
 
     def flush(self) -> None:
-        """Put what was written so far on the disk."""
+        """Write all messages so far to the disk."""
         storage: Any = self._writer.storage
         if storage.chunk.msgs:
             storage.close_chunk()
         storage.bio.flush()
 
     def close(self) -> None:
-        """Write the index, without which ordinary readers do not read a recording."""
+        """Write the index, which ordinary readers need."""
         self._writer.close()
 
     def __enter__(self) -> Self:
@@ -76,35 +79,38 @@ class Recorder:
         self.close()
 
 
-def read_recording(folder: Path) -> Iterator[Recorded]:
-    """The messages of a recording, in order of arrival.
+def read_recording(folder: Path) -> Iterator[RecordedMessage]:
+    """Iterate over the messages of a recording, in order of arrival.
+
+    Args:
+        folder: Folder of the recording.
 
     Raises:
-        ValueError: it is none, or was not closed: `recover` makes one that is.
+        ValueError: The folder is not a recording, or it was not closed. `recover_recording` repairs the latter.
     """
     if not folder.is_dir():
         raise ValueError(
-            f"{folder} cannot be read: it is no folder; `roletrust live recover` makes one of an MCAP file"
+            f"{folder} cannot be read: it is no folder; `roletrust live recover` turns an MCAP file into one"
         )
-    with _readable(folder):
+    with _one_line_errors(folder):
         reader = Reader(folder)
         reader.open()
     messages = iter(reader.messages())
     try:
         while True:
-            with _readable(folder):
+            with _one_line_errors(folder):
                 connection, time, raw = next(messages, (None, 0, b""))
                 if connection is None:
                     return
-                one = Recorded(time, connection.topic, connection.msgtype, bytes(raw))
+                one = RecordedMessage(time, connection.topic, connection.msgtype, bytes(raw))
             yield one
     finally:
         reader.close()
 
 
 @contextmanager
-def _readable(folder: Path) -> Iterator[None]:
-    """Whatever rosbags stumbles over in a damaged file is told in one line."""
+def _one_line_errors(folder: Path) -> Iterator[None]:
+    """Turn every error of rosbags on a damaged file into a message of one line."""
     try:
         yield
     except (
@@ -121,67 +127,69 @@ def _readable(folder: Path) -> Iterator[None]:
         raise ValueError(f"{folder} cannot be read: {why}; `roletrust live recover` may help") from None
 
 
-def recover(damaged: Path, folder: Path) -> int:
-    """Write anew what can be read of a recording whose process was killed.
+def recover_recording(damaged: Path, folder: Path) -> int:
+    """Write the readable messages of a damaged recording, such as that of a killed process, to a new one.
 
     Args:
-        damaged: its folder, or the MCAP file.
-        folder: a new one.
+        damaged: Folder of the recording, or its MCAP file.
+        folder: New folder.
 
     Returns:
-        How many messages it has.
+        The number of messages.
 
     Raises:
-        ValueError: there is no such recording, or the folder is there already.
+        ValueError: The recording does not exist, has no readable message, or the new folder exists already.
     """
     path = damaged
     if damaged.is_dir():
         path = next(iter(sorted(damaged.glob("*.mcap"))), damaged)
     if not path.is_file() or not path.read_bytes()[: len(_MAGIC)] == _MAGIC:
-        raise ValueError(f"{damaged} is no recording; allowed are an MCAP file, and a folder with one")
-    salvaged = [one for one in _salvaged(path.read_bytes()[len(_MAGIC) :]) if one.kind in typestore().types]
-    if not salvaged:
-        raise ValueError(f"{damaged} holds no message that can be read; one of another program may be compressed")
+        raise ValueError(f"{damaged} is no recording; give an MCAP file, or a folder with one")
+    readable = [one for one in _readable_messages(path.read_bytes()[len(_MAGIC) :]) if one.kind in typestore().types]
+    if not readable:
+        raise ValueError(f"{damaged} has no readable message; recordings of other programs may be compressed")
     with Recorder(folder) as recorder:
-        for message in salvaged:
+        for message in readable:
             recorder.write(message)
         return recorder.count
 
 
-def _salvaged(data: bytes) -> Iterator[Recorded]:
-    """The messages of an MCAP file without its magic, as far as it is whole."""
+def _readable_messages(data: bytes) -> Iterator[RecordedMessage]:
+    """Iterate over the readable messages of an MCAP file, given without its magic bytes."""
     kinds: dict[int, str] = {}
-    channels: dict[int, tuple[str, str]] = {}
+    topics: dict[int, tuple[str, str]] = {}
     for code, content in _records(data):
         with suppress(*_DAMAGED):
             if code != _CHUNK:
-                yield from _message(code, content, kinds, channels)
-            elif not _text(content, 28):  # our own are not compressed
-                yield from _messages(content[28 + 4 + 8 :], kinds, channels)
+                yield from _message(code, content, kinds, topics)
+            elif not _text(content, 28):  # this project does not compress
+                yield from _chunk_messages(content[28 + 4 + 8 :], kinds, topics)
 
 
-def _messages(data: bytes, kinds: dict[int, str], channels: dict[int, tuple[str, str]]) -> Iterator[Recorded]:
+def _chunk_messages(
+    data: bytes, kinds: dict[int, str], topics: dict[int, tuple[str, str]]
+) -> Iterator[RecordedMessage]:
     for code, content in _records(data):
         with suppress(*_DAMAGED):
-            yield from _message(code, content, kinds, channels)
+            yield from _message(code, content, kinds, topics)
 
 
 def _message(
-    code: int, content: bytes, kinds: dict[int, str], channels: dict[int, tuple[str, str]]
-) -> Iterator[Recorded]:
-    """A record: a type or a topic, which is kept, or a message."""
+    code: int, content: bytes, kinds: dict[int, str], topics: dict[int, tuple[str, str]]
+) -> Iterator[RecordedMessage]:
+    """Read one record: store a type or a topic, or yield a message."""
     if code == _SCHEMA:
         kinds[struct.unpack_from("<H", content)[0]] = _text(content, 2)
     elif code == _CHANNEL:
         number, schema = struct.unpack_from("<HH", content)
-        channels[number] = _text(content, 4), kinds[schema]
+        topics[number] = _text(content, 4), kinds[schema]
     elif code == _MESSAGE:
         number, _, time = struct.unpack_from("<HIQ", content)
-        yield Recorded(time, *channels[number], content[22:])
+        yield RecordedMessage(time, *topics[number], content[22:])
 
 
 def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """The records of some bytes, the code of each and what is in it; one that is cut off is none."""
+    """Iterate over the codes and contents of the complete records in some bytes."""
     at = 0
     while at + 9 <= len(data):
         code, length = struct.unpack_from("<BQ", data, at)

@@ -1,6 +1,6 @@
-"""The paper's service for real: camera frames, OpenCV's people detector, and the probability of a person.
+"""The service of the paper: camera frames, OpenCV's people detector, and the probability of a person.
 
-The only part of the library that imports OpenCV; the rest imports it only for scenarios that look at frames.
+This package is the only part of the library that imports OpenCV. It is imported only for scenarios with camera frames.
 """
 
 from roletrust_env.world.vision.calibration import fit_calibration, labelled_margins

@@ -1,4 +1,4 @@
-"""The empty square: paving, a lawn, a hedge on the horizon and a sky, seen from any camera."""
+"""Background of the rendered scene: a paved square, a lawn, a hedge on the horizon and the sky, from any camera."""
 
 import functools
 
@@ -22,14 +22,14 @@ _HEDGE = np.array([96.0, 122.0, 92.0])
 
 
 def background(camera: Camera, sky_offset: FloatArray) -> Frame:
-    """What a camera sees when nobody is there.
+    """Return the frame of a camera without the person.
 
     Args:
-        camera: the camera.
-        sky_offset: where in the noise the clouds are read (2,), texels.
+        camera: Camera.
+        sky_offset: Offset of the clouds in the noise texture, in texels, shape (2,).
 
     Returns:
-        The frame (FRAME_HEIGHT, FRAME_WIDTH, 3).
+        Frame of shape (FRAME_HEIGHT, FRAME_WIDTH, 3).
     """
     rays = camera.rays()
     on_ground = (rays[..., 2] < -1e-3)[..., None]
@@ -39,7 +39,7 @@ def background(camera: Camera, sky_offset: FloatArray) -> Frame:
 
 
 def _ground(camera: Camera, rays: FloatArray) -> FloatArray:
-    """Colour of the ground along every ray; meaningless above the horizon."""
+    """Return the colour of the ground along every ray; it is meaningless above the horizon."""
     fall = np.maximum(-rays[..., 2], 1e-3)
     reach = camera.position[2] / fall
     x, y = (camera.position[k] + reach * rays[..., k] for k in (0, 1))
@@ -55,7 +55,7 @@ def _ground(camera: Camera, rays: FloatArray) -> FloatArray:
 
 
 def _sky(rays: FloatArray, offset: FloatArray) -> FloatArray:
-    """Colour of the sky, and of the hedge on the horizon, along every ray."""
+    """Return the colour of the sky, and of the hedge on the horizon, along every ray."""
     azimuth = np.arctan2(rays[..., 1], rays[..., 0])
     elevation = np.arcsin(rays[..., 2])
     clouds = _noise(azimuth * 120 + offset[0], elevation * 420 + offset[1])
@@ -66,17 +66,17 @@ def _sky(rays: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def _joint(metres: FloatArray) -> FloatArray:
-    """1 in the joints between slabs of 1 m, 0 on the slabs."""
+    """Return 1 in the joints between slabs of 1 m, and 0 on the slabs."""
     return np.asarray(np.exp(-(((metres - np.rint(metres)) / 0.02) ** 2)))
 
 
 def _mix(below: FloatArray, above: FloatArray, share: FloatArray) -> FloatArray:
-    """Lays one colour over another by a share (height, width) in [0, 1]."""
+    """Mix two colours, with the share of the upper one in [0, 1], shape (height, width)."""
     return below + (above - below) * share[..., None]
 
 
 def _noise(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Smooth noise, about -1 to 1, at texel coordinates (height, width)."""
+    """Return smooth noise, about -1 to 1, at texel coordinates of shape (height, width)."""
     columns, rows = (np.mod(v, _TILE).astype(np.float32) for v in (x, y))
     sampled = cv2.remap(_noise_tile(), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     return np.asarray(sampled, np.float64)
@@ -84,7 +84,7 @@ def _noise(x: FloatArray, y: FloatArray) -> FloatArray:
 
 @functools.cache
 def _noise_tile() -> NDArray[np.float32]:
-    """White noise smoothed at four sizes and summed, (_TILE, _TILE); always the same."""
+    """Return the sum of white noise smoothed at four sizes, shape (_TILE, _TILE), always the same."""
     margin = _TILE // 4
     white = np.random.default_rng(2023).standard_normal((_TILE, _TILE)).astype(np.float32)
     wrapped = np.pad(white, margin, mode="wrap")

@@ -1,4 +1,4 @@
-"""Where the detector's two constants come from: `fit_calibration(*labelled_margins())`, on rendered frames."""
+"""Calibration of the detector: `fit_calibration(*labelled_margins())` gives its two constants on rendered frames."""
 
 from collections.abc import Iterable
 
@@ -6,27 +6,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
-from roletrust_env.world.vision.degrade import degrade, received
+from roletrust_env.world.vision.degrade import degrade, transmit
 from roletrust_env.world.vision.detector import best_margin, view
 from roletrust_env.world.vision.scene import RenderedScene
 
 __all__ = ["fit_calibration", "labelled_margins"]
 
-_SPAN_S = 120.0  # the moments are drawn from the first two minutes
+_SPAN_S = 120.0  # the times are drawn from the first two minutes
 
 
 def labelled_margins(
     seeds: Iterable[int] = range(3), cameras: Iterable[int] = range(6), moments: int = 8
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Margins of labelled frames: the person in clear view, nobody, and a covered lens, each as a rater gets it.
+    """Return the margins of labelled frames as raters receive them: with the person, without, and with a covered lens.
 
     Args:
-        seeds: of the scenes.
-        cameras: numbers of the cameras, ground and aerial.
-        moments: random times per scene and camera; each gives one frame of each kind.
+        seeds: Seeds of the scenes.
+        cameras: Indices of the cameras, on the ground and in the air.
+        moments: Number of random times per scene and camera. Each of them gives one frame of each kind.
 
     Returns:
-        The margins (n,) and whether the person is in clear view (n,).
+        The margins, shape (n,), and whether the person is in clear view, shape (n,).
     """
     cameras = tuple(cameras)
     margins, labels = [], []
@@ -37,7 +37,7 @@ def labelled_margins(
             for k in range(moments):
                 clear = scene.frame(camera, float(rng.uniform(0, _SPAN_S)))
                 frames: tuple[Frame, ...] = (clear, scene.empty(camera), degrade(clear, 0.0, (seed, camera, k)))
-                margins += [best_margin(received(view(frame), rng.standard_normal())) for frame in frames]
+                margins += [best_margin(transmit(view(frame), rng.standard_normal())) for frame in frames]
                 labels += [True, False, False]
     return np.array(margins), np.array(labels)
 
@@ -45,23 +45,23 @@ def labelled_margins(
 def fit_calibration(
     margins: NDArray[np.float64], labels: NDArray[np.bool_], *, doubt: float = 1e-4
 ) -> tuple[float, float]:
-    """Fits Platt's slope and offset by maximum likelihood, with Newton's method.
+    """Fit the slope and the offset of Platt scaling by maximum likelihood, with Newton's method.
 
-    Platt (1999) replaces the labels 1 and 0 by targets a little inside, (n + 1) / (n + 2) and 1 / (n + 2), without
-    which the slope grows without bound when the two kinds of frame do not overlap, as here. The rendered frames
-    are far from independent, and how many are drawn should not change the probabilities, so the targets are
-    1 - doubt and doubt instead: the default is Platt's choice for about 10,000 independent frames of each kind.
+    Platt (1999) replaces the labels 1 and 0 by the targets (n + 1) / (n + 2) and 1 / (n + 2). Without that, the slope
+    grows without bound if the margins of the two kinds of frame do not overlap, as here. The rendered frames are far
+    from independent, and their number should not change the probabilities. So the targets are 1 - doubt and doubt
+    instead. The default is Platt's choice for about 10,000 independent frames of each kind.
 
     Args:
-        margins: of the detector (n,).
-        labels: whether the person is there (n,), some true and some false.
-        doubt: how far the targets lie inside, in (0, 0.5).
+        margins: Margins of the detector, shape (n,).
+        labels: Whether the person is in clear view, shape (n,), some true and some false.
+        doubt: Distance of the targets from the labels, in (0, 0.5).
 
     Returns:
-        Slope and offset, probability = 1 / (1 + exp(-(slope margin + offset))).
+        Slope and offset, with probability = 1 / (1 + exp(-(slope margin + offset))).
 
     Raises:
-        ValueError: the frames are all of one kind.
+        ValueError: All frames have the same label.
     """
     if labels.all() or not labels.any():
         raise ValueError(f"labels are all {bool(labels[0])}; a calibration needs frames with and without the person")

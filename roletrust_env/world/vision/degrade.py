@@ -1,4 +1,4 @@
-"""What happens to a frame before the detector sees it: fast movement, a bad provider, a noisy link."""
+"""Degradation of a frame before detection: fast movement of the target, low quality of the provider, a noisy link."""
 
 import math
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
 
-__all__ = ["degrade", "motion_kernel", "received"]
+__all__ = ["degrade", "motion_kernel", "transmit"]
 
 # At quality 0:
 _DEFOCUS = 8.7  # pixels of Gaussian blur
 _NOISE = 22.5  # grey levels of sensor noise
-_DARKNESS = 0.62  # share of the light lost
-_COVER = np.array([26.0, 22.0, 20.0], np.float32)  # what covers the lens, RGB
-_COVER_EDGE = 0.12  # its soft edge, share of the height
+_DARKNESS = 0.62  # share of the light that is lost
+_COVER = np.array([26.0, 22.0, 20.0], np.float32)  # colour of the cover on the lens, RGB
+_COVER_EDGE = 0.12  # width of its soft edge, share of the height
 
 _MOTION = 32.0  # pixels that the target moves during an exposure at strength 1
 
@@ -24,39 +24,39 @@ _LINK_NOISE = 1.2  # grey levels
 
 
 def motion_kernel(strength: float, direction: tuple[float, float]) -> NDArray[np.float32]:
-    """Blur kernel of a fast movement during the exposure.
+    """Return the blur kernel of a fast movement during the exposure.
 
     Args:
-        strength: of the perturbation, in [0, 1]; the movement is 32 pixels long at 1.
-        direction: unit (column, row) direction of the movement.
+        strength: Strength of the perturbation in [0, 1]; the movement is 32 pixels long at 1.
+        direction: Direction of the movement, a unit vector (column, row).
 
     Returns:
-        A square kernel that sums to 1.
+        Square kernel with a sum of 1.
     """
     half = _MOTION * strength / 2
     reach = math.ceil(half) + 1
     kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.uint8)
-    # cv2.line takes fixed-point coordinates: 4 fractional bits, so sixteenths of a pixel.
+    # cv2.line takes fixed-point coordinates, here with 4 fractional bits: sixteenths of a pixel.
     ends = [[round(16 * (reach + sign * half * d)) for d in direction] for sign in (-1, 1)]
     cv2.line(kernel, ends[0], ends[1], 255, 1, cv2.LINE_AA, 4)
     return kernel.astype(np.float32) / np.float32(kernel.sum())
 
 
 def degrade(frame: Frame, quality: float, seed: tuple[int, ...]) -> Frame:
-    """A provider's frame at the quality that it chose.
+    """Return the frame of a provider at the quality that it chose.
 
     With loss = 1 - quality: defocus of 8.7 sqrt(loss) pixels, sensor noise of 22.5 sqrt(loss) grey levels, 62 loss %
-    of the light lost, and the lens covered from below over a share loss^3 of the frame. The first two carry the
-    fall from quality 1 to the middle, the cover ends it: at quality 0 nothing of the scene is left. No rating is
-    written anywhere: the detector sees this frame and succeeds or fails.
+    of the light lost, and the lens covered from below over a share loss^3 of the frame. At high quality, defocus and
+    noise have most effect; at low quality, the cover does. At quality 0 nothing of the scene is visible. The frame
+    carries no rating: the perceived quality is the result of the detector on this frame.
 
     Args:
-        frame: the true frame (height, width, 3).
-        quality: in [0, 1].
-        seed: of the sensor noise.
+        frame: True frame, shape (height, width, 3).
+        quality: Quality in [0, 1].
+        seed: Random seed of the sensor noise.
 
     Returns:
-        The frame at that quality; the very same one at quality 1.
+        The frame at that quality; at quality 1 it is the same object.
     """
     if quality == 1:
         return frame
@@ -65,22 +65,22 @@ def degrade(frame: Frame, quality: float, seed: tuple[int, ...]) -> Frame:
     height, width = frame.shape[:2]
     picture = cv2.GaussianBlur(frame, (0, 0), _DEFOCUS * fault).astype(np.float32)
     above_bottom = 1 - (np.arange(height, dtype=np.float32)[:, None, None] + 0.5) / height
-    seen = np.clip(1 + (above_bottom - (1 + _COVER_EDGE) * loss**3) / _COVER_EDGE, 0, 1)
-    picture = (_COVER + (picture - _COVER) * seen) * (1 - _DARKNESS * loss)
+    uncovered = np.clip(1 + (above_bottom - (1 + _COVER_EDGE) * loss**3) / _COVER_EDGE, 0, 1)
+    picture = (_COVER + (picture - _COVER) * uncovered) * (1 - _DARKNESS * loss)
     grain = np.random.default_rng(seed).standard_normal((height, width, 1), dtype=np.float32)
     return np.asarray(np.clip(np.rint(picture + _NOISE * fault * grain), 0, 255), np.uint8)
 
 
-def received(grey: NDArray[np.uint8], noise: float) -> NDArray[np.uint8]:
-    """A rater's own copy of a provider's frame: a slightly different exposure, and noise on the link.
+def transmit(grey: NDArray[np.uint8], noise: float) -> NDArray[np.uint8]:
+    """Return the copy of a frame that a rater receives, with a slightly different exposure and noise on the link.
 
     Args:
-        grey: the provider's frame as `detector.view` makes it (height, width).
-        noise: a standard normal that the caller drew. It sets the exposure, and its bits seed the link noise, so
-            the same number always gives the same copy.
+        grey: Frame of the provider as `detector.view` returns it, shape (height, width).
+        noise: Standard normal number. It sets the exposure, and its bits are the seed of the link noise, so the same
+            number always gives the same copy.
 
     Returns:
-        The copy (height, width).
+        The copy, shape (height, width).
     """
     rng = np.random.default_rng(int(np.float64(noise).view(np.uint64)))
     copy = _LINK_NOISE * rng.standard_normal(grey.shape, dtype=np.float32)

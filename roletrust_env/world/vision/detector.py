@@ -1,8 +1,8 @@
-"""OpenCV's people detector on one frame, and the probability that its best window means.
+"""People detection on one frame with OpenCV, and the probability of a person.
 
 The detector is the histogram of oriented gradients (HOG) with a linear support vector machine (N. Dalal and
 B. Triggs, "Histograms of Oriented Gradients for Human Detection", CVPR 2005) with which Su and Saint-Jore (2023)
-rate their cameras. Its margin is made a probability by Platt scaling (J. Platt, "Probabilistic Outputs for Support
+rate their cameras. Platt scaling turns its margin into a probability (J. Platt, "Probabilistic Outputs for Support
 Vector Machines", 1999).
 """
 
@@ -21,34 +21,36 @@ GreyFrame = NDArray[np.uint8]
 
 SLOPE = 3.54
 OFFSET = -2.20
-"""Platt's constants: what `calibration.fit_calibration` finds on `calibration.labelled_margins`. The same two
-numbers serve every camera, frame source, attack and figure."""
+"""Constants of Platt scaling, fitted by `calibration.fit_calibration` on `calibration.labelled_margins`.
 
-_HEIGHT = 240  # rows of the detector's copy of a frame
-_WINDOW = (64, 128)  # columns and rows of the detector's window; a person fills about 96 of its rows
-_COARSE_SCALES = (0.93, 0.80, 0.67)  # so people of 40 to 60 % of the frame's height are found
+The same two numbers are used for every camera, frame source, attack and figure.
+"""
+
+_HEIGHT = 240  # height of the detector's copy of a frame
+_WINDOW = (64, 128)  # width and height of the detector's window; a person fills about 96 of its rows
+_COARSE_SCALES = (0.93, 0.80, 0.67)  # for people with 40 to 60 % of the height of the frame
 _COARSE_STRIDE = (8, 8)
-_FINE_SCALES = (0.96, 1.04)  # around each of them
+_FINE_SCALES = (0.96, 1.04)  # relative to each coarse scale
 _FINE_STRIDE = (4, 4)
 _FINE_REACH = 4  # pixels around the coarse window
-_ANY_MARGIN = -1e9  # a threshold under all margins: the best window counts even where nobody is
+_ANY_MARGIN = -1e9  # threshold below all margins, so that there is a best window even without a person
 
 
 def view(frame: Frame) -> GreyFrame:
-    """The detector's copy of a frame (height, width, 3): grey, 240 rows, the same aspect ratio."""
+    """Return the detector's copy of a frame (height, width, 3): grey, 240 rows, with the same aspect ratio."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
     width = round(frame.shape[1] * _HEIGHT / frame.shape[0])
     return np.asarray(cv2.resize(grey, (width, _HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def best_margin(grey: GreyFrame) -> float:
-    """The support vector machine's margin of the window that looks most like a person.
+    """Return the margin of the support vector machine for the window that looks most like a person.
 
-    A coarse pass over a small pyramid finds the best window of each scale; a fine pass around each takes away
-    the luck of how the person falls on the coarse grid, which is worth a whole unit of margin.
+    A coarse pass over a small pyramid finds the best window of each scale. A fine pass around each of them makes the
+    margin independent of the position of the person on the coarse grid, which changes it by up to one unit.
 
     Args:
-        grey: as `view` makes it (240, width), width at least 96.
+        grey: Frame as `view` returns it, shape (240, width), with a width of at least 96.
 
     Returns:
         The margin: 1.5 to 7 with a person in clear view, below -0.8 without.
@@ -66,7 +68,7 @@ def best_margin(grey: GreyFrame) -> float:
 
 
 def probability(margin: float) -> float:
-    """Platt's probability that the target is in the frame, 1 / (1 + exp(-(SLOPE margin + OFFSET)))."""
+    """Return the probability that the target is in the frame, 1 / (1 + exp(-(SLOPE margin + OFFSET)))."""
     return 1 / (1 + math.exp(-(SLOPE * margin + OFFSET)))
 
 
@@ -78,7 +80,7 @@ def _people_detector() -> cv2.HOGDescriptor:
 
 
 def _search(grey: GreyFrame, stride: tuple[int, int]) -> tuple[float, tuple[int, int]]:
-    """The best margin over a grid of windows, and that window's (column, row)."""
+    """Return the best margin over a grid of windows, and the (column, row) of its window."""
     corners, margins = _people_detector().detect(grey, hitThreshold=_ANY_MARGIN, winStride=stride)
     best = int(np.argmax(margins))
     return float(margins[best]), (int(corners[best][0]), int(corners[best][1]))
@@ -89,7 +91,7 @@ def _scaled(grey: GreyFrame, scale: float) -> GreyFrame:
 
 
 def _around(grey: GreyFrame, centre: tuple[float, float], scale: float) -> GreyFrame:
-    """The part of a frame that holds a window at this scale and its reach, cut at the frame's border."""
+    """Return the part of a frame around a window at some scale, with a margin, clipped at the border of the frame."""
     x, y = ((side / 2 + _FINE_REACH) / scale for side in _WINDOW)
     rows = slice(max(0, round(centre[1] - y)), round(centre[1] + y))
     columns = slice(max(0, round(centre[0] - x)), round(centre[0] + x))

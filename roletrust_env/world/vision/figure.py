@@ -1,4 +1,4 @@
-"""A walking person built from tapered limbs, posed by a gait and shaded by one sun."""
+"""Rendering of a walking person made of tapered limbs, with a gait and a single light."""
 
 import math
 from typing import NamedTuple
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray
 
-__all__ = ["Limb", "Look", "paint", "pose", "shadow"]
+__all__ = ["Appearance", "Limb", "paint", "pose", "shadow"]
 
 _SUN = np.array([0.45, -0.35, 0.82]) / math.hypot(0.45, -0.35, 0.82)  # direction towards the sun, z up
-_AMBIENT = 0.42  # light in the shade; full sun is brighter than 1, so that bright cloth washes out a little
-_SUNLIT = 1.08
-_CADENCE_HZ = 0.93  # gait cycles per second, so that rounds of 0.5 s see all phases, not two
+_AMBIENT = 0.42  # light in the shade
+_SUNLIT = 1.08  # light in the sun; above 1, so that bright clothes are slightly overexposed
+_CADENCE_HZ = 0.93  # gait cycles per second, chosen so that rounds of 0.5 s show more than two phases
 
 Colour = tuple[float, float, float]
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """Colours (RGB, 0 to 255) of a person's clothes, skin and hair."""
 
     jacket: Colour
@@ -30,14 +30,14 @@ class Look(NamedTuple):
 
 
 class Limb(NamedTuple):
-    """A rounded, tapered limb between two joints.
+    """Rounded, tapered limb between two joints.
 
     Attributes:
-        start: first joint (3,), metres.
-        end: second joint (3,), metres.
-        start_radius: radius at the first joint, metres.
-        end_radius: radius at the second joint, metres.
-        colour: RGB, 0 to 255.
+        start: First joint in metres, shape (3,).
+        end: Second joint in metres, shape (3,).
+        start_radius: Radius at the first joint, metres.
+        end_radius: Radius at the second joint, metres.
+        colour: Colour, RGB, 0 to 255.
     """
 
     start: FloatArray
@@ -48,7 +48,7 @@ class Limb(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """Unit directions (3,) of a body, and how hard it runs."""
+    """Directions of a body, unit vectors of shape (3,), and the strength of the perturbation."""
 
     forward: FloatArray
     left: FloatArray
@@ -57,22 +57,22 @@ class _Body(NamedTuple):
     strength: float
 
     def hanging(self, angle: float) -> FloatArray:
-        """Unit vector of a limb that hangs down, swung forward by an angle in radians."""
+        """Return the direction of a limb that hangs down and swings forward by an angle in radians."""
         return math.sin(angle) * self.forward - math.cos(angle) * self.up
 
 
-def pose(time_s: float, strength: float, place: FloatArray, heading: float, look: Look) -> list[Limb]:
-    """Poses the person at one instant of a walk or run.
+def pose(time_s: float, strength: float, place: FloatArray, heading: float, look: Appearance) -> list[Limb]:
+    """Return the limbs of the person at one instant of a walk or run.
 
     Args:
-        time_s: time in seconds, which sets the phase of the gait.
-        strength: of the perturbation, in [0, 1]: 0 for a calm walk, 1 for a sprint.
-        place: ground position (2,), metres.
-        heading: direction of movement, radians from the x axis.
-        look: colours.
+        time_s: Time in seconds, which sets the phase of the gait.
+        strength: Strength of the perturbation in [0, 1]: 0 is a calm walk, 1 a sprint.
+        place: Position on the ground in metres, shape (2,).
+        heading: Direction of movement, in radians from the x axis.
+        look: Colours of the person.
 
     Returns:
-        The limbs, the lower foot on the ground, in no particular order.
+        The limbs, in no particular order, with the lower foot on the ground.
     """
     phase = 2 * math.pi * _CADENCE_HZ * time_s
     lean = 0.04 + 0.22 * strength
@@ -87,8 +87,8 @@ def pose(time_s: float, strength: float, place: FloatArray, heading: float, look
     return [limb._replace(start=limb.start + hip, end=limb.end + hip) for limb in limbs]
 
 
-def _leg(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
-    """One leg, from a hip at the origin; the knee bends while the leg swings forward."""
+def _leg(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
+    """Return the limbs of one leg, with the hip at the origin. The knee bends while the leg swings forward."""
     thigh = 0.05 + (0.26 + 0.45 * body.strength) * math.sin(phase)
     bend = 0.10 + (0.48 + 0.80 * body.strength) * max(0.0, math.cos(phase)) ** 2
     hip = 0.095 * side * body.left
@@ -101,8 +101,8 @@ def _leg(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
     ]
 
 
-def _arm(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
-    """One arm, which swings against the leg of its side."""
+def _arm(body: _Body, side: int, phase: float, look: Appearance) -> list[Limb]:
+    """Return the limbs of one arm, which swings against the leg on the same side."""
     angle = 0.3 * (0.04 + 0.22 * body.strength) - (0.26 + 0.50 * body.strength) * math.sin(phase)
     bend = 0.25 + 1.10 * body.strength
     shoulder = 0.50 * body.spine + 0.205 * side * body.left
@@ -115,8 +115,8 @@ def _arm(body: _Body, side: int, phase: float, look: Look) -> list[Limb]:
     ]
 
 
-def _trunk(body: _Body, look: Look) -> list[Limb]:
-    """Pelvis, chest, shoulders, neck and head."""
+def _trunk(body: _Body, look: Appearance) -> list[Limb]:
+    """Return pelvis, chest, shoulders, neck and head."""
     forward, left, up, spine = body.forward, body.left, body.up, body.spine
     neck = 0.55 * spine
     skull = neck + 0.15 * up + 0.02 * forward
@@ -135,15 +135,15 @@ def _trunk(body: _Body, look: Look) -> list[Limb]:
 
 
 def paint(limbs: list[Limb], camera: Camera) -> tuple[NDArray[np.float32], tuple[int, int]]:
-    """Paints limbs from far to near on a transparent layer that just holds them.
+    """Paint limbs from far to near on a transparent layer of the smallest possible size.
 
     Args:
-        limbs: the limbs, in world coordinates.
-        camera: the camera that sees them.
+        limbs: Limbs, in world coordinates.
+        camera: Camera.
 
     Returns:
-        The layer (h, w, 4), colour times cover and cover in [0, 1], and the frame's (column, row) of its
-        upper left corner.
+        The layer, shape (h, w, 4), with the colour times the opacity and the opacity in [0, 1], and the (column, row)
+        of its upper left corner in the frame.
     """
     starts, depths_a = camera.project(np.array([limb.start for limb in limbs]))
     ends, depths_b = camera.project(np.array([limb.end for limb in limbs]))
@@ -179,7 +179,7 @@ def _paint_limb(
     colour: NDArray[np.float32],
     sun: NDArray[np.float32],
 ) -> None:
-    """Paints one limb over a patch of the layer, in place, with the normals of a rounded cone."""
+    """Paint one limb over a patch of the layer, in place, with the normals of a rounded cone."""
     rows, columns = patch.shape[:2]
     x = np.arange(columns, dtype=np.float32)[None, :] - start[0]
     y = np.arange(rows, dtype=np.float32)[:, None] - start[1]
@@ -196,14 +196,14 @@ def _paint_limb(
 
 
 def shadow(limbs: list[Limb], camera: Camera) -> NDArray[np.uint8]:
-    """Casts the limbs' shadow on the ground.
+    """Return the shadow of the limbs on the ground.
 
     Args:
-        limbs: in world coordinates.
-        camera: that sees the ground.
+        limbs: Limbs, in world coordinates.
+        camera: Camera.
 
     Returns:
-        How deep the shadow is, (FRAME_HEIGHT, FRAME_WIDTH), 0 for none to 255.
+        Darkness of the shadow, shape (FRAME_HEIGHT, FRAME_WIDTH), from 0 for no shadow to 255.
     """
     joints = np.array([[limb.start, limb.end] for limb in limbs])
     flat = joints - joints[..., 2:] / _SUN[2] * _SUN

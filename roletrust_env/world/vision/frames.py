@@ -1,4 +1,4 @@
-"""Where frames come from: the rendered scene, a video file, a folder of images, or a camera."""
+"""Sources of frames: the rendered scene, a video file, a folder of images, or a camera."""
 
 import os
 import time
@@ -14,12 +14,12 @@ from roletrust_env.world.vision.camera import FRAME_HEIGHT, Frame
 from roletrust_env.world.vision.degrade import motion_kernel
 from roletrust_env.world.vision.scene import RenderedScene
 
-__all__ = ["FrameSource", "FramesError", "ImageFolder", "LiveCamera", "Recorded", "VideoFile", "open_frames"]
+__all__ = ["CapturedFrames", "FrameSource", "FramesError", "ImageFolder", "LiveCamera", "VideoFile", "open_frames"]
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
-"""What counts as an image in a folder, in lower case."""
+"""File name suffixes of the images in a folder, in lower case."""
 
-# OpenCV reads it when it opens its first video: what is wrong is said by our own errors, and not by ffmpeg's as well.
+# Silences ffmpeg, whose messages would repeat the errors raised here. OpenCV reads it when it opens its first video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 _MIN_ASPECT = 0.45  # width over height; in a narrower frame the detector's window does not fit
@@ -27,50 +27,50 @@ _ROUNDING_S = 1e-6
 
 
 class FramesError(ValueError):
-    """Frames cannot be had; the message names the source, what is wrong, and what is allowed."""
+    """Frames that cannot be read. The message gives the source, the problem, and the allowed sources."""
 
 
 class FrameSource(Protocol):
-    """Anything that shows what the cameras see."""
+    """Protocol of sources of frames."""
 
     def frame(self, camera: int, time_s: float, strength: float) -> Frame:
-        """What a camera sees.
+        """Return the frame of a camera.
 
         Args:
-            camera: number of the camera, from 0.
-            time_s: time since the start of the run, seconds.
-            strength: of the perturbation, in [0, 1]: how fast the target moves.
+            camera: Index of the camera, from 0 on.
+            time_s: Time since the start of the run, seconds.
+            strength: Strength of the perturbation in [0, 1], which is the speed of the target.
 
         Returns:
-            The frame (FRAME_HEIGHT, width, 3).
+            Frame of shape (FRAME_HEIGHT, width, 3).
         """
         ...
 
 
-class Recorded:
-    """Frames that were not rendered: resized, and blurred sideways as a whole where the target moves fast."""
+class CapturedFrames:
+    """Base class of sources of real frames. They are resized, and blurred horizontally if the target moves fast."""
 
-    looped_s: float | None = None
-    """How long a recording is that is shown over and over, seconds; None if it lasts as long as the run."""
+    loop_length_s: float | None = None
+    """Length of a looped video or image folder, in seconds; None if it is not looped."""
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._shown: tuple[float, Frame] | None = None  # all providers that share a source see the same instant
+        self._latest: tuple[float, Frame] | None = None  # providers that share a source get the same frame
 
     def frame(self, camera: int, time_s: float, strength: float) -> Frame:
-        """See `FrameSource.frame`; every camera sees the same."""
-        if self._shown is None or self._shown[0] != time_s:
-            self._shown = (time_s, self._fitted(self._read(time_s)))
-        picture = self._shown[1]
+        """Return the frame at a time, the same for every camera. See `FrameSource.frame`."""
+        if self._latest is None or self._latest[0] != time_s:
+            self._latest = (time_s, self._resize(self._read(time_s)))
+        picture = self._latest[1]
         if strength > 0:
             picture = np.asarray(cv2.filter2D(picture, -1, motion_kernel(strength, (1.0, 0.0))), np.uint8)
         return picture
 
     def _read(self, time_s: float) -> Frame:
-        """The frame at a time in OpenCV's order of colours, of any size."""
+        """Return the frame at a time, of any size, with the colours in the order of OpenCV."""
         raise NotImplementedError
 
-    def _fitted(self, picture: Frame) -> Frame:
+    def _resize(self, picture: Frame) -> Frame:
         height, width = picture.shape[:2]
         if width < _MIN_ASPECT * height:
             raise FramesError(
@@ -83,16 +83,16 @@ class Recorded:
         return np.asarray(cv2.cvtColor(resized, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-class VideoFile(Recorded):
-    """Frames of a video, by its own clock.
+class VideoFile(CapturedFrames):
+    """Frames of a video at its own frame rate.
 
     Args:
-        path: of the video.
-        duration_s: how long the run is, seconds.
-        loop: whether a video that is shorter begins again where it ends.
+        path: Path of the video.
+        duration_s: Length of the run, seconds.
+        loop: Whether a video that is shorter than the run starts again.
 
     Raises:
-        FramesError: the video cannot be opened, or is shorter than the run and not looped.
+        FramesError: The video cannot be opened, or is shorter than the run and not looped.
     """
 
     def __init__(self, path: Path, duration_s: float, loop: bool = False) -> None:
@@ -101,8 +101,8 @@ class VideoFile(Recorded):
         self._open()
         self._fps = self._capture.get(cv2.CAP_PROP_FPS)
         if not self._fps > 0:
-            raise FramesError(f"{self._name} gives no frame rate; a constant frame rate is needed")
-        self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less where the format has none
+            raise FramesError(f"{self._name} has no frame rate; a constant frame rate is needed")
+        self._count = round(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))  # 0 or less if the format does not say
         length_s = self._count / self._fps
         if 0 < length_s < duration_s - _ROUNDING_S:
             if not loop:
@@ -110,7 +110,7 @@ class VideoFile(Recorded):
                     f"{self._name} lasts {length_s:.1f} s and ends before the run, "
                     f"which lasts {duration_s:.1f} s; use a longer video or a shorter run, or loop it"
                 )
-            self.looped_s = length_s
+            self.loop_length_s = length_s
 
     def _open(self) -> None:
         with _quiet():
@@ -120,49 +120,49 @@ class VideoFile(Recorded):
         self._next = 0
 
     def _read(self, time_s: float) -> Frame:
-        # Read in order, from the start again if need be: seeking is inexact in many formats, and then what is
-        # seen would depend on the order of the calls.
+        # Frames are read in order, from the start if necessary. Seeking is inexact in many formats, so the frame would
+        # depend on the order of the calls.
         index = int(time_s * self._fps + _ROUNDING_S)
         if self._count > 0 and self._loop:
             index %= self._count
         elif self._count > 0 and index == self._count:
-            index -= 1  # the last instant of a video that is just as long as the run
+            index -= 1  # the end of a video that is exactly as long as the run
         if index < self._next - 1:
             self._open()
         while self._next <= index:
             if not self._capture.grab():
-                return self._end(time_s)
+                return self._read_after_end(time_s)
             self._next += 1
         decoded, picture = self._capture.retrieve()
         if not decoded:
             raise FramesError(f"{self._name}: frame {index} cannot be decoded")
         return np.asarray(picture, np.uint8)
 
-    def _end(self, time_s: float) -> Frame:
-        """The frame at a time, where the video turned out to end before."""
+    def _read_after_end(self, time_s: float) -> Frame:
+        """Return the frame at a time if the video ends earlier than its header says."""
         length_s = self._next / self._fps
         if self._next == 0 or not self._loop:
-            promised = f" of {self._count}" if self._count > self._next else ""
+            expected = f" of {self._count}" if self._count > self._next else ""
             raise FramesError(
-                f"{self._name} ends after {self._next}{promised} frames ({length_s:.1f} s), "
-                f"but the run needs a frame at {time_s:.1f} s; use a whole video, or a shorter run"
+                f"{self._name} ends after {self._next}{expected} frames ({length_s:.1f} s), "
+                f"but the run needs a frame at {time_s:.1f} s; use a complete video, or a shorter run"
             )
-        self._count, self.looped_s = self._next, length_s
+        self._count, self.loop_length_s = self._next, length_s
         self._open()
         return self._read(time_s)
 
 
-class ImageFolder(Recorded):
-    """The images of a folder in the order of their names, one for each round.
+class ImageFolder(CapturedFrames):
+    """Images of a folder in the order of their names, one for each round.
 
     Args:
-        path: of the folder.
-        duration_s: how long the run is, seconds.
-        period_s: how long a round is, seconds.
-        loop: whether fewer images than rounds begin again where they end.
+        path: Path of the folder.
+        duration_s: Length of the run, seconds.
+        period_s: Length of a round, seconds.
+        loop: Whether the images start again if there are fewer of them than rounds.
 
     Raises:
-        FramesError: the folder holds no images, or fewer than the run has rounds and does not loop.
+        FramesError: The folder holds no images, or fewer images than the run has rounds and is not looped.
     """
 
     def __init__(self, path: Path, duration_s: float, period_s: float, loop: bool = False) -> None:
@@ -178,7 +178,7 @@ class ImageFolder(Recorded):
                     f"{self._name} holds {len(self._images)} images, one for each round, and ends before the run, "
                     f"which has {needed} rounds; use more images or a shorter run, or loop it"
                 )
-            self.looped_s = len(self._images) * period_s
+            self.loop_length_s = len(self._images) * period_s
 
     def _read(self, time_s: float) -> Frame:
         index = round(time_s / self._period_s)
@@ -189,40 +189,40 @@ class ImageFolder(Recorded):
         with _quiet():
             picture = cv2.imread(str(self._images[index]), cv2.IMREAD_COLOR)
         if picture is None:
-            raise FramesError(f"image {self._images[index]} cannot be read; it must be one that OpenCV can decode")
+            raise FramesError(f"image {self._images[index]} cannot be read; OpenCV must be able to decode it")
         return np.asarray(picture, np.uint8)
 
 
-class LiveCamera(Recorded):
-    """Frames of a camera of this machine, in real time: a round that comes early waits for its moment.
+class LiveCamera(CapturedFrames):
+    """Frames of a camera of this machine in real time. A round that is early waits for its time.
 
-    It is the one source that never shows the same again.
+    This is the only source that is not reproducible.
 
     Args:
-        number: of the camera, from 0.
+        number: Number of the camera, from 0 on.
 
     Raises:
-        FramesError: there is no such camera.
+        FramesError: There is no such camera.
     """
 
     def __init__(self, number: int) -> None:
         super().__init__(f"camera {number}")
-        if not 0 <= number < 2**31:  # OpenCV does not survive others
-            raise FramesError(f"{self._name} cannot be; the numbers of cameras begin at 0")
+        if not 0 <= number < 2**31:  # OpenCV crashes with other numbers
+            raise FramesError(f"{self._name} does not exist; the numbers of cameras start at 0")
         with _quiet():
             self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
             raise FramesError(f"{self._name} cannot be opened; give the number of a connected camera, 0 for the first")
-        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # what it sees now, not what it saw a while ago
-        self._begun = self._last = float("inf")
+        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the current frame, not one from the buffer
+        self._start = self._last = float("inf")
 
     def _read(self, time_s: float) -> Frame:
-        if time_s < self._last:  # a run begins
-            self._begun = time.monotonic() - time_s
+        if time_s < self._last:  # a new run starts
+            self._start = time.monotonic() - time_s
         self._last = time_s
-        time.sleep(max(0.0, self._begun + time_s - time.monotonic()))
-        seen, picture = self._capture.read()
-        if not seen:
+        time.sleep(max(0.0, self._start + time_s - time.monotonic()))
+        success, picture = self._capture.read()
+        if not success:
             raise FramesError(f"{self._name} stopped sending frames at {time_s:.1f} s")
         return np.asarray(picture, np.uint8)
 
@@ -230,24 +230,24 @@ class LiveCamera(Recorded):
 def open_frames(
     source: str | Path | int | None, *, duration_s: float, period_s: float, seed: int = 0, loop: bool = False
 ) -> FrameSource:
-    """Opens a source of frames, and checks up front that it lasts as long as the run where that can be known.
+    """Open a source of frames, and check that it lasts as long as the run, if that is known in advance.
 
     Args:
-        source: path of a video or of a folder of images; number of a camera (`"0"` too, unless a file has that
-            name); none for the rendered scene.
-        duration_s: how long the run is, seconds.
-        period_s: how long a round is, seconds.
-        seed: of the rendered scene.
-        loop: whether a video or a folder that is shorter than the run begins again where it ends.
+        source: Path of a video or of a folder of images; number of a camera (also as text, unless a file has that
+            name); None for the rendered scene.
+        duration_s: Length of the run, seconds.
+        period_s: Length of a round, seconds.
+        seed: Random seed of the rendered scene.
+        loop: Whether a video or a folder that is shorter than the run starts again.
 
     Raises:
-        FramesError: there is no such thing, it cannot be opened, it ends before the run, or it has no end to loop at.
+        FramesError: The source does not exist, cannot be opened, ends before the run, or cannot be looped.
     """
     path = Path(str(source))
     live = isinstance(source, int) or (not path.exists() and str(source).isdecimal())
     if loop and (source is None or live):
-        what = "the rendered scene" if source is None else f"camera {source}"
-        raise FramesError(f"{what} cannot be looped, it has no end; a video and a folder of images can")
+        name = "the rendered scene" if source is None else f"camera {source}"
+        raise FramesError(f"{name} cannot be looped because it has no end; videos and folders of images can")
     if source is None:
         return RenderedScene(seed)
     if live:
@@ -264,7 +264,7 @@ def open_frames(
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps OpenCV from printing warnings of its own: what is wrong is said once, by the error."""
+    """Silence the warnings of OpenCV, which would repeat the errors raised here."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:

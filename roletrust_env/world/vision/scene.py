@@ -1,4 +1,4 @@
-"""The rendered scene: a person who walks about a sunny square, as the providers' cameras see it."""
+"""Rendered scene: a person walks around a sunny square, in view of the cameras of the providers."""
 
 import math
 
@@ -9,29 +9,29 @@ from numpy.typing import NDArray
 from roletrust_env.world.vision.background import background
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Camera, FloatArray, Frame, camera_of
 from roletrust_env.world.vision.degrade import motion_kernel
-from roletrust_env.world.vision.figure import Look, paint, pose, shadow
+from roletrust_env.world.vision.figure import Appearance, paint, pose, shadow
 
 __all__ = ["RenderedScene"]
 
 _LOOKS = (
-    Look((38, 62, 118), (48, 46, 52), (28, 26, 26), (222, 176, 146), (58, 40, 30)),
-    Look((132, 36, 42), (40, 52, 78), (30, 28, 28), (196, 146, 112), (28, 22, 20)),
-    Look((28, 92, 84), (58, 54, 50), (24, 24, 26), (232, 190, 162), (92, 62, 36)),
+    Appearance((38, 62, 118), (48, 46, 52), (28, 26, 26), (222, 176, 146), (58, 40, 30)),
+    Appearance((132, 36, 42), (40, 52, 78), (30, 28, 28), (196, 146, 112), (28, 22, 20)),
+    Appearance((28, 92, 84), (58, 54, 50), (24, 24, 26), (232, 190, 162), (92, 62, 36)),
 )
-_ROUND_S = 7.3  # seconds for one lap of the walk, an ellipse of these half axes in metres
-_HALF_AXES = (1.35, 0.75)
-_SHADE = 0.35  # share of the light that the person's shadow takes
-_SOFTNESS = 0.6  # pixels of lens blur on the person, as much as the background has
+_LAP_S = 7.3  # duration of one lap of the walk, seconds
+_HALF_AXES = (1.35, 0.75)  # half axes of the elliptical walk, metres
+_SHADE = 0.35  # share of the light that is missing in the shadow
+_SOFTNESS = 0.6  # lens blur on the person in pixels, as on the background
 
 
 class RenderedScene:
-    """The target of Su and Saint-Jore (2023), rendered: a person in clear view of every camera.
+    """Rendering of the target of Su and Saint-Jore (2023): a person in clear view of every camera.
 
-    Every frame is a pure function of camera, time, strength and seed. The seed chooses clothes, clouds, and where
-    the walk starts.
+    Every frame is a pure function of camera, time, strength and seed. The seed determines the clothes, the clouds, and
+    the start of the walk.
 
     Args:
-        seed: not negative.
+        seed: Random seed, 0 or more.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -42,16 +42,16 @@ class RenderedScene:
         self._empty: dict[int, Frame] = {}
 
     def frame(self, camera: int, time_s: float, strength: float = 0.0) -> Frame:
-        """What a camera sees.
+        """Return the frame of a camera.
 
         Args:
-            camera: number of the camera, from 0; ground, ground, aerial in turn.
-            time_s: time in seconds.
-            strength: of the perturbation, in [0, 1]: 0 for a calm walk, 1 for a sprint, with longer strides and
+            camera: Index of the camera, from 0 on: ground, ground, aerial in turn.
+            time_s: Time in seconds.
+            strength: Strength of the perturbation in [0, 1]: 0 is a calm walk, 1 a sprint, with longer strides and with
                 motion blur along the direction of movement.
 
         Returns:
-            The frame (FRAME_HEIGHT, FRAME_WIDTH, 3).
+            Frame of shape (FRAME_HEIGHT, FRAME_WIDTH, 3).
         """
         view = camera_of(camera)
         place, heading = _walk(time_s + self._start_s)
@@ -67,7 +67,7 @@ class RenderedScene:
         return picture
 
     def empty(self, camera: int) -> Frame:
-        """What a camera sees when nobody is there; one array per camera, not to be written to."""
+        """Return the frame of a camera without the person, a read-only array."""
         if camera not in self._empty:
             self._empty[camera] = background(camera_of(camera), self._sky_offset)
             self._empty[camera].flags.writeable = False
@@ -75,14 +75,14 @@ class RenderedScene:
 
 
 def _walk(time_s: float) -> tuple[FloatArray, float]:
-    """Ground position (2,) in metres and heading in radians at a time."""
-    angle = 2 * math.pi * time_s / _ROUND_S
+    """Return the position on the ground in metres, shape (2,), and the heading in radians at a time."""
+    angle = 2 * math.pi * time_s / _LAP_S
     place = np.array([_HALF_AXES[0] * math.cos(angle), _HALF_AXES[1] * math.sin(angle)])
     return place, math.atan2(_HALF_AXES[1] * math.cos(angle), -_HALF_AXES[0] * math.sin(angle))
 
 
 def _direction(camera: Camera, place: FloatArray, heading: float) -> tuple[float, float]:
-    """Unit direction of movement in the frame, (column, row)."""
+    """Return the direction of movement in the frame, a unit vector (column, row)."""
     chest = np.array([place[0], place[1], 1.0])
     step = 0.05 * np.array([math.cos(heading), math.sin(heading), 0.0])
     pixels, _ = camera.project(np.stack([chest - step, chest + step]))
@@ -94,7 +94,7 @@ def _direction(camera: Camera, place: FloatArray, heading: float) -> tuple[float
 def _smear(
     layer: NDArray[np.float32], corner: tuple[int, int], kernel: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], tuple[int, int]]:
-    """Blurs the person's layer by a movement; the layer grows by the kernel's reach on every side."""
+    """Blur the layer of the person by a movement. The layer grows by half the size of the kernel on every side."""
     reach = kernel.shape[0] // 2
     wide = np.pad(layer, ((reach, reach), (reach, reach), (0, 0)))
     blurred = cv2.filter2D(wide, -1, kernel, borderType=cv2.BORDER_CONSTANT)
@@ -102,7 +102,7 @@ def _smear(
 
 
 def _lay_over(picture: Frame, layer: NDArray[np.float32], corner: tuple[int, int]) -> None:
-    """Lays the person over the picture, in place, cut at the picture's border."""
+    """Lay the person over the picture, in place, clipped at the border of the picture."""
     left, top = corner
     rows = slice(max(top, 0), min(top + layer.shape[0], FRAME_HEIGHT))
     columns = slice(max(left, 0), min(left + layer.shape[1], FRAME_WIDTH))

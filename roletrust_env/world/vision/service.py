@@ -1,4 +1,4 @@
-"""The paper's service made real: every rater looks at every provider's camera with a people detector."""
+"""Service of the paper: every rater looks at the camera of every provider with a people detector."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,34 +10,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from roletrust_env.world.heterogeneity import Perception
 from roletrust_env.world.vision.camera import FRAME_HEIGHT, FRAME_WIDTH, Frame
-from roletrust_env.world.vision.degrade import degrade, received
+from roletrust_env.world.vision.degrade import degrade, transmit
 from roletrust_env.world.vision.detector import best_margin, probability, view
-from roletrust_env.world.vision.frames import Recorded, open_frames
+from roletrust_env.world.vision.frames import CapturedFrames, open_frames
 
 __all__ = ["HogService"]
 
 
 class HogService:
-    """What raters perceive of providers that are cameras (Su and Saint-Jore 2023, section 3).
+    """Service in which providers are cameras and raters detect people (Su and Saint-Jore 2023, section 3).
 
-    A provider's true frame is degraded by the quality it chose; each rater receives its own copy of it, and
-    perceives the probability that the target is in it, by OpenCV's people detector.
+    The true frame of a provider is degraded according to the quality that it chose. Each rater receives its own copy,
+    and perceives the probability that the target is in it, by OpenCV's people detector.
 
     Args:
-        n_raters: number of raters S.
-        n_providers: number of providers P, each with a camera.
-        period_s: length of a round, seconds.
-        max_cycles: number of rounds of a run; a recording must last as long, unless it is looped.
-        frames: none for the rendered scene; a path or camera number that all providers share; or one for each.
-        loop: whether a recording that is shorter than the run begins again where it ends.
-        seed: of the rendered scene and the sensor noise of bad providers.
+        n_raters: Number of raters S.
+        n_providers: Number of providers P, each with a camera.
+        period_s: Length of a round, seconds.
+        max_cycles: Number of rounds of a run. A video or image folder must last as long, unless it is looped.
+        frames: None for the rendered scene; a path or camera number for all providers; or one path for each.
+        loop: Whether a video or image folder that is shorter than the run starts again.
+        seed: Random seed of the rendered scene and of the sensor noise of bad providers.
 
     Attributes:
-        latest: what the providers delivered at the last call, to the first game of a batch, uint8
-            (P, FRAME_HEIGHT, width, 3); black before the first call, and beside frames narrower than others.
+        latest: Frames that the providers delivered in the last call, in the first game of a batch, uint8, shape
+            (P, FRAME_HEIGHT, width, 3). They are black before the first call. Narrow frames are padded with black.
 
     Raises:
-        ValueError: frames that cannot be had (`FramesError`), or a number of sources other than P.
+        ValueError: Frames cannot be read (`FramesError`), or the number of sources is not P.
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class HogService:
         self.latest: Frame = np.zeros((n_providers, FRAME_HEIGHT, FRAME_WIDTH, 3), np.uint8)
 
     @property
-    def looped_s(self) -> float | None:
-        """How long the shortest recording is that is shown over and over, seconds; None if none is."""
-        lengths = [source.looped_s for source in self._sources if isinstance(source, Recorded)]
+    def loop_length_s(self) -> float | None:
+        """Length of the shortest looped video or image folder, in seconds; None if none is looped."""
+        lengths = [source.loop_length_s for source in self._sources if isinstance(source, CapturedFrames)]
         return min((length for length in lengths if length is not None), default=None)
 
     def perceive(
@@ -78,28 +78,30 @@ class HogService:
         strength: ArrayLike,
         round: ArrayLike,
         noise: ArrayLike,
-        taste: Perception | None = None,
+        perception: Perception | None = None,
     ) -> NDArray[np.floating[Any]]:
-        """The probability, for each rater and provider, that the target is in the frame.
+        """Return the probability that the target is in the frame, for each rater and provider.
 
         Args:
-            quality: of each provider's frames, (P, ...), or of those for each rater, (S, P, ...), in [0, 1].
-            strength: of the perturbation, (...), in [0, 1].
-            round: number of the round, (...), an integer that is not negative; its time is round * period_s.
-            noise: standard normals (S, P, ...). Each makes one rater's copy of one frame; nothing else is random.
-            taste: must be None: a detector has no bias or scale.
+            quality: Quality of the frames of each provider, shape (P, ...), or for each rater, shape (S, P, ...), in
+                [0, 1].
+            strength: Strength of the perturbation in [0, 1], shape (...).
+            round: Number of the round, shape (...), an integer of 0 or more. Its time is round * period_s.
+            noise: Standard normal noise, shape (S, P, ...). Each number makes the copy of one frame for one rater;
+                nothing else is random.
+            perception: None; a detector has no bias or scale.
 
         Returns:
-            Probabilities (S, P, ...) in [0, 1], in the precision of the noise. Extra axes are batch; strength and
-            round broadcast over them.
+            Probabilities in [0, 1], shape (S, P, ...), in the precision of the noise. Further axes are batch axes, over
+            which strength and round are broadcast.
 
         Raises:
-            ValueError: an argument of the wrong shape, or with values that are not allowed.
+            ValueError: An argument has the wrong shape, or values that are not allowed.
         """
-        if taste is not None:
-            raise ValueError("taste is not None; raters that see through a detector have no bias or scale")
+        if perception is not None:
+            raise ValueError("perception is not None; raters that see through a detector have no bias or scale")
         noise = np.asarray(noise)
-        quality, strength, round = self._checked(quality, strength, round, noise)
+        quality, strength, round = self._check(quality, strength, round, noise)
         perceived = np.empty(noise.shape, np.float64)
         true_frames: dict[tuple[int, int, float], Frame] = {}
         first: list[Frame] = []
@@ -109,23 +111,23 @@ class HogService:
                 key = (provider, at, speed)
                 if key not in true_frames:
                     true_frames[key] = self._sources[provider].frame(provider, at * self._period_s, speed)
-                seen: dict[float, Any] = {}
+                views: dict[float, Any] = {}
                 for rater in range(self._shape[0]):
                     cell = (rater, provider, *game)
-                    if (chosen := float(quality[cell])) not in seen:
+                    if (chosen := float(quality[cell])) not in views:
                         delivered = degrade(true_frames[key], chosen, (self._seed, provider, at))
-                        seen[chosen] = view(delivered)
-                        if len(first) <= provider:  # of the first game, what the first rater was served
+                        views[chosen] = view(delivered)
+                        if len(first) <= provider:  # the frame for the first rater in the first game
                             first.append(delivered)
-                    perceived[cell] = probability(best_margin(received(seen[chosen], float(noise[cell]))))
+                    perceived[cell] = probability(best_margin(transmit(views[chosen], float(noise[cell]))))
         if first:
-            self.latest = _stacked(first)
+            self.latest = _stack_padded(first)
         return perceived.astype(noise.dtype)
 
-    def _checked(
+    def _check(
         self, quality: ArrayLike, strength: ArrayLike, round: ArrayLike, noise: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Quality (S, P, ...), strength (...) and round (...) over the batch of the noise, all found valid."""
+        """Validate quality, strength and round, and return them broadcast to (S, P, ...), (...) and (...)."""
         if noise.shape[:2] != self._shape or not np.issubdtype(noise.dtype, np.floating):
             raise ValueError(
                 f"noise is {noise.dtype} of shape {noise.shape}; it must be floating, of shape {self._shape} "
@@ -134,18 +136,18 @@ class HogService:
         if not np.isfinite(noise).all():
             raise ValueError("noise has values that are not finite; it must be standard normals")
         batch = noise.shape[2:]
-        of_each = np.ndim(quality) == noise.ndim
-        quality = _fractions("quality", quality, noise.shape if of_each else (self._shape[1], *batch))
+        for_each_rater = np.ndim(quality) == noise.ndim
+        quality = _broadcast_shares("quality", quality, noise.shape if for_each_rater else (self._shape[1], *batch))
         quality = np.broadcast_to(quality, noise.shape)
-        strength = _fractions("strength", strength, batch)
-        round = _spread("round", round, batch)
+        strength = _broadcast_shares("strength", strength, batch)
+        round = _broadcast("round", round, batch)
         if not np.issubdtype(round.dtype, np.integer) or (round < 0).any():
-            raise ValueError(f"round is {_shown(round)}; it must be an integer that is not negative")
+            raise ValueError(f"round is {_excerpt(round)}; it must be an integer that is not negative")
         return quality, strength, round
 
 
-def _spread(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Values broadcast to a shape."""
+def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return values broadcast to a shape."""
     array = np.asarray(values)
     try:
         return np.broadcast_to(array, shape)
@@ -153,21 +155,21 @@ def _spread(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any
         raise ValueError(f"{name} has shape {array.shape}; it must be {shape}, or broadcast to it") from None
 
 
-def _fractions(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Values in [0, 1] broadcast to a shape."""
-    array = _spread(name, values, shape)
-    if not ((array >= 0) & (array <= 1)).all():  # false for NaN as well
-        raise ValueError(f"{name} is {_shown(array)}; every value must be a number in [0, 1]")
+def _broadcast_shares(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return values broadcast to a shape, and refuse values outside [0, 1]."""
+    array = _broadcast(name, values, shape)
+    if not ((array >= 0) & (array <= 1)).all():  # also refuses NaN
+        raise ValueError(f"{name} is {_excerpt(array)}; every value must be a number in [0, 1]")
     return array
 
 
-def _shown(array: NDArray[Any]) -> str:
-    """The first few values of an array, for an error."""
+def _excerpt(array: NDArray[Any]) -> str:
+    """Return the first few values of an array, for an error message."""
     values = [str(value) for value in itertools.islice(array.flat, 6)]
     return ", ".join(values) + (", ..." if array.size > len(values) else "")
 
 
-def _stacked(frames: list[Frame]) -> Frame:
-    """Frames of one height in one array, the narrower ones filled up with black."""
+def _stack_padded(frames: list[Frame]) -> Frame:
+    """Return frames of the same height in one array, with narrow frames padded with black."""
     width = max(frame.shape[1] for frame in frames)
     return np.stack([np.pad(frame, ((0, 0), (0, width - frame.shape[1]), (0, 0))) for frame in frames])

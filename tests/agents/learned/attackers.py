@@ -14,7 +14,7 @@ from roletrust_agents.learned.cards import (
     observation_fields,
 )
 from roletrust_agents.learned.network import Architecture, Network
-from roletrust_agents.learned.saved import SavedAttacker, carded_task, digest, save_attacker, weights_bytes
+from roletrust_agents.learned.saved import SavedAttacker, digest, save_attacker, task_from_card, weights_bytes
 
 from roletrust_env import Random, make_scenario
 from roletrust_env.game.attack_task import AttackTask
@@ -30,7 +30,7 @@ def attacker_of(
     task = TaskCard(
         id="RoleTrust/Test-v0", compromised=agents, objective="damage", stealth=Price(), knowledge=knowledge
     )
-    made = carded_task(task, MODEL, rules)
+    made = task_from_card(task, MODEL, rules)
     k = observed(made)
     shape = Architecture(inputs=k, outputs=made.action_size, hidden=hidden, lstm=lstm, heads=heads)
     rng = np.random.default_rng(seed)

@@ -61,12 +61,12 @@ def first(said):
 
 
 CHANGES = {
-    "must be that of one head": lambda said: first(said)["outputs"].__setitem__(0, 2),
+    "must belong to exactly one head": lambda said: first(said)["outputs"].__setitem__(0, 2),
     "of the 7 outputs must": lambda said: first(said)["outputs"].__setitem__(0, 7),
-    "as many inputs": lambda said: first(said)["sees"].pop(),
-    "as many inputs, 1": lambda said: first(said)["sees"][2].pop(),
+    "same number of inputs": lambda said: first(said)["sees"].pop(),
+    "number of inputs, 1 or more": lambda said: first(said)["sees"][2].pop(),
     "1 or more, for each": lambda said: first(said).update(sees=[[]] * 6),
-    "none of the 44 inputs": lambda said: first(said)["sees"][0].__setitem__(0, 44),
+    "not one of the 44 inputs": lambda said: first(said)["sees"][0].__setitem__(0, 44),
     "greater than or equal to 0": lambda said: first(said)["sees"][0].__setitem__(0, -1),
     "valid integer": lambda said: first(said)["sees"][0].__setitem__(0, 1.5),
     "no LSTM": lambda said: said["architecture"].update(lstm=4),

@@ -140,7 +140,7 @@ def test_white_box_attackers_are_saved_too():
 
 def test_a_game_of_another_size_is_refused():
     joint_policy = JointPolicy(Game(make_scenario("crowd-10x10")), {"sp_2": learned_policy(attacker_of())})
-    with pytest.raises(ValueError, match="learned among 3 raters and 3 providers"):
+    with pytest.raises(ValueError, match="trained with 3 raters and 3 providers"):
         record(joint_policy, Random(np.random.default_rng(0)))
 
 
@@ -156,16 +156,16 @@ CHANGES = {
     "there is no field|Extra inputs": lambda said: said.update(code="import os"),
     "missing": lambda said: said.pop("scenario"),
     "weights_sha256": lambda said: said.update(weights_sha256="0"),
-    "digest differs": lambda said: said.update(weights_sha256="0" * 64),
-    "not agents": lambda said: said["task"].update(compromised=["sp_9"]),
+    "digest of the weights differs": lambda said: said.update(weights_sha256="0" * 64),
+    "must be different agents": lambda said: said["task"].update(compromised=["sp_9"]),
     "fields of the observation": lambda said: said["task"].update(compromised=["sr_0"]),
     "differ in size": lambda said: said["observation"]["mean"].pop(),
     "variance": lambda said: said["observation"]["variance"].__setitem__(0, 0.0),
     "inputs differ": lambda said: said["architecture"].update(inputs=11),
-    "outputs are not": lambda said: said["architecture"].update(outputs=2),
+    "number of outputs": lambda said: said["architecture"].update(outputs=2),
     "the architecture has": lambda said: said["architecture"].update(hidden=[8, 8]),
     "of shape": lambda said: said["architecture"].update(hidden=[9]),
-    "weights; there can be": lambda said: said["architecture"].update(hidden=[4096, 4096]),
+    "weights; the limit is": lambda said: said["architecture"].update(hidden=[4096, 4096]),
     "lstm": lambda said: said["architecture"].update(lstm=-1),
     "hidden": lambda said: said["architecture"].update(hidden=["8"]),
     "mean": lambda said: said["score"].update(mean="high"),
@@ -189,7 +189,7 @@ def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
     weights = attacker.network.weights
     first = weights["layer0.weight"]
     cases = {
-        "no safetensors": b"\x80\x04\x95 a pickle",
+        "not a safetensors file": b"\x80\x04\x95 a pickle",
         "float16": save({**weights, "layer0.weight": first.astype(np.float16)}),
         "NaN": save({**weights, "layer0.weight": np.where(first > 0, np.nan, first)}),
         "the weights are": save({**weights, "extra": first}),
@@ -206,11 +206,11 @@ def test_weights_that_fit_their_digest_but_not_the_network_are_refused():
     [
         (b"[" * 100_000, "nested|JSON"),
         (b'{"format": NaN}', "NaN"),
-        (b'{"format": 1, "format": 2}', "twice"),
+        (b'{"format": 1, "format": 2}', "two fields of one name"),
         (b"\xff\xfe", "decode"),
         (b"", "Expecting value"),
         (b"[]", "dictionary|object"),
-        (b" " * 1_000_001, "too many"),
+        (b" " * 1_000_001, "the limits are"),
     ],
 )
 def test_what_is_no_card_is_refused(text, message):
@@ -222,11 +222,11 @@ def test_missing_files_and_other_weights_are_refused(tmp_path):
     attacker = attacker_of()
     with pytest.raises(ValueError, match="there is no file"):
         load_attacker(tmp_path / "nobody")
-    with pytest.raises(ValueError, match="of other weights"):
+    with pytest.raises(ValueError, match="belongs to other weights"):
         save_attacker(replace(attacker, network=attacker_of(seed=1).network), tmp_path / "x", lambda path, data: None)
     save_attacker(attacker, tmp_path / "x", lambda path, data: path.write_bytes(data))
     (tmp_path / "x.safetensors").write_bytes(files_of(attacker_of(seed=1))[1])
-    with pytest.raises(ValueError, match="x: the weights are not those"):
+    with pytest.raises(ValueError, match="x: the digest of the weights differs"):
         learned(str(tmp_path / "x.json"))
 
 

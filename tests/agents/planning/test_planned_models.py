@@ -19,7 +19,7 @@ def found(name: str, budget: int) -> float:
 
 @pytest.mark.parametrize("name", trust_models())
 def test_it_plans_or_says_why_not(name: str) -> None:
-    if Traits.of(make_trust_model(name)).smooth:
+    if Traits.of(make_trust_model(name)).differentiable:
         assert np.isfinite(found(name, 300))
     else:
         with pytest.raises(UnsuitableError, match="jumps"):

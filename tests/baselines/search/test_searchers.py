@@ -18,7 +18,7 @@ from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.attack_task import make_task
-from roletrust_env.ranges import Searched
+from roletrust_env.ranges import SearchRange
 
 PROVIDER = {
     "scenario": "paper-3x3",
@@ -37,7 +37,7 @@ SEARCHERS = [Grid(), RandomSearch(), CmaEs()]
 class Stingy(Policy):
     """A user's own attack, always the same service, not much below what would be honest."""
 
-    service: Annotated[float, Searched(0.9, 1.0)] = 1.0
+    service: Annotated[float, SearchRange(0.9, 1.0)] = 1.0
     attacks: ClassVar = frozenset({"quality"})
 
     def quality(self, view, memory, random):

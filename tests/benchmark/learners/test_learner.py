@@ -143,9 +143,9 @@ def test_only_classes_of_learners_are_called(tmp_path, monkeypatch):
     assert (method.learner.rate, method.name) == (3, "plugin:Fine:rate=3")
     for name, message in (
         ("os:system:command=true", "must make a Learner"),
-        ("plugin:Fine:speed=3", "it takes rate"),
+        ("plugin:Fine:speed=3", "It takes rate"),
         ("nowhere:Fine", "cannot be loaded"),
-        ("PPOO", "unknown learner 'PPOO'; known: PPO, recurrent PPO, SAC"),
+        ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: PPO, recurrent PPO, SAC"),
     ):
         with pytest.raises(ValueError, match=message):
             make_search_method(name, PROVIDER.id)

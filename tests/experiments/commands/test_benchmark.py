@@ -96,7 +96,7 @@ def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path) -> N
         (["--attack", "bad-mouth"], "unknown attacker 'bad-mouth'"),
         (["--model", "os:system:command=touch hacked"], "'os:system' must make a TrustModel"),
         (["--attack", "os:system:command=touch hacked"], "'os:system' must make a Policy"),
-        (["--suite", "tidy"], "unknown suite 'tidy'; known:"),
+        (["--suite", "tidy"], "unknown suite 'tidy'. Known:"),
     ],
 )
 def test_a_name_that_nobody_has_is_refused_before_anything_happens(here: Path, options: list[str], words: str) -> None:
@@ -193,7 +193,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert told.splitlines()[-1].startswith("Stopped; what is played is kept")
+    assert told.splitlines()[-1].startswith("Stopped. Finished cells are saved")
     assert theirs
     until = time.monotonic() + 30
     while any(Path(f"/proc/{pid}").exists() for pid in theirs):

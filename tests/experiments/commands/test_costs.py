@@ -48,14 +48,14 @@ def test_every_model_has_its_row_and_its_cells(tmp_path):
 
 
 def test_models_may_be_chosen_with_their_parameters(tmp_path):
-    assert run("--trust-model", "mean:lam=0.9", "--out", str(tmp_path)).exit_code == 0
+    assert run("--model", "mean:lam=0.9", "--out", str(tmp_path)).exit_code == 0
     assert (tmp_path / "model-costs.csv").read_text().count("mean:lam=0.9") == 4
     assert "role-trust" not in (tmp_path / "model-costs.md").read_text()
 
 
 def test_what_is_left_out_is_named_with_its_reason(tmp_path, quickly):
     quickly(memory=0)
-    result = run("--trust-model", "mean", "--out", str(tmp_path))
+    result = run("--model", "mean", "--out", str(tmp_path))
     assert "left out: mean on NumPy, 3 x 3: an update would take about" in result.output
     assert "- Left out: mean on NumPy, 3 x 3" in (tmp_path / "model-costs.md").read_text()
     assert "an update would take" in (tmp_path / "model-costs.csv").read_text().splitlines()[-1]
@@ -72,7 +72,7 @@ def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
 
     monkeypatch.setattr(timing_models, "compile_ahead", compile_ahead)
     options = "--compiled", "--compile-limit", "90", "--threads", "2", "--out", str(tmp_path)
-    assert run("--trust-model", "mean", *options).exit_code == 0
+    assert run("--model", "mean", *options).exit_code == 0
     assert seen == {"limit_s": 90, "threads": 2}
     page = (tmp_path / "model-costs.md").read_text()
     assert "| mean | S P | - | - |" in page
@@ -86,4 +86,4 @@ def test_what_is_not_compiled_in_time_is_left_out(tmp_path, monkeypatch):
 def test_one_size_does_not_show_growth():
     result = CliRunner().invoke(app, ["costs", "--side", "3"])
     assert result.exit_code == 2
-    assert "growth needs two" in result.output + result.stderr
+    assert "growth needs at least two" in result.output + result.stderr

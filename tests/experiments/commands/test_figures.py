@@ -100,7 +100,7 @@ def test_claims_that_do_not_apply_to_given_frames(clear):
 
 def test_help_says_how_much_footage_is_needed():
     said = " ".join(CliRunner().invoke(app, ["figures", "--help"]).output.replace("│", " ").split())
-    for words in ("120 s of video, or 240 images", "three cameras look at the same picture", "--set max_cycles=40"):
+    for words in ("120 s of video, or 240 images", "three cameras see the same picture", "--set max_cycles=40"):
         assert words in said
 
 
@@ -141,7 +141,7 @@ def test_looped_frames_with_and_without_a_person(tmp_path, monkeypatch, walk, su
     assert result.exit_code == 0, result.output
     results = json.loads((out / "results.json").read_text())
     assert results["scenario"]["playback"] == "loop"
-    assert results["footage"]["looped_s"] == 2.0
+    assert results["footage"]["loop_length_s"] == 2.0
     assert results["footage"]["in_clear_view"] is seen
     assert captions == ["the frames of walk, 2 s, are looped"] * 2
     said = " ".join(result.output.split())

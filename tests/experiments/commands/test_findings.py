@@ -87,7 +87,7 @@ def test_an_answer_that_was_finished_outlives_one_that_fails(tmp_path, monkeypat
 def test_an_unknown_question_is_named_before_anything_is_written(tmp_path):
     result = run(tmp_path / "new", "--question", "nois")
     assert result.exit_code == 2
-    assert "unknown question 'nois'; known: roles, dilution" in result.output
+    assert "unknown question 'nois'; did you mean 'noise'? Known: roles, dilution" in result.output
     assert not (tmp_path / "new").exists()
 
 

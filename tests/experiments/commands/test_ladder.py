@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from roletrust_agents.learned.methods import Learned, learned_rungs
+from roletrust_agents.learned.methods import Learned, learned_methods
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
+from roletrust_agents.training.runs import write_bytes
 from roletrust_baselines.search import PaperAttacks
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands.task_options import find_task
+from roletrust_experiments.commands.options import find_task
 from roletrust_experiments.plots.trajectory import watch
-from roletrust_experiments.training.runs import write_bytes
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
@@ -89,13 +89,13 @@ def test_runs_are_the_ladders_of_their_seeds_side_by_side(tmp_path):
     honest, *_, planner = together["rungs"]
     assert planner["runs_above"]["honest play"] == 2
     assert honest["runs_above"]["white-box planner"] == 0
-    assert "In how many of 2 runs" in printed
+    assert "Number of the 2 runs" in printed
     with (tmp_path / "both" / "ladder.csv").open() as file:
         assert [row["run"] for row in csv.DictReader(file)] == ["7", "8"] * len(together["rungs"])
 
 
 def test_an_agent_with_both_roles(tmp_path):
-    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--trust-model", "mean")
+    results, _ = climb(tmp_path, "DualAttack", "--set", "max_cycles=5", "--model", "mean")
     assert results["trust_model"]["class"].endswith("Mean")
 
 
@@ -138,15 +138,15 @@ def trained(folder, seed, **other):
 def test_the_runs_of_a_training_are_one_rung(tmp_path):
     for seed in (4, 5):
         trained(tmp_path, seed)
-    assert [rung.path.name for rung in learned_rungs(tmp_path, (4, 5), "learned")] == ["seed-4", "seed-5"]
-    assert learned_rungs(tmp_path / "seed-5", (0,), "learned") == [Learned(tmp_path / "seed-5")]
+    assert [rung.path.name for rung in learned_methods(tmp_path, (4, 5), "learned")] == ["seed-4", "seed-5"]
+    assert learned_methods(tmp_path / "seed-5", (0,), "learned") == [Learned(tmp_path / "seed-5")]
     with pytest.raises(ValueError, match="of the seeds 4, 5; this ladder has the seeds 4, 5, 6"):
-        learned_rungs(tmp_path, (4, 5, 6), "learned")
+        learned_methods(tmp_path, (4, 5, 6), "learned")
     with pytest.raises(ValueError, match="the seeds none"):
-        learned_rungs(tmp_path / "seed-5", (4, 5), "learned")
+        learned_methods(tmp_path / "seed-5", (4, 5), "learned")
     trained(tmp_path, 6, steps=1)
     with pytest.raises(ValueError, match="differ in more than their seed"):
-        learned_rungs(tmp_path, (4, 5, 6), "learned")
+        learned_methods(tmp_path, (4, 5, 6), "learned")
 
 
 def test_trajectory_is_what_was_played():
@@ -172,7 +172,7 @@ def test_names_of_tasks(text):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["Attack"], "unknown task 'Attack'; known: ProviderAttack"),
+        (["Attack"], "unknown task 'Attack'; did you mean 'DualAttack'? Known: ProviderAttack"),
         (["RaterAttack", "--set", "colour=blue"], "there is no field 'colour'"),
         (["RaterAttack", "--compromised", "sr_9"], "there is no 'sr_9'"),
         (["RaterAttack", "--learned", "/nowhere"], "/nowhere"),
@@ -182,7 +182,7 @@ def test_names_of_tasks(text):
         ),
         (
             ["RaterAttack", "--attack", "bad-mouthing:depth=3"],
-            "has no parameter 'depth'; it takes start, stop, lie",
+            "has no parameter 'depth'. It takes start, stop, lie",
         ),
         (["RaterAttack", "--attack", "bad-mouthing:level=3"], "level is 3: it must lie in [0, 1]"),
     ],

@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 import roletrust_env
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
+from roletrust_env.benchmark import register_learner
+from roletrust_env.benchmark.attackers import SEARCH_RUNGS
 from roletrust_env.trust import Mean, register_trust_model
 
 
@@ -23,6 +25,27 @@ def test_list(arguments):
     assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
     assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
     assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
+
+
+class Steady:
+    """Plays one quality in every round."""
+
+    def __init__(self, quality: float = 0.4) -> None:
+        self.quality = quality
+
+    def learn(self, env, budget, seed):
+        return lambda seen: seen[:, :1] * 0 + self.quality
+
+
+def test_learners_are_listed_with_those_of_others():
+    register_learner("steady", Steady)
+    printed = " ".join(run("learners").output.split())
+    assert all(name in printed for name in SEARCH_RUNGS)
+    assert "steady Plays one quality in every round. quality=0.4" in printed
+    assert "steady" in run().output
+    learners = json.loads(run("learners", "--json").output)["learners"]
+    assert list(learners) == [*SEARCH_RUNGS, "steady"]
+    assert learners["steady"]["parameters"]["quality"]["default"] == 0.4
 
 
 def test_list_of_nothing_known():
@@ -42,7 +65,7 @@ def test_it_is_readable(width):
 def test_models_say_what_they_are_unfit_for():
     words = re.sub(r"\s+", " ", run("models", width=200).output)
     assert re.search(r" travos .* personal, Teacy et al. \(2006\) .* cost grows as S\^2 P", words)
-    assert all_models()["median"]["smooth"] is False
+    assert all_models()["median"]["differentiable"] is False
     assert words.count("unfit: no trust in raters") == sum(not model["rates_raters"] for model in all_models().values())
 
 
@@ -61,7 +84,7 @@ def test_what_is_searched_is_what_attacks_declare():
 
 def test_plug_ins_are_described_and_a_broken_one_spoils_nothing(tmp_path, monkeypatch):
     learned = all_attackers()["learned"]
-    assert learned["description"].startswith("A trained attacker")
+    assert learned["description"].startswith("Trained attacker")
     assert learned["channels"] is None  # only what it makes has some
     about = tmp_path / "broken-1.0.dist-info"
     about.mkdir()
@@ -115,14 +138,15 @@ def test_json_holds_all_there_is():
         "scenarios": set(scenarios()),
         "models": set(trust_models()),
         "attackers": set(roletrust_env.attackers()),
+        "learners": set(SEARCH_RUNGS),
     }
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
     travos = found["models"]["travos"]
-    assert {key: travos[key] for key in ("family", "source", "smooth", "cost", "rates_raters")} == {
+    assert {key: travos[key] for key in ("family", "source", "differentiable", "cost", "rates_raters")} == {
         "family": "personal",
         "source": "Teacy et al. (2006)",
-        "smooth": False,
+        "differentiable": False,
         "cost": "S^2 P",
         "rates_raters": True,
     }

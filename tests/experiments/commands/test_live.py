@@ -4,14 +4,14 @@ import socket
 import stat
 
 import pytest
-from manager_cases import PERIOD, TEAM, feed, luck, manager, said
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from roletrust_experiments.cli import app
-from roletrust_experiments.identification.journals import curves_of, latencies_ms
 from typer.testing import CliRunner
 
+from roletrust_env.identification.journal_curves import curves_from_rounds, latencies_ms
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.recording import Recorded, Recorder
+from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 
 
 def run(*arguments):
@@ -22,7 +22,7 @@ def test_keys_are_made_once(tmp_path):
     assert "sr_0, sr_1, sr_2" in run("keys", tmp_path / "keys").output
     assert stat.S_IMODE((tmp_path / "keys" / "sr_1.key").stat().st_mode) == 0o600
     again = run("keys", tmp_path / "keys", "sr_1", "sr_7").output
-    assert "There already: sr_1" in again
+    assert "Unchanged: sr_1" in again
     assert (tmp_path / "keys" / "sr_7.pub").exists()
 
 
@@ -37,7 +37,7 @@ def test_keys_are_made_once(tmp_path):
         (["assess", "sr_0", "--keys", "nowhere"], "there is no private key nowhere/sr_0.key"),
         (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
         (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
-        (["manager", "j", "--trust-model", "nonsense"], "unknown trust model 'nonsense'"),
+        (["manager", "j", "--model", "nonsense"], "unknown trust model 'nonsense'"),
         (["recover", "nowhere", "saved"], "nowhere is no recording"),
         (["keys", "keys", "../sr_0"], "is no name of an agent"),
     ],
@@ -58,19 +58,19 @@ def test_a_demo_without_its_port_leaves_the_last_ones_results(tmp_path):
         port = taken.getsockname()[1]
         done = run("demo", "--out", tmp_path, "--port", port, "--no-browser")
     assert done.exit_code == 2
-    assert f"port {port} cannot be had" in done.stderr
+    assert f"port {port} is not available" in done.stderr
     assert (tmp_path / "journal.jsonl").read_text() == "of the last"
 
 
 def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
-    notes, mask = luck(10)
+    notes, mask = random_ratings(10)
     with Recorder(tmp_path / "bag") as recorder:
         for r in range(10):
             for i, name in enumerate(TEAM.raters):
                 row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
-                recorder.write(Recorded(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
-    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--trust-model", "mean")
+                recorder.write(RecordedMessage(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
+    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--model", "mean")
     assert done.exit_code == 0, done.output
     direct = feed(manager(tmp_path / "direct", model="mean"), notes, mask)
     assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [entry.trust for entry in direct]
@@ -81,9 +81,9 @@ def test_the_curves_of_a_journal(tmp_path):
     keeper = manager(tmp_path / "journal")
     for r in (1, 2, 4):
         for name in TEAM.raters:
-            keeper.hear(said(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
+            keeper.receive(rating_message(name, r, dict.fromkeys(TEAM.providers, 1.0)), PERIOD * r + 30_000_000)
     entries = list(read_journal(tmp_path / "journal"))
-    curves = curves_of([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
+    curves = curves_from_rounds([entry.published for entry in entries], PERIOD, PERIOD, 0.5)
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]
     assert curves.tor[:, 0, 0].tolist() == [entry.trust.tor[0] for entry in entries]
     assert latencies_ms(entries) == [30.0] * 3

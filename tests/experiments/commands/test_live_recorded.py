@@ -10,13 +10,13 @@ from command_line import run
 from manager_cases import TEAM, manager
 from recorded_games import PERIOD, spoken
 from roletrust_baselines import BadMouthing
-from roletrust_experiments.identification.scenario_files import write_scenario
 
 from roletrust_env import make_scenario
-from roletrust_env.live.nodes.manage import replay
+from roletrust_env.identification.scenario_files import write_scenario
+from roletrust_env.live.nodes.manager_node import replay_recording
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import make_keys
-from roletrust_env.live.wire.recording import Recorded, Recorder
+from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_env.world.presets import scenarios
 
 
@@ -27,10 +27,10 @@ def bag(tmp_path_factory):
     said = spoken(make_scenario("paper-3x3"), attackers={"sr_2": BadMouthing(start=41, stop=91)})
     keeper = manager(folder / "journal")
     for name in TEAM.providers:
-        keeper.meet(name)
+        keeper.add_provider(name)
     trust = [
-        Recorded(entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry)))
-        for entry in replay(said, keeper, PERIOD)
+        RecordedMessage(entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry)))
+        for entry in replay_recording(said, keeper, PERIOD)
     ]
     with Recorder(folder / "bag") as recorder:
         for message in sorted([*said, *trust]):
@@ -68,8 +68,7 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     assert "# sr_2" in (tmp_path / "team.toml").read_text()
     attacked = ["--attack", "sr_0=bad-mouthing", "--out", str(tmp_path / "play")]
     assert run("play", str(tmp_path / "team.toml"), *attacked).exit_code == 0
-    small = ["max_cycles=10", "games=8", "hidden=[8]", "batch_size=40", "n_steps=10", "n_epochs=1"]
-    settings = [text for k, setting in enumerate(small) for text in ("--learner" if k else "--set", setting)]
+    settings = ["--set", "max_cycles=10", "--learner", "PPO:games=8,hidden=[8],batch_size=40,n_steps=10,n_epochs=1"]
     settings += ["--scenario", str(tmp_path / "team.toml"), "--steps", "160", "--out", str(tmp_path / "train")]
     trained = run("train", "RaterAttack", *settings)
     assert trained.exit_code == 0, trained.output
@@ -80,10 +79,10 @@ def test_a_scenario_of_a_recording_is_played_and_trained_against(bag, tmp_path):
     [
         (["figures", "--recording", "nowhere"], "nowhere cannot be read"),
         (["figures", "--recording", "nowhere", "--frames", "walk.mp4"], "--recording plays nothing"),
-        (["figures", "--attack", "on-off"], "--attack is what was played in a --recording"),
+        (["figures", "--attack", "on-off"], "--attack says what a --recording shows"),
         (["live", "scenario", "nowhere"], "nowhere cannot be read"),
         (["live", "scenario", "nowhere", "--out", "team.txt"], "must end in .toml"),
-        (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml is there already"),
+        (["live", "scenario", "nowhere", "--out", "there.toml"], "there.toml exists already"),
         (["live", "demo", "--seconds", "30"], "seconds is 30; with bad-mouthing it must be from 40 to 120"),
     ],
 )
@@ -108,7 +107,7 @@ def test_any_scenario_is_written_and_read_as_it_was(name, tmp_path):
 def said(rater, round, row, stamp=None):
     moment = PERIOD * (1000 + round)
     raw = messages.encode(messages.ratings_message(rater, moment if stamp is None else stamp, row))
-    return Recorded(moment + 5, f"/{rater}/ratings", messages.RATINGS, raw)
+    return RecordedMessage(moment + 5, f"/{rater}/ratings", messages.RATINGS, raw)
 
 
 def told(round, tor, top, stamp=None):
@@ -116,7 +115,7 @@ def told(round, tor, top, stamp=None):
     numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
     names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
     made = messages.make(messages.TRUST, header=messages.header(moment), round=round, **names, **numbers)
-    return Recorded(moment + 9, "/trust", messages.TRUST, messages.encode(made))
+    return RecordedMessage(moment + 9, "/trust", messages.TRUST, messages.encode(made))
 
 
 def recorded(path, said):
@@ -161,10 +160,10 @@ A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
 @pytest.mark.parametrize(
     ("arguments", "messages", "reason"),
     [
-        (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating that came about when its service"),
-        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; there must be two, one after"),
-        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; there"),
-        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; there must be two"),
+        (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating whose stamp is near"),
+        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; it must hold two consecutive"),
+        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; it"),
+        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
     ],
 )
 def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, reason, tmp_path, monkeypatch):

@@ -29,7 +29,7 @@ def drawn(folder):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     out = tmp_path_factory.mktemp("models")
-    models = [word for name in ("role-trust", "mean", "median", "constant") for word in ("--trust-model", name)]
+    models = [word for name in ("role-trust", "mean", "median", "constant") for word in ("--model", name)]
     result = run(out, *models)
     assert result.exit_code == 0, result.output
     return out
@@ -52,7 +52,7 @@ def test_files_say_what_was_played(page, tmp_path):
     assert len(results["attackers"]) == 3
     assert (page / "models.png").stat().st_size > 10_000
     for seed, same in (("0", True), ("1", False)):
-        assert run(tmp_path / seed, "--trust-model", "median", "--seed", seed).exit_code == 0
+        assert run(tmp_path / seed, "--model", "median", "--seed", seed).exit_code == 0
         again = (tmp_path / seed / "models.csv").read_text().splitlines()[1:]
         assert (set(again) <= set((page / "models.csv").read_text().splitlines())) == same
 
@@ -78,7 +78,7 @@ def test_lines_are_means_over_agents_and_games_that_are_there():
 
 
 def test_unknown_model_is_one_clean_error(tmp_path):
-    result = run(tmp_path / "out", "--trust-model", "meen")
+    result = run(tmp_path / "out", "--model", "meen")
     assert result.exit_code == 2
     assert "did you mean" in result.stderr
     assert not (tmp_path / "out").exists()

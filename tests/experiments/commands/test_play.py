@@ -52,13 +52,13 @@ def test_seed_decides(tmp_path):
 @pytest.mark.parametrize("name", ["crowd-10x10", "robots-that-move", "open-system", "peers"])
 def test_every_kind_of_scenario(tmp_path, name):
     attack = {"peers": "srsp_8=on-off"}.get(name, "sr_?=bad-mouthing")
-    results, _ = play(tmp_path, name, "--games", "2", "--attack", attack, "--trust-model", "mean:lam=0.8")
+    results, _ = play(tmp_path, name, "--games", "2", "--attack", attack, "--model", "mean:lam=0.8")
     made = {"class": "roletrust_env.trust.models.central.mean.Mean", "parameters": {"lam": 0.8, "initial": 0.5}}
     assert results["trust_models"] == {"mean:lam=0.8": made}
 
 
 def test_models_are_compared_under_one_attack(tmp_path):
-    models = ["--trust-model", "role-trust", "--trust-model", "mean"]
+    models = ["--model", "role-trust", "--model", "mean"]
     results, printed = play(tmp_path, *models, "--games", "2", "--attack", "sr_0=bad-mouthing:level=0")
     damages = [results["measured"][model]["damage"]["3 sp"]["mean"] for model in ("role-trust", "mean")]
     assert damages[0] != damages[1]
@@ -128,7 +128,7 @@ def test_own_model_and_attacker(tmp_path, monkeypatch):
         "class Liar(BadMouthing): pass\n"
     )
     monkeypatch.chdir(tmp_path)
-    own = ["--trust-model", "mine_for_test:Mean:lam=0.9", "--attack", "sr_0=mine_for_test:Liar:level=0.1"]
+    own = ["--model", "mine_for_test:Mean:lam=0.9", "--attack", "sr_0=mine_for_test:Liar:level=0.1"]
     results, printed = play(tmp_path / "out", *own)
     assert results["trust_models"]["mine_for_test:Mean:lam=0.9"]["parameters"]["lam"] == 0.9
     assert results["attackers"]["sr_0"]["class"] == "mine_for_test.Liar"
@@ -170,9 +170,9 @@ def test_video(tmp_path):
     [
         (["nowhere"], "unknown scenario 'nowhere'"),
         (["nowhere.toml"], "cannot be read"),
-        (["--trust-model", "meen"], "did you mean 'mean'"),
-        (["--trust-model", "mean:depth=3"], "depth"),
-        (["--trust-model", "mean:lam=2"], "lam is 2"),
+        (["--model", "meen"], "did you mean 'mean'"),
+        (["--model", "mean:depth=3"], "depth"),
+        (["--model", "mean:lam=2"], "lam is 2"),
         (["--attack", "sp_0"], "AGENT=NAME"),
         (["--attack", "sp_0=onoff"], "unknown attacker 'onoff'"),
         (["--attack", "sp_0=on-off:duty=7"], "duty is 7"),
@@ -187,11 +187,11 @@ def test_video(tmp_path):
         (["--set", "colour=blue"], "there is no field 'colour'"),
         (["--set", "lam=0.6", "--set", "lam=0.7"], "twice"),
         (["--set", "max_cycle=9"], "did you mean 'max_cycles'"),
-        (["--set", "lam=0.6", "--trust-model", "role-trust:lam=0.8"], "role-trust:lam=0.8 contradicts --set lam=0.6"),
-        (["--trust-model", "mean", "--trust-model", "mean"], "twice"),
-        (["--trust-model", "mine"], "'roletrust_env.trust_models'"),
-        (["--trust-model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
-        (["--trust-model", "roletrust_baselines:OnOff"], "must make a TrustModel"),
+        (["--set", "lam=0.6", "--model", "role-trust:lam=0.8"], "role-trust:lam=0.8 contradicts --set lam=0.6"),
+        (["--model", "mean", "--model", "mean"], "twice"),
+        (["--model", "mine"], "'roletrust_env.trust_models'"),
+        (["--model", "no_such:Mean"], "'no_such:Mean' cannot be loaded"),
+        (["--model", "roletrust_baselines:OnOff"], "must make a TrustModel"),
         (["--attack", "sr_0=roletrust_env.trust:Mean"], "must make a Policy"),
         (["--attack", "sr_0=bad-mouthing:targets=[sp_0,sp_7]"], "targets has 'sp_7'; the providers are sp_0"),
     ],

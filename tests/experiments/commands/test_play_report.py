@@ -73,7 +73,7 @@ def test_undefined_in_some_games_only():
     trust[3:, :, 1] = 0.2  # in the second game trust is not back
     found = under_attack(roster, full._replace(trust=trust), full, {"sr_0": BadMouthing(stop=3)})
     assert found["recovery, rounds"].mean == 0
-    assert found["recovery, rounds"].why == "trust was not back before the game was over, in 1 of 2 games"
+    assert found["recovery, rounds"].why == "trust did not recover before the game ended, in 1 of 2 games"
     everybody = dict.fromkeys(roster.names[:3], BadMouthing())
     assert "no honest agents" in under_attack(roster, full, None, everybody)["AUC at the end, sr"].why
     assert "live camera" in under_attack(roster, full, None, everybody)["utility, no attack"].why
@@ -81,7 +81,7 @@ def test_undefined_in_some_games_only():
 
 def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     """Its trust in them reads 1 whatever they do: in a mean over all it would hide harm."""
-    results, printed = play(tmp_path, "--trust-model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
+    results, printed = play(tmp_path, "--model", "mean", "--games", "2", "--attack", "sr_2=bad-mouthing:stop=9")
     found = results["measured"]["mean"]
     why = "the model has no trust in raters"
     unjudged = [found["damage"]["2 sr"], found["damage"]["all 5 honest"], found["groups"]["2 sr, honest"]["mean trust"]]
@@ -95,9 +95,7 @@ def test_of_raters_that_a_model_does_not_judge_nothing_is_said(tmp_path):
     for rates_raters, alarms in ((True, 3 / 5), (False, 1.0)):
         score = under_attack(roster, with_raters, None, {"sr_0": BadMouthing()}, rates_raters)["false alarms"]
         assert score.mean == pytest.approx(alarms)
-    assert "no trust in raters: mean: false alarms and recovery are those of providers alone" in " ".join(
-        printed.split()
-    )
+    assert "no trust in raters: mean: false alarms and recovery are of providers only" in " ".join(printed.split())
 
 
 def test_json_is_all_that_is_printed(tmp_path, monkeypatch):

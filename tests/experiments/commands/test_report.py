@@ -117,7 +117,7 @@ def test_what_is_no_run_is_refused(folder: Path, tmp_path: Path) -> None:
         assert said in refused.output
     refused = run("report", *2 * [str(folder / "results.sqlite")], "--out", str(tmp_path / "out"))
     assert refused.exit_code == 2
-    assert "both of a suite for robustness; a report is on one of each kind" in " ".join(refused.output.split())
+    assert "both of a suite for robustness; a report has one of each kind" in " ".join(refused.output.split())
     assert not (tmp_path / "out").exists()
 
 

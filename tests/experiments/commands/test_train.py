@@ -13,22 +13,22 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from roletrust_agents.learned.methods import learned_rungs
+from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
+from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
+from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.settings import make_settings
 from roletrust_experiments.cli import app
 from roletrust_experiments.timing.ppo_speed import ppo_speed
-from roletrust_experiments.training.learners import make_model, network_of, parameters_bytes, set_parameters
-from roletrust_experiments.training.runs import Checkpoint, RunFolder
-from roletrust_experiments.training.settings import make_settings
 from typer.testing import CliRunner
 
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import make_task
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
-SMALL = ["--learner", "games=8", "--learner", "hidden=[8]", "--learner", "batch_size=40"]
-PPO = [*TINY, *SMALL, "--learner", "n_steps=10", "--learner", "n_epochs=1", "--steps", "1600"]
+SMALL = "games=8,hidden=[8],batch_size=40"
+PPO = [*TINY, "--learner", f"PPO:{SMALL},n_steps=10,n_epochs=1", "--steps", "1600"]
 
 
 def run(*arguments):
@@ -81,7 +81,7 @@ def test_runs_of_several_seeds_have_a_folder_each(tmp_path):
     assert run(*arguments, "--runs", 2, "--seed", 5).exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["seed-5", "seed-6"]
     assert [load_attacker(tmp_path / f"seed-{k}").card.training.seed for k in (5, 6)] == [5, 6]
-    assert len(learned_rungs(tmp_path, (5, 6), "learned")) == 2
+    assert len(learned_methods(tmp_path, (5, 6), "learned")) == 2
     again = run(*arguments, "--runs", 2, "--seed", 4)
     assert "seed-5 holds a run" in " ".join(again.output.split())
     assert not (tmp_path / "seed-4").exists()
@@ -98,7 +98,7 @@ def test_all_rounds_that_decided_are_counted(tmp_path):
 
 def test_options_decide_what_is_learned(tmp_path):
     who = ["--compromised", "sr_0", "--objective", "promote", "--accomplice", "sp_1", "--knowledge", "grey_box"]
-    price = ["--stealth-weight", 2, "--stealth-tolerance", 0.2, "--trust-model", "mean", "--scenario", "crowd-10x10"]
+    price = ["--stealth-weight", 2, "--stealth-tolerance", 0.2, "--model", "mean", "--scenario", "crowd-10x10"]
     attacker, _ = train(tmp_path, "RoleTrust/RaterAttack-v0", *PPO, *who, *price, "--steps", 80)
     task = attacker.card.task
     assert (task.compromised, task.objective, task.accomplices, task.knowledge) == (
@@ -115,10 +115,8 @@ def test_options_decide_what_is_learned(tmp_path):
 
 @pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
 def test_other_learners_stop_and_go_on(tmp_path, algo):
-    settings = ["--learner", "n_steps=10", "--learner", "n_epochs=1", "--learner", "lstm=4"]
-    if algo == "sac":
-        settings = ["--learner", "learning_starts=40", "--learner", "buffer_size=200"]
-    arguments = ["RaterAttack", *TINY, *SMALL, *settings, "--algo", algo, "--steps", 320]
+    settings = "learning_starts=40,buffer_size=200" if algo == "sac" else "n_steps=10,n_epochs=1,lstm=4"
+    arguments = ["RaterAttack", *TINY, "--learner", f"{algo}:{SMALL},{settings}", "--steps", 320]
     attacker, _ = train(tmp_path, *arguments)
     assert attacker.card.architecture.lstm == (0 if algo == "sac" else 4)
     assert attacker.card.architecture.squash == ("tanh" if algo == "sac" else "clip")
@@ -154,7 +152,15 @@ def test_what_is_asked_wrongly(tmp_path):
         "holds a run": ["ProviderAttack", *PPO, "--steps", 80],
         "holds another run": ["ProviderAttack", *PPO, "--steps", 160, "--resume"],
         "unknown task": ["Provider"],
-        "there are steps": ["ProviderAttack", "--learner", "speed=1"],
+        "unknown task 'RateAttack'; did you mean 'RaterAttack'?": ["RateAttack"],
+        "ppo has no setting 'gama'; did you mean 'gamma'?": ["ProviderAttack", "--learner", "PPO:gama=0.9"],
+        "unknown learner 'recurent-PPO'; did you mean 'recurrent-PPO'?": [
+            "ProviderAttack",
+            "--learner",
+            "recurent-PPO",
+        ],
+        "unknown objective 'damge'; did you mean 'damage'?": ["RaterAttack", "--objective", "damge"],
+        "unknown knowledge 'gray_box'; did you mean 'grey_box'?": ["RaterAttack", "--knowledge", "gray_box"],
     }
     for message, arguments in cases.items():
         result = run(*arguments, "--out", tmp_path)
@@ -261,7 +267,7 @@ def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
 
 def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
     model = "roletrust_env.trust.models.central.mean:Mean"
-    refused = run("ProviderAttack", "--trust-model", model, "--out", tmp_path / "run")
+    refused = run("ProviderAttack", "--model", model, "--out", tmp_path / "run")
     assert refused.exit_code == 2
     assert "entry point" in " ".join(refused.output.split())
 
@@ -276,7 +282,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("roletrust_experiments.training.loop.train", interrupted)
+    monkeypatch.setattr("roletrust_agents.training.loop.train", interrupted)
     stopped = run("ProviderAttack", *PPO, "--out", tmp_path)
     assert stopped.exit_code == 130
     assert f"--resume --out {tmp_path}" in " ".join(stopped.output.split()).replace(" /", " /")

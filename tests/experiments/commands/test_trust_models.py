@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 
 TASK = ["RaterAttack", "--set", "max_cycles=4"]
-LEARNER = [part for each in ("games=2", "hidden=[4]", "n_steps=4", "n_epochs=1") for part in ("--learner", each)]
+LEARNER = ["--learner", "PPO:games=2,hidden=[4],n_steps=4,n_epochs=1"]
 
 
 def run(command, name, *arguments):
-    result = CliRunner().invoke(app, [command, *TASK, "--trust-model", name, *map(str, arguments)])
+    result = CliRunner().invoke(app, [command, *TASK, "--model", name, *map(str, arguments)])
     assert result.exit_code == 0, result.output
 
 
@@ -36,4 +36,4 @@ def test_a_ladder_against_it_plans_where_trust_has_no_jumps(tmp_path, name):
     results = json.loads((tmp_path / "ladder.json").read_text())
     rungs = {rung["rung"] for rung in results["rungs"]}
     assert {"honest play", "scripted, best of grid", "random search", "CMA-ES"} <= rungs
-    assert ("white-box planner" in rungs) == Traits.of(make_trust_model(name)).smooth
+    assert ("white-box planner" in rungs) == Traits.of(make_trust_model(name)).differentiable

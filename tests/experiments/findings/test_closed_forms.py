@@ -5,7 +5,7 @@ import pytest
 from rich.progress import Progress
 from roletrust_baselines import BadMouthing
 from roletrust_experiments.findings import dilution, noise
-from roletrust_experiments.findings.games import Asked, honest, last, lost, play
+from roletrust_experiments.findings.games import Effort, honest, last, lost, play
 
 from roletrust_env import make_scenario
 
@@ -13,7 +13,7 @@ from roletrust_env import make_scenario
 @pytest.fixture
 def asked():
     with Progress(disable=True) as progress:
-        yield Asked(games=3, seed=0, quick=False, progress=progress)
+        yield Effort(games=3, seed=0, quick=False, progress=progress)
 
 
 @pytest.mark.parametrize(("size", "liars", "level"), [(3, 1, 0.5), (9, 3, 0.5), (9, 1, 0.0), (30, 10, 0.5)])
@@ -21,7 +21,7 @@ def test_dilution(asked, size, liars, level):
     crowd = make_scenario("crowd-10x10")
     groups = [{**group.model_dump(), "count": size} for group in crowd.agents]
     scenario = crowd.change(agents=groups, noise=0.0, max_cycles=60)
-    attackers = dict.fromkeys(last(scenario, "sr", liars), BadMouthing(level=level))
+    attackers = dict.fromkeys(last(scenario, "SR", liars), BadMouthing(level=level))
     struck, calm = play(asked, scenario, attackers), play(asked, scenario)
     tor, top = struck.trust[-1, 0], struck.trust[-1, size]
     of_raters, of_providers = dilution.closed_form(liars / size, level)
@@ -45,7 +45,7 @@ def test_noise(asked):
 
 def test_the_same_luck_meets_who_attacks_and_who_does_not(asked):
     scenario = make_scenario("crowd-10x10").change(max_cycles=12)
-    later = dict.fromkeys(last(scenario, "sr", 2), BadMouthing(start=8))
+    later = dict.fromkeys(last(scenario, "SR", 2), BadMouthing(start=8))
     struck, calm = play(asked, scenario, later), play(asked, scenario)
     np.testing.assert_array_equal(struck.trust[:8], calm.trust[:8])
     assert (struck.trust[-1] < calm.trust[-1])[:8].all()

@@ -22,7 +22,7 @@ def test_every_answer_has_its_picture():
 
 
 def test_the_answers_in_short_have_no_number_that_the_page_has_not():
-    short = (HOUSE / "docs/how/paper.md").read_text(encoding="utf-8").partition("## What was claimed or left open")[2]
+    short = (HOUSE / "docs/how/paper.md").read_text(encoding="utf-8").partition("## Claims and open questions")[2]
     numbers = re.findall(r"\d+\.\d+|\d+%", short.partition("## How sure this is")[0])
     assert numbers
     assert [number for number in numbers if number not in PAGE] == []

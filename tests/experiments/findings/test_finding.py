@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from roletrust_experiments.findings import admission, both_roles, dilution, movement, noise, roles
-from roletrust_experiments.findings.finding import amount, listed, sign, told, verdict
+from roletrust_experiments.findings.finding import amount, in_words, listed, sign, verdict
 
 from roletrust_env.metrics.confidence import Estimate, estimate
 
@@ -24,7 +24,7 @@ def test_rounded_numbers_lie_on_the_same_side_of_0_as_the_exact_ones(one):
 
 @given(estimates)
 def test_a_difference_is_told_once_and_in_its_direction(one):
-    words = told(one, "up", "down", "open")
+    words = in_words(one, "up", "down", "open")
     assert [word in words for word in ("up", "down", "open")] == [sign(one) > 0, sign(one) < 0, sign(one) == 0]
 
 

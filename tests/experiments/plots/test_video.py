@@ -25,7 +25,7 @@ def test_a_film_that_cannot_be_written_is_one_error_that_names_it(tmp_path, monk
             temporary.symlink_to("/dev/full")
         return temporary
 
-    monkeypatch.setattr(files, "unfinished", to_a_full_disk)
+    monkeypatch.setattr(files, "unfinished_path", to_a_full_disk)
     result = play(tmp_path)
     assert result.exit_code == 2
     assert f"{tmp_path / 'play.mp4'} cannot be written, ffmpeg failed" in result.stderr

@@ -12,9 +12,10 @@ from bs4 import BeautifulSoup
 
 HOUSE = Path(__file__).parents[3]
 ROOTS = ("", "agents", "baselines", "experiments")
-"""Folders with packages."""
+"""Folders that hold packages."""
+
 WHOLE = HOUSE / "build" / "site"
-"""Where `make docs` puts it."""
+"""Site of `make docs`."""
 
 
 def build_quickly(folder: Path) -> Path:

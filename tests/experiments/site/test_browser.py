@@ -13,7 +13,7 @@ from built import WHOLE, broken, fetched, pages, parsed
 pytestmark = pytest.mark.site
 
 PATIENCE_MS = 240_000  # far more than a busy machine takes
-VIEWS = {"light": (1200, "light"), "dark": (1200, "dark"), "phone": (390, "light")}
+VIEWS = {"light": (1440, "light"), "dark": (1200, "dark"), "phone": (390, "light")}
 
 _FAINT = """() => {
   const lightness = (rgb) => {
@@ -38,6 +38,11 @@ _FAINT = """() => {
   return faint;
 }"""
 """Texts whose contrast with what is behind them is low, after WCAG 2."""
+
+_SCROLLING = """() => [...document.querySelectorAll("article .highlight pre")]
+  .filter((one) => one.scrollWidth > one.clientWidth + 1)
+  .map((one) => one.innerText.split("\\n").sort((a, b) => b.length - a.length)[0])"""
+"""Longest line of each block of code that scrolls sideways."""
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +82,8 @@ def test_every_page_is_readable_without_errors(browser: Any, home: str, view: st
         window.goto(home + str(page.relative_to(WHOLE)))
         if window.evaluate("document.documentElement.scrollWidth > innerWidth"):
             wrong.append(f"{page}: wider than {VIEWS[view][0]} px")
+        if view == "light":
+            wrong += [f"{page}: code scrolls: {line}" for line in window.evaluate(_SCROLLING)]
         wrong += [f"{page}: faint: {text}" for text in window.evaluate(_FAINT)[:3]]
         broken_pictures = "() => [...document.images].filter((i) => i.complete && !i.naturalWidth).map((i) => i.src)"
         wrong += [f"{page}: no picture {source}" for source in window.evaluate(broken_pictures)]

@@ -40,7 +40,7 @@ def test_of_a_page_in_markdown_the_first_paragraph_stays():
 @pytest.mark.parametrize(
     ("what", "thing", "signature"),
     [
-        ("function", damage, ("(trust: Floats, twin: Floats, agents: Sequence[int])", "Score")),
+        ("function", damage, ("(trust: Floats, paired: Floats, agents: Sequence[int])", "Score")),
         ("class", Travos, ("(error=0.2, threshold=0.95, bins=5)", "")),
         ("method", Game.published, ("(state: State)", "tuple[Array, Array]")),
         ("attribute", 3, None),

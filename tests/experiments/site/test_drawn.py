@@ -1,9 +1,13 @@
 """Pictures are drawn again when what draws them changes, and only then; pages only when they say something else."""
 
+import pytest
+from pages import refused
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from roletrust_experiments.site import drawn
 from roletrust_experiments.site.drawn import draw
 from roletrust_experiments.site.pictures import how_shown
+
+from roletrust_env.evaluation.specs import parse_attacks
 
 
 def some(entries, *names):
@@ -31,6 +35,19 @@ def test_words_say_what_is_seen(tmp_path, monkeypatch):
     (mean,), (constant,) = found.models["mean"], found.models["constant"]
     assert "from 15 s to 45 s; ToP of honest providers 1.00 before, 0.60 to 0.80 in it" in mean.words
     assert "ToP of honest providers 0.50 before, 0.50 to 0.50 in it" in constant.words
+
+
+@pytest.mark.parametrize("name", all_attackers())
+def test_the_command_of_every_attack_can_be_called(name):
+    shown = how_shown(name, all_attackers()[name])
+    assert refused(shown.command.replace("\\\n", "")) == ""
+    assert parse_attacks(shown.texts, shown.scenario)
+
+
+def test_what_is_absent_has_words(tmp_path, monkeypatch):
+    monkeypatch.setattr(drawn, "films", lambda folder, quick: {})
+    attacks = draw(tmp_path, {}, some(all_attackers(), "whitewashing"), quick=True).attacks
+    assert "nan" not in attacks["whitewashing"].words
 
 
 def test_every_attack_is_seated_where_it_attacks():

@@ -34,8 +34,10 @@ def test_the_catalogue_has_all_that_is_registered(site, folder, names):
 def test_a_model_has_formula_source_parameters_and_a_picture(site):
     page = site / "reference" / "models" / "travos.html"
     said = text(page)
-    for part in ("Teacy et al. (2006)", "S^2 P", "mu' = 1/2 + rho (mu - 1/2)", "threshold 0.95 [0, 1]", "bins 5 whole"):
+    for part in ("Teacy et al. (2006)", "S^2 P", "threshold 0.95 [0, 1]", "bins 5 whole"):
         assert part in said
+    assert parsed(page).find("math", display="block").find("mfrac")
+    assert "../../references.html#" in str(parsed(page).find("article"))
     picture = parsed(page).find("article").find("img")
     assert (page.parent / picture["src"]).is_file()
     assert "ToP of honest providers" in picture["alt"]
@@ -43,7 +45,26 @@ def test_a_model_has_formula_source_parameters_and_a_picture(site):
 
 def test_an_attack_says_who_plays_it_and_where_it_is_searched(site):
     said = text(site / "reference" / "attacks" / "bad-mouthing.html")
-    for part in ("--attack sr_[0-3]=bad-mouthing:start=30,stop=90", "constant | relative", "victims"):
+    for part in ("--attack 'sr_[0-3]=bad-mouthing:start=30,stop=90'", "constant | relative", "victims"):
+        assert part in said
+
+
+def test_every_model_and_attack_has_a_formula_and_a_command(site):
+    for folder in ("models", "attacks"):
+        for page in (site / "reference" / folder).glob("*.html"):
+            if page.name != "index.html":
+                assert parsed(page).find("math", display="block"), page
+                assert "roletrust " in parsed(page).find("pre").get_text(), page
+
+
+def test_no_description_of_a_picture_has_a_number_that_is_none(site):
+    for page in pages(site):
+        assert not [tag for tag in parsed(page).find_all("img") if "nan" in tag.get("alt", "").split()], page
+
+
+def test_every_source_has_its_page(site):
+    said = text(site / "references.html")
+    for part in ("The Sybil Attack", "10.1145/775152.775242", "Iterative Filtering in Reputation Systems"):
         assert part in said
 
 

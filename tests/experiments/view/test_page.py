@@ -1,33 +1,42 @@
 """The page of `roletrust live view`, without a team and without a browser."""
 
-import time
+import socket
 import urllib.request
+from types import SimpleNamespace
 
 import pytest
 from bokeh.client import pull_session
 from bokeh.document import Document
 from bokeh.models.widgets.markups import Div
 from roletrust_experiments.plots.style import ATTACKER, HONEST
-from roletrust_experiments.view.board import Board
+from roletrust_experiments.view import dashboard as dashboards
+from roletrust_experiments.view.dashboard import Dashboard
 from roletrust_experiments.view.page import Page, make_page
 from roletrust_experiments.view.server import serve
 from tornado.ioloop import IOLoop
 
-from roletrust_env.live.journal import Published
-from roletrust_env.live.nodes.watch import MANAGER
+from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.nodes.team_listener import MANAGER
 
 PERIOD_S = 0.5
+NOW_S = 1_000_000.0
 
 
 class Team:
-    """What a watcher would have heard."""
+    """A listener that receives what a test publishes."""
 
     def __init__(self):
-        self.heard, self.pictures, self.spoke, self.reports = [], {}, {}, {}
+        self.rounds, self.pictures, self.last_heard, self.diagnostics = [], {}, {}, {}
 
     def say(self, round, tor, missing=()):
-        self.heard.append(Published(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing))
-        self.spoke |= dict.fromkeys([MANAGER, *set(tor) - set(missing)], time.time())
+        self.rounds.append(PublishedTrust(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing))
+        self.last_heard |= dict.fromkeys([MANAGER, *set(tor) - set(missing)], NOW_S)
+
+
+@pytest.fixture(autouse=True)
+def clock(monkeypatch):
+    """A clock that stands still, so that nobody falls silent on a slow machine."""
+    monkeypatch.setattr(dashboards, "time", SimpleNamespace(time=lambda: NOW_S))
 
 
 @pytest.fixture
@@ -36,18 +45,18 @@ def team():
 
 
 @pytest.fixture
-def board(team):
-    return Board(team, PERIOD_S, speed=2.0, attackers=("sr_1",))
+def dashboard(team):
+    return Dashboard(team, PERIOD_S, speed=2.0, attackers=("sr_1",))
 
 
-def told(board):
-    """What is told now, not what was told a moment ago."""
-    board._told_at = 0.0
-    return board.told()
+def parts(dashboard):
+    """Return the current parts, not those of a moment ago."""
+    dashboard._parts_at = 0.0
+    return dashboard.parts()
 
 
-def test_curves_follow_what_is_heard(team, board):
-    page = Page(board)
+def test_curves_follow_what_is_heard(team, dashboard):
+    page = Page(dashboard)
     assert page._tor.source.data == {"time_s": []}
     team.say(0, {"sr_0": 0.5, "sr_1": 0.9})
     team.say(1, {"sr_0": 0.25, "sr_1": 0.9}, missing=("sr_1",))
@@ -61,8 +70,8 @@ def test_curves_follow_what_is_heard(team, board):
     assert len(page._tor.source.data["time_s"]) == 2
 
 
-def test_a_newcomer_has_no_trust_before(team, board):
-    page = Page(board)
+def test_a_newcomer_has_no_trust_before(team, dashboard):
+    page = Page(dashboard)
     team.say(0, {"sr_0": 0.5})
     page.refresh()
     team.say(1, {"sr_0": 0.5, "sr_2": 0.6})
@@ -73,69 +82,71 @@ def test_a_newcomer_has_no_trust_before(team, board):
     assert page._matches._raters.factors == ["sr_2", "sr_0"]
 
 
-def test_the_state_of_the_round(team, board):
-    assert "No round yet" in told(board).state
+def test_the_state_of_the_round(team, dashboard):
+    assert "No round yet" in parts(dashboard).state
     team.say(0, {"sr_0": 0.5})
-    assert "nobody is missing" in told(board).state
+    assert "nobody is missing" in parts(dashboard).state
     team.say(1, {"sr_0": 0.5}, missing=("sr_0",))
-    assert "missing: sr_0" in told(board).state
-    team.spoke[MANAGER] -= 1
-    assert "the manager is silent" in told(board).state
+    assert "missing: sr_0" in parts(dashboard).state
+    team.last_heard[MANAGER] -= 1
+    assert "The manager has been silent" in parts(dashboard).state
 
 
-def test_who_says_nothing_is_gone_before_two_periods_are_over(team, board):
+def test_a_silent_agent_is_gone_before_two_periods_are_over(team, dashboard):
     team.say(0, {"sr_0": 0.5, "sr_1": 0.5})
     team.pictures = {"sp_0": b"jpeg", "sp_1": b"jpeg"}
-    team.spoke |= {"sp_0": time.time(), "sp_1": time.time() - 1.7 * PERIOD_S, "sr_1": time.time() - 1.7 * PERIOD_S}
-    shown = told(board)
+    team.last_heard |= {"sp_0": NOW_S, "sp_1": NOW_S - 1.7 * PERIOD_S, "sr_1": NOW_S - 1.7 * PERIOD_S}
+    shown = parts(dashboard)
     assert [name in shown.cameras for name in ("sp_0: gone", "sp_1: gone")] == [False, True]
     assert [name in shown.raters for name in ("sr_0: gone", "sr_1: gone")] == [False, True]
-    assert 1.7 * PERIOD_S + board.refreshed_s <= 2 * PERIOD_S + 0.1
+    assert 1.7 * PERIOD_S + dashboard.refresh_s <= 2 * PERIOD_S + 0.1
 
 
-def test_what_was_refused_is_told_with_its_reason(team, board):
-    assert "Nothing was refused" in told(board).refused
-    team.reports = {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}
-    assert '<th scope="row">sr_1</th><td>out of range</td><td>7</td>' in told(board).refused
-    assert "waited" not in told(board).refused
+def test_refusals_are_shown_with_their_reason(team, dashboard):
+    assert "Nothing was refused" in parts(dashboard).refused
+    team.diagnostics = {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}
+    assert '<th scope="row">sr_1</th><td>out of range</td><td>7</td>' in parts(dashboard).refused
+    assert "waited" not in parts(dashboard).refused
 
 
-def test_names_from_the_network_are_no_html(team, board):
+def test_names_from_the_network_are_escaped(team, dashboard):
     bad = "<script>"
     team.say(0, {bad: 0.5}, missing=(bad,))
-    team.pictures, team.reports = {bad: b"jpeg"}, {f"{bad}: {bad}": bad}
-    assert bad not in "".join(told(board))
-    assert all(text.disable_math for text in Page(board)._told.values())  # nor is `$$` TeX
+    team.pictures, team.diagnostics = {bad: b"jpeg"}, {f"{bad}: {bad}": bad}
+    assert bad not in "".join(parts(dashboard))
+    assert all(text.disable_math for text in Page(dashboard)._parts.values())  # nor is `$$` TeX
 
 
-def test_all_who_look_are_told_the_same_and_it_is_made_once(team, board):
+def test_all_viewers_share_the_same_parts(team, dashboard):
     team.say(0, {"sr_0": 0.5})
-    told = board.told()
-    board._told_at += 60  # however slow this machine is
-    assert board.told() is told
+    shared = dashboard.parts()
+    assert dashboard.parts() is shared
     documents = [Document() for _ in range(3)]
     for document in documents:
-        make_page(board, document)
+        make_page(dashboard, document)
     texts = [[root.text for root in document.roots if isinstance(root, Div)] for document in documents]
-    assert texts[0] == texts[1] == texts[2] == list(told)
+    assert texts[0] == texts[1] == texts[2] == list(shared)
 
 
-def test_the_page_is_served_to_this_machine_only(team, board):
+def test_the_page_is_served_to_this_machine_only(team, dashboard):
     team.say(0, {"sr_0": 0.5})
-    server = serve(board, port := 5997)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = serve(dashboard, port)
     try:
-        (socket,) = server._http._sockets.values()
-        assert socket.getsockname()[0] == "127.0.0.1"
+        (listening,) = server._http._sockets.values()
+        assert listening.getsockname()[0] == "127.0.0.1"
         loop = IOLoop.current()
         body = loop.run_sync(lambda: loop.run_in_executor(None, fetch, f"http://127.0.0.1:{port}/"))
         assert "RoleTrust, live" in body
-        assert "cdn." not in body  # all that a browser needs comes from here
+        assert "cdn." not in body  # the browser needs no other server
         session = loop.run_sync(
             lambda: loop.run_in_executor(None, lambda: pull_session(url=f"http://localhost:{port}/"))
         )
         assert session.document.title == "RoleTrust, live"
-        with pytest.raises(ValueError, match="port 5997 cannot be had"):
-            serve(board, port)
+        with pytest.raises(ValueError, match=f"port {port} is not available"):
+            serve(dashboard, port)
     finally:
         server.stop()
 

@@ -1,7 +1,7 @@
-"""A rater of ROS 2, written with rclpy alone, that also looks around; for a Python in which ROS 2 is installed.
+"""A rater for ROS 2, written with rclpy alone, which also lists nodes and topics. It needs a Python with ROS 2.
 
-`python ros2.py NAME KEY LEVEL ROUNDS REPORT` is the rater NAME, signs with that key, and rates every camera LEVEL.
-After so many rounds the report says what was heard and seen.
+`python ros2.py NAME KEY LEVEL ROUNDS REPORT` runs the rater NAME. It signs with that key and rates every
+camera LEVEL. After that many rounds it writes the received messages and the visible nodes and topics to the report.
 """
 
 import json
@@ -23,7 +23,7 @@ PATIENCE_S = 240.0
 
 
 class Assess(Node):
-    """The rater. Its qualities of service are ROS 2's defaults."""
+    """The rater, with ROS 2's default qualities of service."""
 
     def __init__(self, name, key, level):
         super().__init__("assess", namespace=f"/{name}")
@@ -38,7 +38,7 @@ class Assess(Node):
         self.create_subscription(Float64, f"/{name}/tor", lambda number: self.numbers.append(number.data), 10)
 
     def look(self, camera, image):
-        """Rate a round when the picture of its last camera has come."""
+        """Rate a round when its last picture has arrived."""
         stamp = image.header.stamp.sec * 10**9 + image.header.stamp.nanosec
         self.images[camera].append([stamp, bytes(image.data[:2]).hex(), image.format])
         self._seen[stamp].add(camera)
@@ -52,7 +52,7 @@ class Assess(Node):
         self.trust.append([trust.round, list(trust.raters), list(trust.tor), list(trust.providers), list(trust.top)])
 
     def around(self):
-        """The nodes, the topics with their types, and the hashes of those types, as ROS 2 knows them."""
+        """Return the nodes, the topics and types, and the hashes of the types that ROS 2 sees."""
         topics = dict(self.get_topic_names_and_types())
         nodes = self.get_node_names_and_namespaces()
         ends = {topic: self.get_publishers_info_by_topic(topic) for topic in topics}
@@ -67,9 +67,9 @@ class Assess(Node):
 
 
 def to_sign(message):
-    """The bytes of `Ratings` that are signed: CDR without a signature, and zeros where it is padded.
+    """Return the bytes of `Ratings` to sign: CDR without a signature, padded with zeros.
 
-    What rclpy serializes has whatever was in memory there.
+    The padding of rclpy's own serialization has arbitrary bytes.
     """
     stamp, providers = message.header.stamp, message.providers
     raw = bytearray(struct.pack("<iI", stamp.sec, stamp.nanosec))

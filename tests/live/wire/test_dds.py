@@ -1,4 +1,4 @@
-"""Nodes of one process: what they say arrives as it was said."""
+"""DDS nodes within one process: messages arrive unchanged."""
 
 import os
 import time
@@ -9,7 +9,7 @@ import pytest
 from cyclonedds.sub import DataReader
 
 from roletrust_env.live.wire import dds, messages
-from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Reader
+from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader
 
 PATIENCE_S = 120.0  # far more than a busy machine takes
 
@@ -17,13 +17,13 @@ PATIENCE_S = 120.0  # far more than a busy machine takes
 @pytest.fixture(scope="module", autouse=True)
 def _own_domain():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))  # others may test on this machine, too
+        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))  # other tests may run on this machine
         patch.delenv("CYCLONEDDS_URI", raising=False)
         yield
 
 
 def until(holds):
-    """What a function gives once it is true of it."""
+    """Call a function until its result is true, and return the result."""
     end = time.monotonic() + PATIENCE_S
     while not (found := holds()) and time.monotonic() < end:
         time.sleep(0.01)
@@ -48,7 +48,7 @@ def test_bytes_arrive_as_they_were_sent(kind, made):
         writer.write_raw(raw)
     got = []
     assert until(lambda: got.extend(reader.take()) or len(got) == 5)
-    padded = [one[: len(raw)] for one in got]  # the middleware fills up to four bytes
+    padded = [one[: len(raw)] for one in got]  # the middleware pads to four bytes
     assert padded == [raw] * 5
 
 
@@ -59,7 +59,7 @@ def test_publications_are_discovered_by_their_names_in_ros():
     assert until(lambda: found.extend(looks.discover()) or Publication("/sr_7/ratings", messages.RATINGS) in found)
 
 
-def test_waiting_ends_when_something_comes():
+def test_waiting_ends_when_a_message_arrives():
     speaks, hears = Node("speaks", "/c"), Node("hears", "/d")
     writer, reader = speaks.writer("/wakes", messages.NUMBER), hears.reader("/wakes", messages.NUMBER)
     assert until(lambda: writer.readers == 1 and reader.writers == 1)
@@ -71,7 +71,7 @@ def test_waiting_ends_when_something_comes():
     assert until(reader.take)
 
 
-def test_nodes_say_which_topics_are_theirs():
+def test_nodes_announce_their_topics():
     looks, cam = Node("looks"), Node("cam", "/sp_7")
     kind = "rmw_dds_common/msg/ParticipantEntitiesInfo"
     topic, _ = looks._topic("ros_discovery_info", kind)
@@ -96,8 +96,8 @@ def test_nodes_say_which_topics_are_theirs():
         ("CYCLONEDDS_URI", "file:///nowhere.xml", "CYCLONEDDS_URI is 'file:///nowhere.xml'"),
     ],
 )
-def test_variables_that_cannot_be_are_named(name, said, reason, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "99")  # a domain that this process has not begun
+def test_invalid_variables_are_named(name, said, reason, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "99")  # a domain that this process has not joined
     monkeypatch.setenv(name, said)
     with pytest.raises(ValueError, match=reason):
         Node("looks")
@@ -114,8 +114,30 @@ def test_an_empty_variable_does_not_open_the_network(monkeypatch):
 
 
 @pytest.mark.parametrize("topic", ["rt/a b/ratings", "rt/\x1b[31m/ratings", "rt//ratings", "rt/<b>/ratings", "rt/7/x"])
-def test_names_that_ros_does_not_have_are_not_listened_to(topic, monkeypatch):
+def test_topic_names_that_ros_does_not_allow_are_ignored(topic, monkeypatch):
     looks = Node("looks")
     found = [SimpleNamespace(topic_name=name, type_name="a::msg::dds_::B_") for name in (topic, "rt/sr_0/ratings")]
-    monkeypatch.setattr(looks, "_found", SimpleNamespace(take=lambda _: found))
+    monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
     assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B")]
+
+
+def test_a_writer_over_its_quota_is_blocked_until_it_sends_fewer():
+    quota = Quota(3)
+    assert [quota.allows(1, 0.2) for _ in range(3)] == [True] * 3  # as many as allowed
+    assert all(quota.allows(1, 1.0) for _ in range(3))
+    assert not quota.allows(1, 1.9)  # the fourth
+    assert quota.allows(2, 1.9)  # of another writer
+    assert [quota.allows(1, 2.0) for _ in range(3)] == [False] * 3  # blocked for the next second
+    assert quota.allows(1, 3.0)  # forgiven, since it sent no more than allowed
+    assert [quota.allows(1, 3.5) for _ in range(3)] == [True, True, False]
+    assert not quota.allows(1, 4.0)
+    assert quota.allows(1, 5.0)
+
+
+def test_messages_over_the_quota_are_counted():
+    samples = [
+        SimpleNamespace(raw=bytes([k]), sample_info=SimpleNamespace(publication_handle=k % 2)) for k in range(10)
+    ]
+    reader = Reader(SimpleNamespace(take=lambda _: samples), Quota(2))
+    assert reader.take() == [bytes([k]) for k in range(4)]
+    assert reader.over_quota == 6

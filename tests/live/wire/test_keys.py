@@ -26,7 +26,7 @@ def test_private_keys_are_for_their_owner_only(tmp_path):
         Signer(tmp_path, "sr_0")
 
 
-def test_keys_that_are_there_are_left_as_they_are(tmp_path):
+def test_existing_keys_are_not_changed(tmp_path):
     make_keys(tmp_path, ["sr_0"])
     before = (tmp_path / "sr_0.key").read_bytes()
     assert make_keys(tmp_path, ["sr_0", "sr_1"]) == ["sr_1"]
@@ -34,13 +34,13 @@ def test_keys_that_are_there_are_left_as_they_are(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["../sr_0", "sr 0", "", "sr/0"])
-def test_a_name_that_is_none_makes_nothing(tmp_path, name):
+def test_an_invalid_name_makes_no_keys(tmp_path, name):
     with pytest.raises(ValueError, match="is no name of an agent"):
         make_keys(tmp_path / "keys", ["sr_0", name])
     assert not (tmp_path / "keys").exists()
 
 
-def test_keys_that_are_not_there_or_none(tmp_path):
+def test_missing_and_invalid_keys_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"no private key .*sr_0.key; `roletrust live keys` makes one"):
         Signer(tmp_path, "sr_0")
     with pytest.raises(ValueError, match="no public key in"):
@@ -48,13 +48,13 @@ def test_keys_that_are_not_there_or_none(tmp_path):
     for name in ("sr_0.key", "sr_0.pub"):
         (tmp_path / name).write_text("nonsense")
         (tmp_path / name).chmod(0o600)
-    with pytest.raises(ValueError, match="no private key of the kind ed25519"):
+    with pytest.raises(ValueError, match="is not a private ed25519 key"):
         Signer(tmp_path, "sr_0")
-    with pytest.raises(ValueError, match="no public key of the kind ed25519"):
+    with pytest.raises(ValueError, match="is not a public ed25519 key"):
         PublicKeys(tmp_path)
 
 
-def test_a_public_key_that_is_lost_is_made_again_of_the_private_one(tmp_path):
+def test_a_lost_public_key_is_made_again_from_the_private_one(tmp_path):
     make_keys(tmp_path, ["sr_0"])
     public = (tmp_path / "sr_0.pub").read_bytes()
     (tmp_path / "sr_0.pub").unlink()

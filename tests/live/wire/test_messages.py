@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roletrust_env.live.journal import Entry
+from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.trust_tracker import Team, Trust
 from roletrust_env.live.wire import messages
 
@@ -23,25 +23,25 @@ def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
 
 
 @given(st.binary(max_size=200))
-def test_bytes_that_are_no_message_are_a_value_error(raw):
+def test_invalid_bytes_raise_a_value_error(raw):
     try:
         messages.read_ratings(raw)
     except ValueError:
         return
-    assert raw[:2] in (b"\x00\x00", b"\x00\x01")  # a message by chance
+    assert raw[:2] in (b"\x00\x00", b"\x00\x01")  # random bytes can be a message
 
 
 @given(st.integers(0, 100), st.integers(0, 255))
-def test_a_message_with_a_wrong_byte_is_another_or_none(place, byte):
+def test_a_wrong_byte_gives_another_message_or_an_error(place, byte):
     raw = bytearray(messages.encode(messages.ratings_message("sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, b"x" * 16)))
     raw[place % len(raw)] = byte
     with suppress(ValueError):
         messages.read_ratings(bytes(raw))
 
 
-def test_trust_as_it_is_published():
+def test_trust_is_read_as_it_was_written():
     team = Team(("sr_0", "both"), ("sp_0", "both"))
-    entry = Entry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
+    entry = JournalEntry(7, 1_500_000_001, 0, team, {}, ("sr_0",), Trust((0.25, 0.5), (0.75, 1.0), (0.6,)))
     read = messages.decode(messages.encode(messages.trust_message(entry)), messages.TRUST)
     assert (read.round, messages.stamp_of(read)) == (7, 1_500_000_001)
     assert (read.raters, read.providers, read.both, read.missing) == (
@@ -55,7 +55,7 @@ def test_trust_as_it_is_published():
 
 @pytest.mark.parametrize(
     ("kind", "known"),
-    [  # as a ROS 2 Kilted has them
+    [  # hashes of ROS 2 Kilted
         (messages.NUMBER, "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a"),
         (messages.IMAGE, "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"),
     ],
@@ -69,3 +69,18 @@ def test_the_package_for_colcon_has_every_message():
     for path in messages.PACKAGE.glob("msg/*.msg"):
         assert f'"msg/{path.name}"' in build
         assert f"roletrust_msgs/msg/{path.stem}" in messages.typestore().types
+
+
+@pytest.mark.parametrize("warns", [False, True])
+def test_diagnostics_warn_of_refused_ratings(warns):
+    message = messages.diagnostics_message(5, "manager", warns, {"next round": "7"})
+    (status,) = messages.decode(messages.encode(message), messages.DIAGNOSTICS).status
+    assert (status.level, status.name, status.message) == (int(warns), "manager", "refuses ratings" if warns else "OK")
+    assert [(pair.key, pair.value) for pair in status.values] == [("next round", "7")]
+
+
+def test_a_picture_names_its_camera():
+    message = messages.image_message(1_500_000_001, "sp_0", np.arange(9, dtype=np.uint8))
+    read = messages.decode(messages.encode(message), messages.IMAGE)
+    assert (read.header.frame_id, read.format, bytes(read.data)) == ("sp_0", "jpeg", bytes(range(9)))
+    assert messages.stamp_of(read) == 1_500_000_001

@@ -1,9 +1,12 @@
 """What every trust model with a name keeps to, on NumPy; what it computes is tested beside this file."""
 
+from collections.abc import Callable
+from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from model_cases import (
@@ -104,6 +107,26 @@ def test_permuting_agents_permutes_their_trust(name: str, seed: int) -> None:
     check_permutation(named(name), seed)
 
 
+@EVERY_MODEL
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 2e-5), (np.float64, 1e-12)])
+def test_the_order_of_two_halves_of_raters_does_not_matter(
+    name: str, asarray: Callable[..., Any], dtype: type, tolerance: float
+) -> None:
+    """Who rates 0 where others rate 1: rounding must not take sides, and in the end decide."""
+    model = named(name)
+    for raters in (4, 6, 8, 10, 12, 13):
+        ratings = np.zeros((raters, 3), dtype)
+        ratings[: raters // 2, :2] = ratings[raters // 2 :, 2] = 1
+        order = np.random.default_rng(raters).permutation(raters)
+        peers, like, full = np.zeros(ratings.shape, bool), asarray(np.zeros_like(ratings)), ratings >= 0
+        one, other = (
+            [np.asarray(trust) for trust in read(model, play(model, [Round(f, full)] * 30, like, peers, asarray))]
+            for f in (ratings, ratings[order])
+        )
+        assert_close(other, (one[0][order], one[1]), tolerance)
+
+
 # --- what there is to say before, without and after ratings -----------------------------------------
 
 
@@ -113,7 +136,7 @@ def test_before_any_rating_providers_have_the_initial_trust(name: str, shape: tu
     model = named(name)
     trust = read(model, play(model, [], np.zeros(shape)))
     assert all(map(in_range, trust))
-    assert not registry.taken(name, {"initial": None}) or np.all(trust[1] == 0.3)
+    assert not registry.accepted_parameters(name, {"initial": None}) or np.all(trust[1] == 0.3)
 
 
 @EVERY_MODEL
@@ -170,7 +193,7 @@ def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, 
     + [("initial", value, "[0, 1]") for value in (-0.01, 1.01, float("nan"))],
 )
 def test_what_is_out_of_range_or_not_taken_is_refused(name: str, field: str, value: float, allowed: str) -> None:
-    taken = registry.taken(name, {field: value})
+    taken = registry.accepted_parameters(name, {field: value})
     with pytest.raises(ValueError, match=field) as error:
         make_trust_model(name, **{field: value})
     assert not taken or (str(value) in str(error.value) and allowed in str(error.value))
@@ -179,7 +202,7 @@ def test_what_is_out_of_range_or_not_taken_is_refused(name: str, field: str, val
 @EVERY_MODEL
 def test_parameters_at_the_edge_are_taken(name: str) -> None:
     for lam, initial in ((0.5, 0), (0.999, 1)):
-        assert make_trust_model(name, **registry.taken(name, {"lam": lam, "initial": initial}))
+        assert make_trust_model(name, **registry.accepted_parameters(name, {"lam": lam, "initial": initial}))
 
 
 @EVERY_MODEL

@@ -58,7 +58,7 @@ def test_a_round_compiles_into_one_graph(name: str) -> None:
         assert_close(found, read(model, plain), 1e-5)
 
 
-@having("smooth")
+@having("differentiable")
 @pytest.mark.parametrize("notes", ["differ", "agree", "are 0", "are 1"])
 def test_gradients_are_finite(name: str, notes: str) -> None:
     """Also of masked cells, of a provider that nobody or only one rates, and where raters agree."""

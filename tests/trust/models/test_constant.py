@@ -6,7 +6,7 @@ from roletrust_baselines import BadMouthing, OnOff
 
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.rollout import History
-from roletrust_env.metrics import auc, damage, recovery, rounds_to_detection, seen, utility
+from roletrust_env.metrics import auc, damage, present_trust, recovery, rounds_to_detection, utility
 
 
 def histories(trust_model: str) -> tuple[History, History]:
@@ -20,10 +20,10 @@ def histories(trust_model: str) -> tuple[History, History]:
 def test_no_attack_does_harm_or_is_found() -> None:
     honest, attacked = histories("constant")
     for history in (honest, attacked):
-        assert np.all(seen(history) == 0.4)
+        assert np.all(present_trust(history) == 0.4)
     assert np.any(honest.ratings != attacked.ratings)
     buyers, sellers = attacked.tor.shape[1], attacked.top.shape[1]
-    trust, twin = seen(attacked), seen(honest)
+    trust, twin = present_trust(attacked), present_trust(honest)
     others = [k for k in range(buyers + sellers) if k not in (2, buyers)]
     assert np.all(damage(trust, twin, others).value == 0)
     assert np.all(recovery(trust, twin, others, stop=30).value == 0)

@@ -69,3 +69,14 @@ def test_what_rounding_leaves_is_no_trust() -> None:
         state = model.update(state, np.full((1, 2), rating), mask)
     assert 0 < state.scores[0, 0] < 1e-15
     assert model.provider_trust(state) == pytest.approx(model.provider_trust(start))
+
+
+def test_if_every_rating_is_0_everybody_has_trust_1() -> None:
+    """Trust is relative to the most trusted agent, and none is better than another."""
+    for peers in (np.eye(3, dtype=bool), np.zeros((4, 3), bool)):
+        model, nothing = make_trust_model("eigentrust"), np.zeros(peers.shape)
+        state = start_model(model, nothing, peers)
+        for _ in range(3):
+            state = model.update(state, nothing, ~peers)
+        assert model.rater_trust(state) == pytest.approx([1] * len(peers))
+        assert model.provider_trust(state) == pytest.approx([1] * 3)

@@ -68,3 +68,14 @@ def test_who_is_rated_most_has_an_advance_by_hand() -> None:
     assert 2 * x + first + second == pytest.approx(1)
     assert model.rater_trust(state) == pytest.approx([x / first] * 2)
     assert model.provider_trust(state) == pytest.approx([1, second / first])
+
+
+def test_if_every_rating_is_0_providers_have_trust_1_and_so_has_every_peer() -> None:
+    """Trust is relative to the most trusted agent, and none is better than another."""
+    for peers, raters in ((np.eye(3, dtype=bool), [1] * 3), (np.zeros((4, 3), bool), [0.85 / 1.2] * 4)):
+        model, nothing = make_trust_model("power-trust"), np.zeros(peers.shape)
+        state = model.start(nothing, peers)
+        for _ in range(3):
+            state = model.update(state, nothing, ~peers)
+        assert model.rater_trust(state) == pytest.approx(raters)
+        assert model.provider_trust(state) == pytest.approx([1] * 3)

@@ -1,11 +1,12 @@
 """Wary role-trust, against its formulas loop by loop, and what each of its parts is for."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import sqrt
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from model_cases import Matrix, Vector, assert_matches, named, read
 from reference import sinc
 
@@ -58,13 +59,13 @@ def test_the_model_matches_its_reference() -> None:
     assert_matches(named("wary-role-trust"), reference)
 
 
-def after(rounds: Sequence[np.ndarray], **parameters: float) -> tuple[np.ndarray, np.ndarray]:
+def after(rounds: Sequence[Any], **parameters: float) -> tuple[np.ndarray, np.ndarray]:
     """Both trusts after rounds of ratings, NaN where there is none."""
     model = make_trust_model("wary-role-trust", **parameters)
     state = model.start(rounds[0])
     for ratings in rounds:
-        state = model.update(state, ratings, ~np.isnan(ratings))
-    raters, providers = read(model, state)
+        state = model.update(state, ratings, ratings == ratings)
+    raters, providers = map(np.asarray, read(model, state))
     return raters, providers
 
 
@@ -137,6 +138,39 @@ def test_a_rater_has_its_say_where_it_was_and_is_not() -> None:
     alone = after([notes] * 30 + [lie], keep=0)[1][0]
     soon, later = (after([notes] * 30 + [nobody] * n + [lie])[1][0] for n in (0, 3))
     assert alone < later < soon
+
+
+@pytest.mark.parametrize("notes", [(0, 1), (0.2, 0.8), (0.1, 0.7), (0, 0.3)], ids=str)
+@pytest.mark.parametrize("each", [1, 2, 3, 4, 5, 6, 15, 250])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+def test_no_half_of_the_raters_wins(notes: Vector, each: int, dtype: type, asarray: Callable[..., Any]) -> None:
+    """Whatever their order, and however much their trust counts."""
+    for power in (2.0, 8.0):
+        ratings = np.random.default_rng(each).permutation(np.array([notes] * each, dtype).reshape(-1, 1))
+        ratings = asarray(np.concatenate([ratings, 1 - ratings], axis=1))  # a provider of each half
+        raters, providers = after([ratings] * 50, power=power)
+        assert np.ptp(raters) == 0
+        gap = (dtype(notes[1]) - dtype(notes[0])) / 2
+        assert raters[0] == pytest.approx(1 - sqrt(gap), abs=1e-5)
+        middle = np.mean([sinc(1 - note) * note for note in notes]), np.mean([sinc(f) * (1 - f) for f in notes])
+        assert providers == pytest.approx(middle, abs=0.05)  # on its way there
+
+
+def test_one_rater_more_decides() -> None:
+    """Also of many in single precision, where the lead of one is small."""
+    for raters, winners in ((13, 7), (2001, 1001)):
+        for side in (0, 1):
+            ratings = np.full((raters, 1), 1 - side, np.float32)
+            ratings[-winners:] = side
+            trust = after([ratings] * 60)[0]
+            assert trust[-1] > 0.9
+            assert trust[0] < 0.1
+
+
+def test_a_rater_in_the_middle_of_a_tie_is_right() -> None:
+    raters, _ = after([np.array([[0.0], [0.5], [1.0]])] * 60)
+    assert raters == pytest.approx([1 - sqrt(0.5), 1, 1 - sqrt(0.5)])
 
 
 @pytest.mark.parametrize(

@@ -93,15 +93,15 @@ def test_a_broken_video_is_one_error_and_no_line_of_ffmpeg(tmp_path):
 def test_a_video_that_is_looped_begins_again(tmp_path):
     path = write_video(tmp_path / "walk.avi", 1.0)
     source = opened(path, loop=True)
-    assert source.looped_s == 1.0
+    assert source.loop_length_s == 1.0
     for time_s in (0.0, 0.9, 1.0, 1.9, 0.3, 7.5):
         assert source.frame(0, time_s, 0.0).mean() == pytest.approx(5 * FPS * (time_s % 1), abs=4)
     longer = opened(path, duration_s=0.5, loop=True)
-    assert longer.looped_s is None
+    assert longer.loop_length_s is None
     liar = opened(path, loop=True)
     liar._count = 1000
     assert liar.frame(0, 1.2, 0.0).mean() == pytest.approx(10, abs=4)
-    assert liar.looped_s == 1.0
+    assert liar.loop_length_s == 1.0
 
 
 def test_a_frame_that_is_due_twice_is_not_looked_for_from_the_start(tmp_path, monkeypatch):
@@ -113,7 +113,7 @@ def test_a_frame_that_is_due_twice_is_not_looked_for_from_the_start(tmp_path, mo
 
 def test_an_image_folder_that_is_looped_begins_again(tmp_path):
     source = opened(write_images(tmp_path, 3), loop=True)
-    assert source.looped_s == 1.5
+    assert source.loop_length_s == 1.5
     for k in (2, 3, 10):
         np.testing.assert_allclose(source.frame(1, 0.5 * k, 0.0).mean((0, 1)), (10 * (k % 3), 0, 0), atol=1)
 

@@ -1,1 +1,1 @@
-"""`roletrust live`: cameras, raters and a manager as processes, on ROS 2's middleware."""
+"""`roletrust live`: cameras, raters and a manager as processes, on the middleware of ROS 2."""

@@ -1,4 +1,4 @@
-"""What `roletrust live` can do."""
+"""The subcommands of `roletrust live`."""
 
 import typer
 
@@ -13,14 +13,14 @@ live = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
 @live.callback()
 def roletrust_live() -> None:
-    """Run [bold]cameras, raters and a trust manager[/] as processes that ROS 2 sees as its own nodes.
+    """Run [bold]cameras, raters and a trust manager[/] as processes that ROS 2 sees as nodes.
 
     [bold]Examples[/]
 
     [dim]# the paper's three robots on this machine[/]
     [cyan]roletrust live demo[/]
 
-    [dim]# the same, node by node, each in a terminal of its own[/]
+    [dim]# the same, with each node in its own terminal[/]
     [cyan]roletrust live manager team.jsonl[/]
     [cyan]roletrust live cam sp_0[/]
     [cyan]roletrust live assess sr_0[/]

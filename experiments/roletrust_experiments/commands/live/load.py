@@ -1,4 +1,4 @@
-"""`roletrust live load`: how large a team one manager of this machine can have."""
+"""`roletrust live load`: the load of a manager, by the size of its team."""
 
 import os
 import platform
@@ -19,27 +19,28 @@ if TYPE_CHECKING:
 _SIDES = 3, 10, 100, 200
 _HEADINGS = "complete rounds", "CPU", "median", "largest", "memory", "grown by"
 _CAPTION = (
-    "As many raters as providers, of whom all rate all {rate:g} times a second for {seconds:g} s; signed, on loopback, "
-    "under role-trust. CPU is of the manager, as a share of a core; median and largest are from the moment at which "
-    "ratings are sent to the trust that somebody else hears; memory is the manager's, and by what its median grew "
-    "between the halves of the time. The raters and the listener share the machine."
+    "A team has as many raters as providers. Each rater rates each provider {rate:g} times a second for {seconds:g} s, "
+    "with signed ratings, on loopback, under role-trust. CPU is the manager's use of one core. Median and largest are "
+    "times from the sending of the ratings to the arrival of the trust at a listener. Memory is that of the manager; "
+    "grown by is the increase of its median from the first half of the time to the second. The raters and the listener "
+    "run on the same machine."
 )
 
 
 def load(
     side: Annotated[
         list[int] | None,
-        typer.Option(min=1, help="Raters, and as many providers; may be repeated; 3, 10, 100 and 200 if left out."),
+        typer.Option(min=1, help="Number of raters and of providers; may be repeated; 3, 10, 100 and 200 by default."),
     ] = None,
-    seconds: Annotated[float, typer.Option(min=2, help="How long each team is measured.")] = 30.0,
-    rate: Annotated[float, typer.Option(min=0.1, max=20, help="Rounds in a second.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=2, help="Time for each team, seconds.")] = 30.0,
+    rate: Annotated[float, typer.Option(min=0.1, max=20, help="Rounds per second.")] = 2.0,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for live-load.csv and live-load.md; it is made if need be.")
+        Path | None, typer.Option(help="Folder for live-load.csv and live-load.md; it is created if it does not exist.")
     ] = None,
 ) -> None:
-    """Measure [bold]what a manager takes[/] of the processor and the memory, and how long trust takes, by team size.
+    """Measure the [bold]load of a manager[/] by team size: its processor time, memory and delay.
 
-    Use a quiet machine; what else runs there is measured with it.
+    Use a quiet machine, since other programs change the result.
 
     [bold]Examples[/]
 
@@ -51,12 +52,12 @@ def load(
 
     if out is not None:
         prepare_folder(out)
-    found = []
+    loads = []
     with progress_bar() as progress:
         for number in side or _SIDES:
             task = progress.add_task(f"{number}x{number}", total=seconds)
             with tempfile.TemporaryDirectory() as folder:
-                found.append(
+                loads.append(
                     measure_load(
                         number,
                         seconds,
@@ -67,18 +68,18 @@ def load(
                 )
     caption = _CAPTION.format(rate=rate, seconds=seconds)
     table = number_table("The load of a manager", "", *_HEADINGS)
-    for row in _lines(found):
+    for row in _lines(loads):
         table.add_row(*row)
     console.print(table)
     console.print(caption)
     if out is not None:
-        write_csv(out / "live-load.csv", found[0]._fields, found)
+        write_csv(out / "live-load.csv", loads[0]._fields, loads)
         with replacing(out / "live-load.md") as path:
-            path.write_text(_page(found, caption), encoding="utf-8")
+            path.write_text(_page(loads, caption), encoding="utf-8")
         console.print(f"Written to {out}: live-load.csv, live-load.md", soft_wrap=True)
 
 
-def _lines(found: Sequence["Load"]) -> list[list[str]]:
+def _lines(loads: Sequence["Load"]) -> list[list[str]]:
     return [
         [
             f"{one.raters}x{one.raters}",
@@ -89,14 +90,14 @@ def _lines(found: Sequence["Load"]) -> list[list[str]]:
             f"{one.memory_mb:.0f} MB",
             f"{one.grown_mb:.1f} MB",
         ]
-        for one in found
+        for one in loads
     ]
 
 
-def _page(found: Sequence["Load"], caption: str) -> str:
-    """The table as a page of Markdown."""
-    lines = [["team", *_HEADINGS], ["---", *["---:"] * len(_HEADINGS)], *_lines(found)]
+def _page(loads: Sequence["Load"], caption: str) -> str:
+    """Return the table as a Markdown page."""
+    lines = [["team", *_HEADINGS], ["---", *["---:"] * len(_HEADINGS)], *_lines(loads)]
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     machine = f"{os.cpu_count()} cores of {platform.machine()}, Python {platform.python_version()}"
-    written = f"Written by `roletrust live load` on {machine}; `make live-load` measures again."
-    return "\n\n".join(["# What a manager of a large team takes", caption, table, written]) + "\n"
+    written = f"Written by `roletrust live load` on {machine}; `make live-load` repeats the measurement."
+    return "\n\n".join(["# The load of a manager", caption, table, written]) + "\n"

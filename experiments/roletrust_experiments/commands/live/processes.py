@@ -1,4 +1,4 @@
-"""Nodes as processes of one command: they begin together, and end with it."""
+"""Nodes as processes of one command, which start together and end with it."""
 
 import multiprocessing
 import time
@@ -7,7 +7,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
-_READY_S = 120.0  # in which a process must be up, on however busy a machine
+_READY_S = 120.0  # time for a process to start, even on a busy machine
 _STOP_S = 5.0
 
 Run = Callable[..., object]
@@ -18,10 +18,10 @@ class _Process(NamedTuple):
     pipe: Connection
 
 
-class Processes:
-    """Processes that are started one after the other, told together to begin, and stopped at the end.
+class NodeProcesses:
+    """Processes that are started one by one, begin their work together, and are stopped at the end.
 
-    Each is a function that runs until SIGTERM. Its module is imported before it says that it is ready.
+    Each process runs a function until SIGTERM. It reports that it is ready once the function's module is imported.
     """
 
     def __init__(self) -> None:
@@ -30,18 +30,18 @@ class Processes:
         self._ready: set[str] = set()
 
     def start(self, name: str, run: Run, /, **arguments: Any) -> None:
-        """Start a process that will call `run`, with these arguments and those of `begin`."""
+        """Start a process that waits for `begin`, and then calls `run` with the arguments of both."""
         here, there = self._spawn.Pipe()
-        process = self._spawn.Process(target=_told, args=(there, run, arguments), name=name, daemon=True)
+        process = self._spawn.Process(target=_run_child, args=(there, run, arguments), name=name, daemon=True)
         process.start()
         there.close()
         self._processes[name] = _Process(process, here)
 
     def ready(self) -> None:
-        """Wait until all are.
+        """Wait until all processes are ready.
 
         Raises:
-            ValueError: one is not, and will not be.
+            ValueError: A process did not start.
         """
         for name, (_, pipe) in self._processes.items():
             try:
@@ -53,26 +53,26 @@ class Processes:
             self._ready.add(name)
 
     def begin(self, *names: str, **arguments: Any) -> None:
-        """Let some begin when all are ready, with these further arguments."""
+        """Let some processes begin with further arguments, once all are ready."""
         self.ready()
         for name in names:
             self._processes[name].pipe.send(arguments)
 
     def check(self) -> None:
-        """See whether all are well.
+        """Check that no process has failed.
 
         Raises:
-            ValueError: one has failed; it says why.
+            ValueError: A process has failed, for the given reason.
         """
         for name, (process, pipe) in self._processes.items():
             with suppress(EOFError):
                 if pipe.poll():
                     raise ValueError(f"{name}: {pipe.recv()}")
             if process.exitcode not in (None, 0):
-                raise ValueError(f"{name} ended with {process.exitcode}")
+                raise ValueError(f"{name} ended with exit code {process.exitcode}")
 
     def running(self, *names: str) -> bool:
-        """Whether any of these still runs."""
+        """Return whether any of these processes is alive."""
         return any(self._processes[name].process.is_alive() for name in names)
 
     def __enter__(self) -> Self:
@@ -87,8 +87,8 @@ class Processes:
             process.kill()
 
 
-def _told(pipe: Connection, run: Run, arguments: Mapping[str, Any]) -> None:
-    """Run when told to; what goes wrong is told in turn."""
+def _run_child(pipe: Connection, run: Run, arguments: Mapping[str, Any]) -> None:
+    """Wait for `begin`, run the function, and send the message of an error back."""
     pipe.send(True)
     with suppress(KeyboardInterrupt, EOFError):
         further = pipe.recv()

@@ -1,4 +1,4 @@
-"""The paper's team as processes of this machine, from the first round to the last."""
+"""The run of the paper's team as processes on this machine."""
 
 import shutil
 import time
@@ -9,31 +9,34 @@ from typing import Any, NamedTuple
 from rich.progress import Progress
 
 from roletrust_env import Scenario, make_scenario
-from roletrust_env.live.journal import Entry, read_journal
+from roletrust_env.live.journal import JournalEntry, read_journal
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.trust import TrustModel, make_trust_model
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.commands.live.options import period_ns
-from roletrust_experiments.commands.live.processes import Processes
+from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.paper.figures import Attack, Paper, paper_of
 
 _PAPER = make_scenario("paper-3x3-hog")
-_MEET_S = 4.0  # in which nodes find each other
-_LOOK_S = 0.25
-_STEADY_S = 20.0  # from an attack's start, by the scenario's clock
-_AFTER = 4  # periods in which the last rounds come in
+_DISCOVERY_S = 4.0  # nodes find each other within that time
+_POLL_S = 0.25
+_STEADY_S = 20.0  # trust is steady that long after an attack's start, by the scenario's clock
+_LAST_PERIODS = 4  # the last rounds close within them
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What is to be run.
+class DemoPlan:
+    """Settings of a run.
 
     Attributes:
-        attack: which of the paper's.
-        seconds: when it ends, by the scenario's clock: so long after the attack's start that trust is steady.
-        speed: how much faster than the scenario's clock.
-        signed: whether raters have keys.
-        seed: of the noise in pictures and on links.
+        attack: Attack of the paper.
+        seconds: End of the run by the scenario's clock, late enough after the attack's start that trust is steady.
+        speed: Speed relative to the scenario's clock.
+        signed: Whether raters sign their ratings.
+        seed: Random seed of the noise in pictures and on links.
+
+    Raises:
+        ValueError: The end is too early for the attack, or after that of the paper.
     """
 
     attack: Attack
@@ -49,56 +52,56 @@ class Plan:
 
     @property
     def scenario(self) -> Scenario:
-        """Who is in it, how long it lasts, and when the target moves fast."""
+        """Scenario of the run."""
         return _PAPER.change(max_cycles=round(self.seconds / _PAPER.period_s))
 
     @property
     def paper(self) -> Paper:
-        """Who attacks, and what the paper says of it."""
+        """Attack and claims of the paper."""
         return paper_of(self.attack, _PAPER.period_s)
 
     @property
     def model(self) -> TrustModel[Any]:
-        """The paper's trust model."""
+        """Trust model of the paper."""
         return make_trust_model("role-trust", lam=self.scenario.lam, initial=self.scenario.initial_trust)
 
     @property
     def period(self) -> int:
-        """Between rounds, nanoseconds."""
+        """Time between rounds, nanoseconds."""
         return period_ns(self.scenario.period_s, self.speed)
 
 
-class Lived(NamedTuple):
-    """What the robots left behind.
+class DemoRun(NamedTuple):
+    """Result of a run.
 
     Attributes:
-        entries: the manager's rounds.
-        start: of round 0, nanoseconds since 1970.
+        entries: Rounds in the manager's journal.
+        start: Start of round 0, nanoseconds since 1970.
     """
 
-    entries: list[Entry]
+    entries: list[JournalEntry]
     start: int
 
 
-def run_team(plan: Plan, out: Path, port: int | None, progress: Progress) -> Lived:
+def run_team(plan: DemoPlan, out: Path, port: int | None, progress: Progress) -> DemoRun:
     """Run the team.
 
     Args:
-        plan: what is to be run.
-        out: folder for the journal, the recording and the keys; those of an earlier run make way.
-        port: of the page to watch it on; None for none.
-        progress: where to show how far it is.
+        plan: Settings of the run.
+        out: Folder for the journal, the recording and the keys; those of an earlier run are replaced.
+        port: Port of the page that shows the run; None for no page.
+        progress: Progress bar.
 
     Raises:
-        ValueError: a process has failed, or the machine is too slow for a single round.
+        ValueError: A process has failed, or the machine is too slow for a single round.
     """
-    from roletrust_env.live.nodes.assess import run_assess
-    from roletrust_env.live.nodes.cam import run_cam
-    from roletrust_env.live.nodes.manage import run_manager
-    from roletrust_env.live.nodes.record import run_record
-    from roletrust_env.live.nodes.running import SECOND, Timeline
+    from roletrust_env.live.nodes.camera_node import run_camera_node
+    from roletrust_env.live.nodes.manager_node import run_manager_node
+    from roletrust_env.live.nodes.rater_node import run_rater_node
+    from roletrust_env.live.nodes.recorder_node import run_recorder_node
+    from roletrust_env.live.nodes.run_loop import SECOND, Timeline
     from roletrust_env.live.wire.keys import make_keys
-    from roletrust_experiments.view.server import run_view
+    from roletrust_experiments.view.server import run_view_server
 
     scenario, policies, period = plan.scenario, plan.paper.policies, plan.period
     roster, journal, keys = Roster.of(scenario), out / "journal.jsonl", out / "keys" if plan.signed else None
@@ -109,38 +112,40 @@ def run_team(plan: Plan, out: Path, port: int | None, progress: Progress) -> Liv
     if keys is not None:
         make_keys(keys, team.raters)
     task = progress.add_task("Starting the nodes", total=None)
-    with Processes() as nodes:
-        nodes.start("manager", run_manager, model=plan.model, journal=journal, period=period, team=team, keys=keys)
-        nodes.start("recorder", run_record, folder=out / "recording", images=False)
+    with NodeProcesses() as nodes:
+        nodes.start("manager", run_manager_node, model=plan.model, journal=journal, period=period, team=team, keys=keys)
+        nodes.start("recorder", run_recorder_node, folder=out / "recording", images=False)
         for name in team.raters:
             policy = policies.get(name)
-            nodes.start(name, run_assess, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
+            nodes.start(name, run_rater_node, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
         for name in team.providers:
-            nodes.start(name, run_cam, name=name, scenario=scenario, policy=policies.get(name), seed=plan.seed)
+            nodes.start(name, run_camera_node, name=name, scenario=scenario, policy=policies.get(name), seed=plan.seed)
         if port is not None:
             watched = {"period_s": period / SECOND, "speed": plan.speed, "attackers": tuple(policies)}
-            nodes.start("view", run_view, port=port, **watched)
-        began = time.monotonic()
+            nodes.start("view", run_view_server, port=port, **watched)
+        started = time.monotonic()
         nodes.ready()
-        meet_s = max(_MEET_S, (time.monotonic() - began) / 2)  # what was slow to start is slow to meet
+        discovery_s = max(
+            _DISCOVERY_S, (time.monotonic() - started) / 2
+        )  # on a busy machine, discovery is slow as well
         nodes.begin("manager", "recorder", *(["view"] if port is not None else []))
-        start = time.time_ns() + round(meet_s * SECOND)
+        start = time.time_ns() + round(discovery_s * SECOND)
         nodes.begin(*team.raters, *team.providers, timeline=Timeline(start, period))
         progress.update(task, description="Rounds", total=scenario.max_cycles)
         while nodes.running(*team.providers):
             nodes.check()
             progress.update(task, completed=_rounds(journal))
-            time.sleep(_LOOK_S)
-        time.sleep(_AFTER * period / SECOND)
+            time.sleep(_POLL_S)
+        time.sleep(_LAST_PERIODS * period / SECOND)
         nodes.check()
     entries = list(read_journal(journal))
     if not entries:
         raise ValueError(
-            f"no round came together: this machine is too slow for --speed {plan.speed:g}, take a lower one"
+            f"no round was completed: this machine is too slow for --speed {plan.speed:g}; use a lower speed"
         )
-    return Lived(entries, start)
+    return DemoRun(entries, start)
 
 
 def _rounds(journal: Path) -> int:
-    """How many rounds there are so far."""
+    """Return the number of rounds so far."""
     return sum(1 for _ in read_journal(journal)) if journal.exists() and journal.stat().st_size else 0

@@ -1,4 +1,4 @@
-"""`roletrust live view`: a team in the browser, while it runs."""
+"""`roletrust live view`: a page that shows a running team in the browser."""
 
 from typing import TYPE_CHECKING
 
@@ -18,9 +18,9 @@ def view(
     browser: Browser = True,
     network: Network = False,
 ) -> None:
-    """Watch a team [bold]in the browser[/]: trust, who is missing, what was refused and why, and what cameras see.
+    """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the cameras' pictures.
 
-    The page can be reached from this machine only, and until Ctrl-C.
+    The page can be opened on this machine only. It ends with Ctrl-C.
 
     [bold]Examples[/]
 
@@ -28,22 +28,22 @@ def view(
     [cyan]roletrust live view[/]
     """
     require_view()
-    from roletrust_experiments.view.server import run_view
+    from roletrust_experiments.view.server import run_view_server
 
     def ready(server: "Server") -> None:
         console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
         if browser:
             server.io_loop.add_callback(server.show, "/")
 
-    run_view(port, make_scenario(scenario).period_s / speed, speed=speed, network=network, ready=ready)
+    run_view_server(port, make_scenario(scenario).period_s / speed, speed=speed, network=network, ready=ready)
 
 
 def require_view() -> None:
-    """See before the work whether all is there that the page needs."""
+    """Check before the work that the packages of the page are installed."""
     require_live()
     require("roletrust live view", "live", "bokeh")
 
 
 def address(port: int) -> str:
-    """Where the page is."""
+    """Return the address of the page."""
     return f"http://localhost:{port}"

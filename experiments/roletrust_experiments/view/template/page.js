@@ -1,5 +1,5 @@
 "use strict";
-// Gives the figures the colours of light or dark.
+// Sets the colours of the figures for light or dark mode.
 (() => {
   function paint() {
     const style = getComputedStyle(document.documentElement);

@@ -1,1 +1,1 @@
-"""Models that see all ratings, as a manager does."""
+"""Trust models that see all ratings, as a manager does."""

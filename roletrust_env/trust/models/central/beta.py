@@ -1,21 +1,21 @@
-"""Beta reputation: a provider's trust is the mean of the Beta distribution that its ratings speak for."""
+"""Beta reputation: a provider's trust is the mean of the Beta distribution that follows from its ratings."""
 
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import Notes, occurred
+from roletrust_env.trust.algorithms import MaskedRatings, occurred
 from roletrust_env.trust.beta import reputation
 
 
 class BetaState(NamedTuple):
-    """What Beta reputation remembers.
+    """Memory of Beta reputation.
 
     Attributes:
-        successes: r, shape (P, ...).
-        failures: s, shape (P, ...).
-        tor: trust of the raters, shape (S, ...), always 1.
+        successes: Evidence for a provider, r, shape (P, ...).
+        failures: Evidence against it, s, shape (P, ...).
+        tor: Trust of the raters, shape (S, ...), always 1.
     """
 
     successes: Array
@@ -25,19 +25,20 @@ class BetaState(NamedTuple):
 
 @checked_dataclass
 class Beta:
-    """Beta reputation: all ratings of a provider counted as successes and failures, which fade.
+    """Beta reputation: ratings of a provider count as successes and failures, which fade.
 
         r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
         T[j]  = (r[j] + 2 initial) / (r[j] + s[j] + 2)
 
     Jøsang and Ismail, "The Beta Reputation System" (2002): a rating f is f of a success and 1 - f of a failure. Their
-    prior is uniform, here `initial` = 0.5; another is the base rate of Jøsang's later papers. They forget with every
-    rating, one after another; a round's ratings come together here and fade together, in rounds in which the provider
-    is rated. Left out is the discounting of raters by their own reputation, since the ratings are of providers only.
+    prior is uniform, here `initial` = 0.5; another value is the base rate of Jøsang's later papers. In the paper
+    evidence fades with every rating. Here the ratings of a round arrive together, and evidence fades once in each round
+    in which the provider is rated. The discounting of raters by their own reputation is left out, since only providers
+    are rated.
 
     Attributes:
-        keep: what is left of the evidence of earlier rounds, in [0, 1]; 1 forgets nothing.
-        initial: trust before any rating, in [0, 1].
+        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets nothing.
+        initial: Trust before any rating, in [0, 1].
     """
 
     keep: Share = 0.9
@@ -47,27 +48,27 @@ class Beta:
     takes_full_rounds = True
 
     def start(self, like: Array) -> BetaState:
-        """No evidence of anybody. See `TrustModel.start`."""
+        """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return BetaState(nothing[0], nothing[0], nothing[:, 0, ...] + 1)
 
     def update(self, state: BetaState, ratings: Array, mask: Array | None) -> BetaState:
-        """One round of ratings. See `TrustModel.update`."""
-        notes = Notes.of(ratings, mask)
-        kept, successes = left(self.keep, notes), total(notes.values, 0)
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        masked = MaskedRatings.of(ratings, mask)
+        kept, successes = left(self.keep, masked), total(masked.values, 0)
         return BetaState(
-            kept * state.successes + successes, kept * state.failures + (notes.received - successes), state.tor
+            kept * state.successes + successes, kept * state.failures + (masked.received - successes), state.tor
         )
 
     def rater_trust(self, state: BetaState) -> Array:
-        """1 for every rater, shape (S, ...): the model has no notion of rater trust."""
+        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
         return state.tor
 
     def provider_trust(self, state: BetaState) -> Array:
-        """The mean of Beta(r + 2 initial, s + 2 (1 - initial)), shape (P, ...)."""
+        """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)), shape (P, ...)."""
         return reputation(state.successes, state.failures, self.initial)
 
 
-def left(keep: float, notes: Notes) -> Array:
-    """What is left of each provider's earlier evidence, shape (P, ...): all of it if nobody rated the provider."""
-    return 1 - (1 - keep) * occurred(notes.received)
+def left(keep: float, masked: MaskedRatings) -> Array:
+    """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an unrated provider."""
+    return 1 - (1 - keep) * occurred(masked.received)

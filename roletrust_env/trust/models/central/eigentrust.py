@@ -1,4 +1,4 @@
-"""EigenTrust: trust is handed on by those who have it."""
+"""EigenTrust: trusted agents pass trust on to the agents that they rate well."""
 
 from typing import NamedTuple
 
@@ -8,18 +8,18 @@ from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.random_walk import number, shared, walk
 
 A = 0.5
-"""How much of all trust comes from the pre-trusted."""
+"""Share of all trust that comes from pre-trusted agents."""
 
-_ROUNDING = 1e-6  # scores below it are no better than 0
+_ROUNDING = 1e-6  # scores below it count as 0
 
 
 class EigenTrustState(NamedTuple):
-    """What EigenTrust remembers.
+    """Memory of EigenTrust.
 
     Attributes:
-        trusts: as published.
-        scores: satisfaction less dissatisfaction of each pair so far, shape (S, P, ...).
-        peers: 1 where a rater and a provider are one agent, shape (S, P, ...).
+        trusts: Published trust.
+        scores: Satisfaction minus dissatisfaction of each pair so far, shape (S, P, ...).
+        peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
     trusts: Trusts
@@ -29,7 +29,7 @@ class EigenTrustState(NamedTuple):
 
 @checked_dataclass
 class EigenTrust:
-    """EigenTrust: an agent is trusted as far as the agents that are trusted were content with it.
+    """EigenTrust: an agent is trusted as far as trusted agents were satisfied with it.
 
     Kamvar, Schlosser and Garcia-Molina (2003):
 
@@ -37,24 +37,27 @@ class EigenTrust:
         c[i, j] = max(s[i, j], 0) / sum over j of max(s[i, j], 0);   an empty row is p
         t      <- (1 - a) C^T t + a p,   a = 1/2
 
-    over the N agents, solved for where t rests. Nobody here is pre-trusted more than others: p is 1 / N for each. In
-    the paper all agents are peers; here an agent may have one role. Who only rates is trusted as far as p goes, since
-    nobody can rate it, and who only provides has an empty row. Published is t as a share of the largest, for
-    an agent of two roles in both: trust is in relation to the most trusted, and 1 for all before any rating.
+    over the N agents. The model publishes the fixed point t, divided by its largest entry. An agent with two roles has
+    the same trust in both. No agent is pre-trusted more than others: p is 1 / N for each. In the paper all agents are
+    peers; here an agent may have one role. An agent that only rates has the trust that p gives it, since it cannot be
+    rated. An agent that only provides has an empty row.
+
+    Trust is relative to the most trusted agent. It is therefore 1 for every agent where no score is above 0: before any
+    rating, and also if every rating is 0.
     """
 
     rates_raters = True
     source = "Kamvar et al. (2003)"
     cost = "S^2 P + S^3"
-    smooth = False  # a rater's row may become empty at once
+    differentiable = False  # a rater's row may become empty in one round
     takes_peers = True
 
     def start(self, like: Array, peers: Array) -> EigenTrustState:
-        """No rating yet. See `TrustModel.start`."""
+        """Return the state before any rating. See `TrustModel.start`."""
         return self._trusting(namespace(like).zeros_like(like), shared(peers, like))
 
     def update(self, state: EigenTrustState, ratings: Array, mask: Array) -> EigenTrustState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         content = namespace(ratings).where(mask, 2 * ratings - 1, 0.0)
         return self._trusting(state.scores + content, state.peers)
 
@@ -66,9 +69,9 @@ class EigenTrust:
         return EigenTrustState(trusts, scores, peers)
 
     def rater_trust(self, state: EigenTrustState) -> Array:
-        """The trust of the agents that rate, shape (S, ...)."""
+        """Return the trust of the agents that rate, shape (S, ...)."""
         return state.trusts.tor
 
     def provider_trust(self, state: EigenTrustState) -> Array:
-        """The trust of the agents that provide, shape (P, ...)."""
+        """Return the trust of the agents that provide, shape (P, ...)."""
         return state.trusts.top

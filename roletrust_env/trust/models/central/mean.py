@@ -1,4 +1,4 @@
-"""The undefended baseline: believe what the raters say, on average."""
+"""The undefended baseline: the average rating."""
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
@@ -8,22 +8,22 @@ from roletrust_env.trust.smoothed import Smoothed
 
 @checked_dataclass
 class Mean(Smoothed):
-    """Undefended baseline: an exponential mean of a provider's average notes, every rater believed alike.
+    """Undefended baseline: exponential mean of a provider's average rating, in which all raters count alike.
 
     Attributes:
-        lam: weight of the newest round, in [0.5, 1).
-        initial: trust before any rating, in [0, 1].
+        lam: Weight of the newest round, in [0.5, 1).
+        initial: Trust before any rating, in [0, 1].
     """
 
     rates_raters = False
     takes_full_rounds = True
 
     def start(self, like: Array) -> Trusts:
-        """Initial trust for every provider, and 1 for every rater, for good. See `TrustModel.start`."""
+        """Return the initial trust of the providers, and 1 for every rater. See `TrustModel.start`."""
         nobody, top = super().start(like)
         return Trusts(0 * nobody + 1, top)
 
     def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         average, raters = masked_mean(ratings, mask, axis=0)
         return Trusts(state.tor, smooth(average, state.top, self.lam, raters))

@@ -1,22 +1,22 @@
-"""The median: believe the rater in the middle."""
+"""The median of the ratings."""
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.robust import ByCentre, median
 
 
 @checked_dataclass
 class Median(ByCentre):
-    """Median of a provider's ratings: it holds as long as fewer than half of the raters lie, and falls at half.
+    """Median of a provider's ratings: robust as long as fewer than half of the raters lie.
 
     Smoothing and the trust of raters are those of `ByCentre`.
     """
 
     source = "Huber (1981)"
-    smooth = False  # whose rating is in the middle changes at once, and the others' have no slope
+    differentiable = False  # the middle rating changes from one rater to another, and the others have no slope
     cost = "S log S P"
 
-    def centre(self, notes: Notes) -> Array:
-        """See `ByCentre.centre`."""
-        return median(notes)
+    def centre(self, masked: MaskedRatings) -> Array:
+        """Return the median of each provider's ratings. See `ByCentre.centre`."""
+        return median(masked)

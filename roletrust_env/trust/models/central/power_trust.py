@@ -1,4 +1,4 @@
-"""PowerTrust: trust is handed on, and those of whom most is heard have an advance."""
+"""PowerTrust: agents pass trust on, and the most rated providers receive an extra share."""
 
 from typing import NamedTuple
 
@@ -10,17 +10,17 @@ from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.random_walk import shared, walk
 
 A = 0.15
-"""How much of all trust comes from the power nodes alone."""
+"""Share of all trust that goes to the power nodes directly."""
 
 
 class PowerTrustState(NamedTuple):
-    """What PowerTrust remembers.
+    """Memory of PowerTrust.
 
     Attributes:
-        trusts: as published.
-        latest: the last rating that i gave j, shape (S, P, ...), 0 where there is none.
-        heard: number of ratings that each provider has received, shape (P, ...).
-        peers: 1 where a rater and a provider are one agent, shape (S, P, ...).
+        trusts: Published trust.
+        latest: Latest rating that i gave j, shape (S, P, ...), 0 where there is none.
+        heard: Number of ratings that each provider has received, shape (P, ...).
+        peers: Flag, 1 where a rater and a provider are one agent, shape (S, P, ...).
     """
 
     trusts: Trusts
@@ -31,35 +31,40 @@ class PowerTrustState(NamedTuple):
 
 @checked_dataclass
 class PowerTrust:
-    """PowerTrust: as EigenTrust hands trust on, from the latest ratings, with an advance for the most rated.
+    """PowerTrust: trust passed on as in EigenTrust, by the latest ratings, with an extra share for the most rated.
 
-    Zhou and Hwang (2007), their global aggregation without its look-ahead step and without a distributed ranking:
+    Zhou and Hwang (2007), their global aggregation without the look-ahead step and without a distributed ranking:
 
-        r[i, j] = latest rating that i gave j / sum over j of them
+        r[i, j] = latest rating that i gave j / sum of the same over j
         v      <- (1 - a) R^T v + a / m for each of the m power nodes,   a = 0.15
 
-    over the N agents, solved for where v rests. Power nodes are the `power_nodes` providers with the most ratings so
-    far, and all who have as many as the last of them. Agents may have one role, see `EigenTrust`; a row without ratings
-    above 0 goes to all alike. Published is v as a share of the largest.
+    over the N agents. The model publishes the fixed point v, divided by its largest entry. The power nodes are the
+    `power_nodes` providers with the most ratings so far, and all others with as many ratings as the last of these.
+    Agents may have one role, see `EigenTrust`. A row without ratings above 0 is spread evenly over all agents.
+
+    The term a / m is uncertain: it could not be checked against the paper, and was chosen so that v sums to 1.
+
+    Trust is relative to the most trusted agent. If every rating is 0, providers that were rated equally often therefore
+    have trust 1, however bad they are, and among peers every agent has.
 
     Attributes:
-        power_nodes: how many there are at least, above 0; if there are fewer providers, all are.
+        power_nodes: Minimum number of power nodes, above 0. If there are fewer providers, all are power nodes.
     """
 
     power_nodes: PositiveInt = 1
     rates_raters = True
     source = "Zhou and Hwang (2007)"
     cost = "S^2 P + S^3"
-    smooth = False  # a rater's row may become empty at once
+    differentiable = False  # a rater's row may become empty in one round
     takes_peers = True
 
     def start(self, like: Array, peers: Array) -> PowerTrustState:
-        """No rating yet. See `TrustModel.start`."""
+        """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return self._trusting(nothing, 0 * nothing[0], shared(peers, like))
 
     def update(self, state: PowerTrustState, ratings: Array, mask: Array) -> PowerTrustState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
         heard = state.heard + total((1 - state.peers) * xp.astype(mask, ratings.dtype), 0)
         return self._trusting(xp.where(mask, ratings, state.latest), heard, state.peers)
@@ -72,9 +77,9 @@ class PowerTrust:
         return PowerTrustState(walk(latest, peers, Trusts(total(peers * top, 1), top), A), latest, heard, peers)
 
     def rater_trust(self, state: PowerTrustState) -> Array:
-        """The trust of the agents that rate, shape (S, ...)."""
+        """Return the trust of the agents that rate, shape (S, ...)."""
         return state.trusts.tor
 
     def provider_trust(self, state: PowerTrustState) -> Array:
-        """The trust of the agents that provide, shape (P, ...)."""
+        """Return the trust of the agents that provide, shape (P, ...)."""
         return state.trusts.top

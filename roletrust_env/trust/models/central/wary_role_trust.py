@@ -1,4 +1,4 @@
-"""Role-trust that is slow to believe: opinions are kept, trusted raters count for more, and trust comes back slowly."""
+"""Cautious role-trust: old ratings still count, trusted raters count for more, and trust rises slowly."""
 
 from typing import NamedTuple
 
@@ -8,17 +8,17 @@ from roletrust_env.ranges import Factor, Lam, Power, Share
 from roletrust_env.trust.algorithms import masked_mean, sinc, smooth, weighted_mean
 
 _LEAST = 0.01
-"""Of a rater's trust, as far as its weight goes: where nobody is believed, somebody still has to count."""
+"""Minimum trust of a rater in its weight, so that weights do not vanish where no rater is trusted."""
 
 
 class WaryState(NamedTuple):
-    """What wary role-trust remembers.
+    """Memory of wary role-trust.
 
     Attributes:
-        tor: trust of the raters, shape (S, ...).
-        top: trust of the providers, shape (P, ...).
-        last: the last note that i gave j, shape (S, P, ...), 0 where there is none.
-        fresh: how much of it still counts, shape (S, P, ...), 0 where there is none.
+        tor: Trust of the raters, shape (S, ...).
+        top: Trust of the providers, shape (P, ...).
+        last: Last rating that i gave j, shape (S, P, ...), 0 where there is none.
+        fresh: Remaining weight of that rating, shape (S, P, ...), 0 where there is none.
     """
 
     tor: Array
@@ -31,12 +31,12 @@ class WaryState(NamedTuple):
 class WaryRoleTrust:
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 
-    The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their gap to the consensus, and
-    providers by good, steady notes of trusted raters. Four things are new, and each is undone by one value of one
+    The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their distance to the consensus, and
+    providers by good, steady ratings of trusted raters. Four things are new. Each is switched off by one value of one
     parameter:
 
-        w[i, j] = fresh[i, j] max(ToR[i], 0.01)^power              1 for a note of this round, times keep each round
-        c[j]    = sum over the raters i of w[i, j] g[i, j] / sum of w[i, j]              g[i, j] is i's last note of j
+        w[i, j] = fresh[i, j] max(ToR[i], 0.01)^power              1 for a rating of this round, times keep each round
+        c[j]    = sum over the raters i of w[i, j] g[i, j] / sum of w[i, j]              g[i, j] is i's last rating of j
         QoR[i]  = 1 - mean over the providers j that i rated of sqrt(|f[i, j] - c[j]|)
         ToR[i] <- lam QoR[i] + (1 - lam) ToR[i]
         QoP[j]  = sum over the raters i of w[i, j] sinc(1 - g[i, j]) g[i, j] / sum of w[i, j],    ToR as just updated
@@ -44,20 +44,27 @@ class WaryRoleTrust:
         own[j]  = min(d[j] - (h if h < -shock else 0), 0)
         ToP[j] <- ToP[j] + lam (own[j] + rise (d[j] - own[j]))
 
-    `power`: a weighted mean in place of the paper's plain one, so that ToR says who counts and does not lower ToP; 0
-    counts all alike. `keep`: a rater has its say on a provider also when it was not there, so that the few who were do
-    not decide alone; 0 hears this round only. `shock`: when most providers fall together, that is the world's doing,
-    and only what one falls beyond it is its own; 1 has all falls their own. `rise`: the paper's stability term punishes
-    both edges of a change; here unsteady service is paid for by the slow way up, on which a newcomer is, too, and what
-    is the world's doing is followed as slowly. 1 is as fast as down.
+    - `power`: The mean is weighted, where the paper's is plain. ToR then decides which raters count and does not lower
+      ToP. With 0 all raters count alike.
+    - `keep`: A rater's last rating counts also in rounds in which it does not rate, so that the few raters that are
+      present do not decide alone. With 0 only ratings of this round count.
+    - `shock`: If most providers fall together, the common fall is the world's doing, and only the rest of a fall is a
+      provider's own. With 1 every fall is the provider's own.
+    - `rise`: The paper's stability term punishes both edges of a change. Here the price of unsteady service is a slow
+      rise. Newcomers rise as slowly, and trust follows the world's doing as slowly. With 1 trust rises as fast as it
+      falls.
+
+    At a tie, where c[j] is midway between the lowest and the highest g[i, j] up to rounding, it is set to the exact
+    middle. If two halves of equally trusted raters rate 0 and 1, the trust of both tends to 1 - sqrt(1/2). Neither half
+    wins, whatever the order of the raters. One more rater on one side decides.
 
     Attributes:
-        lam: weight of the newest round, in [0.5, 1), for raters, and for providers that fall.
-        initial: trust before any rating, in [0, 1].
-        rise: rate of rising as a share of that of falling, in (0, 1].
-        power: of a rater's trust in its weight, in [0, 8].
-        keep: what is left of the weight of a note after a round, in [0, 1].
-        shock: median fall from which on it is the world's, in [0, 1].
+        lam: Weight of the newest round, in [0.5, 1), for raters, and for providers that fall.
+        initial: Trust before any rating, in [0, 1].
+        rise: Rate of rising, as a share of the rate of falling, in (0, 1].
+        power: Exponent of a rater's trust in its weight, in [0, 8].
+        keep: Share of the weight of a rating that remains after a round, in [0, 1].
+        shock: Median fall above which the fall is the world's doing, in [0, 1].
     """
 
     lam: Lam = 0.5
@@ -68,31 +75,32 @@ class WaryRoleTrust:
     shock: Share = 0.1
     rates_raters = True
     source = "after Su and Saint-Jore (2023)"
-    smooth = False  # the median jumps from one provider to another, and so does forgiving at the shock
+    differentiable = False  # the median jumps between providers, and falls are forgiven from the shock on
 
     def start(self, like: Array) -> WaryState:
-        """Initial trust for everyone, and no note yet. See `TrustModel.start`."""
+        """Return the state before any rating, with initial trust for all. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return WaryState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
 
     def update(self, state: WaryState, ratings: Array, mask: Array) -> WaryState:
-        """One round of ratings. See `TrustModel.update`."""
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp = namespace(ratings)
         last = xp.where(mask, ratings, state.last)
         fresh = xp.where(mask, 1.0, self.keep * state.fresh)
         below = last - largest(xp.where(fresh > 0, last, 0.0))  # raters who agree are exactly 0 apart
         consensus = weighted_mean(below, self._weights(fresh, state.tor), axis=0)
+        consensus = _level(consensus, xp.min(xp.where(fresh > 0, below, 0.0), axis=0), len(below))
         distance, given = masked_mean(xp.sqrt(abs(below - consensus)), mask, axis=1)
         tor = smooth(1 - distance, state.tor, self.lam, given)
         quality = weighted_mean(sinc(1 - last) * last, self._weights(fresh, tor), axis=0)
         return WaryState(tor, self._moved(state.top, quality, mask), last, fresh)
 
     def _weights(self, fresh: Array, tor: Array) -> Array:
-        """W, shape (S, P, ...)."""
+        """Return the weights w, shape (S, P, ...)."""
         return fresh * (namespace(tor).clip(tor, _LEAST, None) ** self.power)[:, None, ...]
 
     def _moved(self, top: Array, quality: Array, mask: Array) -> Array:
-        """ToP after the round, shape (P, ...)."""
+        """Return ToP after the round, shape (P, ...)."""
         xp = namespace(top)
         rated = xp.any(mask, axis=0)
         change = xp.where(rated, quality - top, 0.0)
@@ -101,16 +109,26 @@ class WaryRoleTrust:
         return top + self.lam * (own + self.rise * (change - own))
 
     def rater_trust(self, state: WaryState) -> Array:
-        """ToR, shape (S, ...)."""
+        """Return ToR, shape (S, ...)."""
         return state.tor
 
     def provider_trust(self, state: WaryState) -> Array:
-        """ToP, shape (P, ...)."""
+        """Return ToP, shape (P, ...)."""
         return state.top
 
 
+def _level(consensus: Array, lowest: Array, raters: int) -> Array:
+    """Return the consensus, at a tie exactly in the middle between the lowest rating and the highest, which is at 0.
+
+    Otherwise rounding, and with it the order of raters, would decide a tie, and the weights would amplify it.
+    """
+    xp, middle = namespace(consensus), lowest / 2
+    rounding = float(xp.finfo(consensus.dtype).eps) * (4 + raters / 4)
+    return xp.where(abs(consensus - middle) <= rounding * abs(lowest), middle, consensus)
+
+
 def _upper_median(values: Array, there: Array) -> Array:
-    """The median along the first axis of those that are there, of an even number the upper one; 0 of fewer than two."""
+    """Return the upper median along the first axis of the values that are there; 0 of fewer than two."""
     xp = namespace(values)
     count = xp.sum(there, axis=0)
     ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)

@@ -1,1 +1,1 @@
-"""Models of one agent's own view, of which every rater has one; what is published is their mean."""
+"""Trust models in which every rater has its own view. The published trust is the mean of these views."""

@@ -1,4 +1,4 @@
-"""Own experience beside witnesses, each as far as it is reliable: two of the four parts of FIRE."""
+"""Own experience and witnesses, each weighted by its reliability: two of the four parts of FIRE."""
 
 import math
 from typing import NamedTuple
@@ -9,37 +9,37 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
-    absorbed,
+    absorb,
     by_judges,
-    compared,
+    compare_opinions,
+    credence_sum,
     credences,
     in_common,
+    is_rated,
+    mask_ratings,
     mean,
-    news,
     nothing_yet,
     others,
     published_providers,
     published_raters,
     remember,
-    told,
-    weighed,
 )
 
-_MEMORY = 10  # own ratings of a provider that are kept
+_MEMORY = 10  # number of own ratings of a provider in memory
 _FADE = 0.5 ** (1 / 5)  # exp(-1 / l) with l = -5 / ln .5: after five rounds a rating weighs half
 _INTERACTION, _WITNESS = 2.0, 1.0  # component weights
-_FORGOTTEN = 1e-20  # a weight of evidence below which it says nothing any more
+_FORGOTTEN = 1e-20  # evidence of less weight is ignored
 
 
 class FireState(NamedTuple):
-    """What each judge remembers.
+    """Memory of the judges.
 
     Attributes:
-        trust: T in [0, 1], shape (S, P, ...).
-        credibility: of the witnesses, in [-1, 1], shape (S, S, ...).
-        judged: the weight of the credibility ratings behind it, shape (S, S, ...).
-        values: the last ratings that i gave j on [-1, 1], the newest first, shape (10, S, P, ...).
-        weights: what they weigh by now, and 0 where there is none, shape (10, S, P, ...).
+        trust: Trust T in [0, 1], shape (S, P, ...).
+        credibility: Credibility of the witnesses, in [-1, 1], shape (S, S, ...).
+        judged: Weight of the credibility ratings behind it, shape (S, S, ...).
+        values: Last ratings that i gave j, on [-1, 1], the newest first, shape (10, S, P, ...).
+        weights: Current weights of these ratings, 0 where there is none, shape (10, S, P, ...).
     """
 
     trust: Array
@@ -62,17 +62,17 @@ class Fire:
         T           = sum of weight * reliability * component / sum of weight * reliability,   weights 2 and 1
 
     Each time that i and k rate a provider in the same round, k gets a credibility rating of `1 - |v_k - v_i|` if that
-    difference is below `tolerance`, else of -1; its credibility is sum w v / sum w over all of these. Published are
-    trust and credibility moved to [0, 1].
+    difference is below `tolerance`, else of -1; its credibility is sum w v / sum w over all of these. The model
+    publishes trust and credibility mapped to [0, 1].
 
-    Left out: role-based trust, certified reputation, and how witnesses are found. The values of `tolerance`,
-    `credibility` and the component weights could not be checked in the paper. Read into it: T is reckoned anew for a
-    provider that somebody rated in the round; where nothing weighs anything it stays.
+    Not included: role-based trust, certified reputation, and how witnesses are found. The values of `tolerance`,
+    `credibility` and the component weights could not be checked in the paper. Added where the paper leaves something
+    open: T is updated for providers that were rated in the round; it stays where all weights are 0.
 
     Attributes:
-        initial: trust before any rating, in [0, 1].
-        tolerance: i, how far on [-1, 1] a witness may be off and still be right in part, above 0.
-        credibility: that of a witness not yet judged, in [0, 1].
+        initial: Trust before any rating, in [0, 1].
+        tolerance: Error on [-1, 1] up to which a witness is partly right, called i in the paper, above 0.
+        credibility: Credibility of a witness that is not judged yet, in [0, 1].
     """
 
     initial: Share = 0.5
@@ -81,7 +81,7 @@ class Fire:
     rates_raters = True
     family = "personal"
     source = "Huynh, Jennings and Shadbolt (2006)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P"
 
     def start(self, like: Array) -> FireState:
@@ -91,50 +91,50 @@ class Fire:
         return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
 
     def update(self, state: FireState, ratings: Array, mask: Array) -> FireState:
-        """One round of ratings. See `TrustModel.update`."""
-        outcomes, met = told(ratings, mask)
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        outcomes, met = mask_ratings(ratings, mask)
         judged, count = _FADE * state.judged, in_common(met)
-        credibility = absorbed(state.credibility, judged, compared(outcomes, met, self._credible), count)
+        credibility = absorb(state.credibility, judged, compare_opinions(outcomes, met, self._credible), count)
         values = remember(state.values, 2 * outcomes - 1, mask)
         weights = remember(_FADE * state.weights, met, mask)
         own, own_weight = _interaction(values, weights)
         heard, heard_weight = _witnesses(credibility, values[0], weights[0])
         weight = _INTERACTION * own_weight + _WITNESS * heard_weight
         trust = 0.5 + 0.5 * mean(_INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight)
-        trust = namespace(ratings).where(news(met) & (weight > _FORGOTTEN), trust, state.trust)
+        trust = namespace(ratings).where(is_rated(met) & (weight > _FORGOTTEN), trust, state.trust)
         return FireState(trust, credibility, judged + count, values, weights)
 
     def _credible(self, apart: Array) -> Array:
-        """The credibility rating of a witness whose rating was so far from the outcome, both in [0, 1]."""
+        """Return the credibility rating of a witness by its distance from the outcome, both in [0, 1]."""
         return namespace(apart).where(2 * apart < self.tolerance, 1 - 2 * apart, -1.0)
 
     def rater_trust(self, state: FireState) -> Array:
-        """The mean credibility of each rater with the others, from [-1, 1] to [0, 1], shape (S, ...)."""
+        """Return the mean credibility of each rater with the others, mapped from [-1, 1] to [0, 1], shape (S, ...)."""
         return published_raters(0.5 + 0.5 * state.credibility)
 
     def provider_trust(self, state: FireState) -> Array:
-        """The judges' mean trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)
 
 
 def _interaction(values: Array, weights: Array) -> tuple[Array, Array]:
-    """Interaction trust in [-1, 1] and its reliability, each of shape (S, P, ...)."""
+    """Return interaction trust in [-1, 1] and its reliability, each of shape (S, P, ...)."""
     weight = total(weights, 0)
     component = mean(total(weights * values, 0), weight)
     return component, _reliability(weight, total(weights * abs(values - component), 0))
 
 
 def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array, Array]:
-    """Witness reputation in [-1, 1] and its reliability, each of shape (S, P, ...).
+    """Return witness reputation in [-1, 1] and its reliability, each of shape (S, P, ...).
 
     Args:
-        credibility: of the witnesses, shape (S, S, ...).
-        values: what each said last, shape (S, P, ...).
-        weights: by age, shape (S, P, ...).
+        credibility: Credibility of the witnesses, shape (S, S, ...).
+        values: Latest rating of each witness, shape (S, P, ...).
+        weights: Weights by age, shape (S, P, ...).
     """
     asked = others(credibility) * namespace(credibility).clip(credibility, 0.0, None)
-    weight = weighed(asked, weights)
-    component = mean(weighed(asked, weights * values), weight)
+    weight = credence_sum(asked, weights)
+    component = mean(credence_sum(asked, weights * values), weight)
 
     def apart(some: slice) -> Array:
         return total(asked[some, :, None] * weights * abs(values - component[some, None]), 1)
@@ -143,10 +143,10 @@ def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array
 
 
 def _reliability(weight: Array, apart: Array) -> Array:
-    """How reliable a weighted mean of ratings is, in [0, 1].
+    """Return the reliability of a weighted mean of ratings, in [0, 1].
 
     Args:
-        weight: the sum of the weights.
-        apart: the weighted sum of the distances to the mean.
+        weight: Sum of the weights.
+        apart: Weighted sum of the distances to the mean.
     """
     return -namespace(weight).expm1(math.log(0.5) * weight) * (1 - 0.5 * mean(apart, weight))

@@ -1,4 +1,4 @@
-"""Own evidence fused with what advisers report, discounted by the trust in them: trust networks in subjective logic."""
+"""Own evidence, fused with reports of advisers that are discounted by the trust in them: subjective logic."""
 
 from typing import NamedTuple
 
@@ -7,26 +7,26 @@ from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
     by_judges,
-    compared,
+    compare_opinions,
     credences,
-    news,
+    is_rated,
+    mask_ratings,
     others,
     published_providers,
     published_raters,
-    told,
 )
 from roletrust_env.trust.opinions import Opinion
 
 
 class SubjectiveLogicState(NamedTuple):
-    """What each judge remembers.
+    """Memory of the judges.
 
     Attributes:
-        trust: T, shape (S, P, ...).
-        agreed: evidence for adviser k that judge i has, shape (S, S, ...), 0 for itself.
-        differed: evidence against it, shape (S, S, ...).
-        successes: evidence for provider j that i has, shape (S, P, ...).
-        failures: evidence against it, shape (S, P, ...).
+        trust: Trust T, shape (S, P, ...).
+        agreed: Evidence for adviser k that judge i has, shape (S, S, ...), 0 for itself.
+        differed: Evidence against it, shape (S, S, ...).
+        successes: Evidence for provider j that i has, shape (S, P, ...).
+        failures: Evidence against it, shape (S, P, ...).
     """
 
     trust: Array
@@ -38,7 +38,7 @@ class SubjectiveLogicState(NamedTuple):
 
 @checked_dataclass
 class SubjectiveLogic:
-    """Subjective logic (TNA-SL): own opinion of a provider, fused with those of advisers as far as they are trusted.
+    """Subjective logic (TNA-SL): own opinion of a provider, fused with opinions of advisers discounted by trust.
 
     Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is that of
     `roletrust_env.trust.opinions`:
@@ -48,14 +48,14 @@ class SubjectiveLogic:
                       success, the rest of a failure
         T[i, j]       = expectation of own[i, j] fused with each own[k, j] discounted by adviser[i, k]
 
-    An adviser passes on its whole opinion, which is what its ratings so far say. Before a judge has compared any
-    ratings, no adviser counts.
+    An adviser reports its whole opinion, which follows from its ratings so far. An adviser does not count before the
+    judge has compared ratings with it.
 
-    Left out: networks of more than one adviser between judge and provider. Read into it: how trust in advisers arises,
-    which the source leaves open; T is reckoned anew for a provider that somebody rated in the round.
+    Not included: networks of more than one adviser between judge and provider. Added where the paper leaves something
+    open: the evidence about advisers; T is updated for providers that were rated in the round.
 
     Attributes:
-        initial: the base rate, and so the trust in raters and providers before any evidence, in [0, 1].
+        initial: Base rate: the trust in raters and providers before any evidence, in [0, 1].
     """
 
     initial: Share = 0.5
@@ -65,16 +65,16 @@ class SubjectiveLogic:
     cost = "S^2 P"
 
     def start(self, like: Array) -> SubjectiveLogicState:
-        """No evidence. See `TrustModel.start`."""
+        """Return the state without evidence. See `TrustModel.start`."""
         nothing, advisers = namespace(like).zeros_like(like), credences(like, 0.0)
         return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
 
     def update(self, state: SubjectiveLogicState, ratings: Array, mask: Array) -> SubjectiveLogicState:
-        """One round of ratings. See `TrustModel.update`."""
-        outcomes, met = told(ratings, mask)
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        outcomes, met = mask_ratings(ratings, mask)
         two = others(ratings)
-        agreed = state.agreed + two * compared(outcomes, met, lambda apart: 1 - apart)
-        differed = state.differed + compared(outcomes, met, lambda apart: apart)
+        agreed = state.agreed + two * compare_opinions(outcomes, met, lambda apart: 1 - apart)
+        differed = state.differed + compare_opinions(outcomes, met, lambda apart: apart)
         successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
         own, adviser = Opinion.of(successes, failures), Opinion.of(agreed, differed)
 
@@ -82,13 +82,13 @@ class SubjectiveLogic:
             advice = own.at(None).discounted(adviser.at((some, slice(None), None)))
             return own.at(some).fused(advice.fused_along(1)).expectation(self.initial)
 
-        trust = namespace(ratings).where(news(met), by_judges(judged, outcomes), state.trust)
+        trust = namespace(ratings).where(is_rated(met), by_judges(judged, outcomes), state.trust)
         return SubjectiveLogicState(trust, agreed, differed, successes, failures)
 
     def rater_trust(self, state: SubjectiveLogicState) -> Array:
-        """The mean of what the others expect of each rater, shape (S, ...)."""
+        """Return the mean expectation of the others for each rater, shape (S, ...)."""
         return published_raters(Opinion.of(state.agreed, state.differed).expectation(self.initial))
 
     def provider_trust(self, state: SubjectiveLogicState) -> Array:
-        """The judges' mean trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)

@@ -1,4 +1,4 @@
-"""TRAVOS: own experience where there is enough, and else opinions, discounted by what became of earlier ones."""
+"""TRAVOS: own experience where there is enough, else opinions, discounted by the accuracy of earlier ones."""
 
 import math
 from typing import NamedTuple
@@ -8,24 +8,24 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import Notes
+from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
 from roletrust_env.trust.judges import others, published_providers, published_raters
 
 _FLAT = 1 / math.sqrt(12)
-"""The standard deviation of the uniform distribution, which an opinion that nobody believes turns into."""
+"""Standard deviation of the uniform distribution, to which an opinion without credibility is reduced."""
 
 
 class TravosState(NamedTuple):
-    """What the judges of TRAVOS remember.
+    """Memory of the judges of TRAVOS.
 
     Attributes:
-        successes: m, what judge i saw of provider j, and as adviser reports, shape (S, P, ...).
-        failures: n, shape (S, P, ...).
-        good: successes of judge i after opinions of adviser k in each bin, shape (S, S, bins, ...).
-        bad: failures, likewise.
-        trust: of judge i in provider j, shape (S, P, ...).
-        credence: of judge i in adviser k, shape (S, S, ...).
+        successes: Successes m of provider j that judge i saw, and reports as adviser, shape (S, P, ...).
+        failures: Failures n, shape (S, P, ...).
+        good: Successes of judge i after opinions of adviser k in each bin, shape (S, S, bins, ...).
+        bad: Failures, of the same shape.
+        trust: Trust of judge i in provider j, shape (S, P, ...).
+        credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
 
     successes: Array
@@ -38,31 +38,32 @@ class TravosState(NamedTuple):
 
 @checked_dataclass
 class Travos:
-    """TRAVOS: a judge asks others where it has seen too little, and believes them as far as they proved right.
+    """TRAVOS: a judge with little experience asks others, and weights opinions by the accuracy of earlier ones.
 
     Teacy, Patel, Jennings and Luck, "TRAVOS: Trust and Reputation in the Context of Inaccurate Information Sources"
     (2006). A judge that saw m successes and n failures of a provider expects mu = (m + 1) / (m + n + 2), with a
     confidence that is the mass of Beta(m + 1, n + 1) within mu +- `error`. Above `threshold` that is its trust. Else it
-    asks all advisers for their m and n, R and S. Such an opinion falls by its own mean into one of `bins` equal bins.
-    How right the adviser was, rho, is the mass in that bin of the Beta distribution of the judge's own outcomes after
-    earlier opinions of the adviser in the bin. With mu and sd of Beta(R + 1, S + 1), an opinion is made weaker,
+    asks all advisers for their m and n, called R and S. The mean of such an opinion falls into one of `bins` equal
+    bins. The accuracy of the adviser, rho, is the mass in that bin of the Beta distribution of the judge's own outcomes
+    after earlier opinions of the adviser in the bin. With mu and sd of Beta(R + 1, S + 1), the opinion is weakened:
 
         mu' = 1/2 + rho (mu - 1/2),   sd' = u + rho (sd - u),   u = 1 / sqrt(12)
         m'  = (mu'^2 - mu'^3) / sd'^2 - mu' - 1,   n' the same of 1 - mu'
 
     and all m' and n' are added to the judge's own. A rating f counts as f of a success and 1 - f of a failure.
 
-    Read into the paper: an opinion is what an adviser holds before the round in which the judge sees the outcome; an
-    adviser that has seen nothing has none; a bin holds its lower edge; and the credence of a judge in an adviser, which
-    the paper has of each opinion only, is the mean of rho over the opinions that the adviser now holds, or 1 / `bins`
-    where it holds none, which is the rho of an untried opinion. Left out is the choice of whom to ask: all are.
+    Added where the paper leaves something open: an opinion is what an adviser holds before the round in which the judge
+    sees the outcome; an adviser that has seen nothing has none; a bin holds its lower edge; and the credence of a judge
+    in an adviser, which the paper has of each opinion only, is the mean of rho over the opinions that the adviser now
+    holds, or 1 / `bins` where it holds none, which is the rho of an untried opinion. The choice of advisers is not
+    included: all are asked.
 
-    What is remembered grows with S^2; while a round is worked out, arrays of S^2 P are held.
+    The memory grows with S^2. During a round, temporary arrays grow with S^2 P.
 
     Attributes:
-        error: how far from the mean a judge tolerates the truth, in [0, 1].
-        threshold: the confidence above which it asks nobody, in [0, 1]; with 1 it always asks.
-        bins: into how many equal parts opinions fall, at least 1.
+        error: Tolerated distance of the truth from the mean, in [0, 1].
+        threshold: Confidence above which a judge asks no adviser, in [0, 1]; with 1 it always asks.
+        bins: Number of equal bins for opinions, at least 1.
     """
 
     error: Share = 0.2
@@ -71,25 +72,25 @@ class Travos:
     rates_raters = True
     family = "personal"
     source = "Teacy et al. (2006)"
-    smooth = False
+    differentiable = False
     cost = "S^2 P"
     takes_full_rounds = True
 
     def start(self, like: Array) -> TravosState:
-        """No experience of anybody. See `TrustModel.start`."""
+        """Return the state without experience. See `TrustModel.start`."""
         xp, raters = namespace(like), like.shape[0]
         nothing = xp.zeros_like(like)
         untried = xp.zeros((raters, raters, self.bins, *like.shape[2:]), dtype=like.dtype, device=like.device)
         return TravosState(nothing, nothing, untried, untried, nothing + 0.5, untried[:, :, 0, ...] + 1 / self.bins)
 
     def update(self, state: TravosState, ratings: Array, mask: Array | None) -> TravosState:
-        """One round of ratings. See `TrustModel.update`."""
-        xp, notes = namespace(ratings), Notes.of(ratings, mask)
-        failed = (1 if notes.weights is None else notes.weights) - notes.values
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
+        failed = (1 if masked.weights is None else masked.weights) - masked.values
         before = self._held(state.successes, state.failures)
-        good = state.good + xp.einsum("ij...,kbj...->ikb...", notes.values, before)
+        good = state.good + xp.einsum("ij...,kbj...->ikb...", masked.values, before)
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
-        successes, failures = state.successes + notes.values, state.failures + failed
+        successes, failures = state.successes + masked.values, state.failures + failed
         now = self._held(successes, failures)
         accuracy = xp.einsum("ikb...,kbj...->ikj...", self._accuracy(good, bad), now)
         trust = self._trust(successes, failures, accuracy)
@@ -98,30 +99,30 @@ class Travos:
         return TravosState(successes, failures, good, bad, trust, credence)
 
     def _held(self, successes: Array, failures: Array) -> Array:
-        """1 for the bin of the opinion of adviser k on provider j, 0 for the others, shape (S, bins, P, ...)."""
+        """Return 1 for the bin of adviser k's opinion of provider j, 0 for the other bins, shape (S, bins, P, ...)."""
         low, high = (edge[:, None, ...] for edge in self._edges(successes))
         mean = reputation(successes, failures)[:, None, ...]
         known = (successes + failures > 0)[:, None, ...]
         return cast(known & (low <= mean) & (mean < high), successes.dtype)
 
     def _edges(self, like: Array) -> tuple[Array, Array]:
-        """The lower and the upper edges of the bins, shape (bins, 1, ...), with an axis for each batch axis."""
+        """Return the lower and the upper edges of the bins, shape (bins, 1, ...), with an axis for each batch axis."""
         xp, batch = namespace(like), [1] * (like.ndim - 2)
         edges = xp.asarray([b / self.bins for b in range(self.bins + 1)], dtype=like.dtype, device=like.device)
         edges = xp.reshape(edges, (self.bins + 1, *batch))
         return edges[:-1], edges[1:]
 
     def _accuracy(self, good: Array, bad: Array) -> Array:
-        """Rho, how right opinions in each bin were, shape (S, S, bins, ...)."""
+        """Return rho, the accuracy of opinions in each bin, shape (S, S, bins, ...)."""
         xp, a, b = namespace(good), good + 1, bad + 1
         inner = self._edges(good[0])[0][1:]
-        none = xp.zeros_like(a[:, :, :1, ...])  # is the mass below 0
+        none = xp.zeros_like(a[:, :, :1, ...])  # the mass below 0
         below = xp.concat([none, mass_below(inner, a[:, :, 1:, ...], b[:, :, 1:, ...])], axis=2)
         until = xp.concat([mass_below(inner, a[:, :, :-1, ...], b[:, :, :-1, ...]), none + 1], axis=2)
         return xp.clip(until - below, 0.0, 1.0)
 
     def _trust(self, successes: Array, failures: Array, accuracy: Array) -> Array:
-        """The judges' trust in the providers, shape (S, P, ...), of rho, shape (S judges, S advisers, P, ...)."""
+        """Return the judges' trust in the providers, shape (S, P, ...), from rho, shape (S, S, P, ...)."""
         own, a, b = reputation(successes, failures), successes + 1, failures + 1
         confidence = mass_between(own - self.error, own + self.error, a, b)
         spread = (own * (1 - own) / (a + b + 1)) ** 0.5
@@ -134,9 +135,9 @@ class Travos:
         return namespace(own).where(confidence > self.threshold, own, advised)
 
     def rater_trust(self, state: TravosState) -> Array:
-        """The mean of the other judges' credence in each rater, shape (S, ...)."""
+        """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
 
     def provider_trust(self, state: TravosState) -> Array:
-        """The mean of the judges' trust in each provider, shape (P, ...)."""
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
         return published_providers(state.trust)

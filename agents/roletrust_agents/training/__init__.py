@@ -1,0 +1,1 @@
+"""Training of attackers: the loop, the learners, and the folders of runs."""

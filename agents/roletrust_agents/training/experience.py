@@ -1,0 +1,53 @@
+"""Experience of learners: staggered games, and actions whose spread narrows."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+
+from roletrust_env.envs.sb3 import AttackVecEnv
+from roletrust_env.envs.vec_env_base import Flags, Floats, Step
+
+
+class StaggeredGames(AttackVecEnv):
+    """A batch whose games are in different rounds, so that a short rollout covers the whole game.
+
+    The first episode of each game is truncated at a different round, where learners bootstrap. Arguments as for
+    `AttackVecEnv`.
+    """
+
+    def _restart(self, ended: Flags | None) -> None:
+        super()._restart(ended)
+        if ended is None:
+            self._rounds = 0
+
+    def _play(self, actions: Floats) -> Step:
+        step = super()._play(actions)
+        self._rounds += 1
+        length = self.task.game.scenario.max_cycles
+        ends = np.ceil(np.arange(1, self.num_envs + 1) * length / self.num_envs)
+        return step._replace(truncated=step.truncated | ((ends == self._rounds) & ~step.terminated))
+
+
+class Narrowing(BaseCallback):
+    """Callback that limits the spread of a Gaussian policy; the logarithm of the limit falls linearly.
+
+    Args:
+        first: Logarithm of the limit of the standard deviation at the beginning.
+        last: Logarithm of the limit at the end.
+        steps: Number of rounds of the training, over all games.
+    """
+
+    def __init__(self, first: float, last: float, steps: int) -> None:
+        super().__init__()
+        self._first, self._last, self._steps = first, last, steps
+
+    def _on_rollout_start(self) -> None:
+        limit = self._first + (self._last - self._first) * min(1.0, self.num_timesteps / self._steps)
+        policy: Any = self.model.policy
+        with torch.no_grad():
+            policy.log_std.clamp_(max=limit)
+
+    def _on_step(self) -> bool:
+        return True

@@ -1,0 +1,112 @@
+"""Settings of the learners, tuned per task."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from roletrust_env.errors import explain, suggest
+
+Algo = Literal["ppo", "sac", "recurrent-ppo"]
+Natural = Annotated[int, Field(ge=1, le=10_000_000)]
+Rate = Annotated[float, Field(gt=0, le=1)]
+Discount = Annotated[float, Field(ge=0, le=1)]
+LogStd = Annotated[float, Field(ge=-10, le=2)]
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    steps: Natural
+    """Number of rounds to train for, over all games, unless `--steps` is given."""
+    games: Natural
+    """Number of games in a batch."""
+    gamma: Discount = 0.95
+    learning_rate: Rate = 1e-3
+    """Initial learning rate; it falls linearly to 0."""
+    batch_size: Natural
+    hidden: Annotated[tuple[Natural, ...], Field(min_length=1, max_length=8)] = (64, 64)
+    """Number of units in each hidden layer."""
+
+
+class OnPolicySettings(_Settings):
+    """Settings that PPO with and without an LSTM share: many games, short rollouts, and a narrow spread of actions."""
+
+    n_steps: Natural = 25
+    """Number of rounds of each game between two updates."""
+    n_epochs: Natural = 10
+    gae_lambda: Discount = 0.95
+    clip_range: Rate = 0.2
+    ent_coef: Annotated[float, Field(ge=0, le=1)] = 0.0
+    log_std_init: LogStd = -0.5
+    log_std_last: LogStd | None = None
+    """Upper limit of the logarithm of the spread at the end, reached linearly; None is no limit."""
+
+
+class PPOSettings(OnPolicySettings):
+    """Settings of PPO."""
+
+    steps: Natural = 800_000
+    games: Natural = 256
+    batch_size: Natural = 1600
+    heads: Annotated[tuple[Natural, ...], Field(max_length=8)] = ()
+    """Number of units in each hidden layer of the actor's heads, see `roletrust_agents.training.heads`."""
+
+
+class RecurrentPPOSettings(OnPolicySettings):
+    """Settings of PPO with an LSTM, which remembers earlier observations."""
+
+    steps: Natural = 400_000
+    games: Natural = 128
+    batch_size: Natural = 800
+    n_epochs: Natural = 5
+    lstm: Natural = 32
+    """Number of units of the LSTM."""
+
+
+class SACSettings(_Settings):
+    """Settings of soft actor-critic, which learns from fewer rounds and spends more time on each."""
+
+    steps: Natural = 100_000
+    games: Natural = 16
+    batch_size: Natural = 256
+    gradient_steps: Natural = 4
+    """Number of updates for each round of all games."""
+    buffer_size: Natural = 100_000
+    learning_starts: Natural = 5_000
+
+
+Settings = PPOSettings | RecurrentPPOSettings | SACSettings
+_KINDS: dict[str, type[Settings]] = {"ppo": PPOSettings, "sac": SACSettings, "recurrent-ppo": RecurrentPPOSettings}
+
+TUNED: dict[tuple[str, str], dict[str, Any]] = {
+    # Many actions at once need shared heads and longer training, with fewer and larger passes over each rollout and a
+    # horizon of about ten rounds. An exact lie is worth most, so the spread must fall. Together with the games that
+    # choose the best network, training plays just under two million rounds, the budget of a ladder.
+    ("RoleTrust/CollusionAttack-v0", "ppo"): {
+        "steps": 1_900_000,
+        "gamma": 0.9,
+        "n_epochs": 5,
+        "learning_rate": 0.0015,
+        "clip_range": 0.4,
+        "log_std_last": -4.0,
+        "heads": (32, 32),
+    },
+}
+"""Settings that differ from the algorithm's defaults, by task and algorithm."""
+
+
+def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Settings:
+    """Return the settings for a task, with some of them changed.
+
+    Raises:
+        ValueError: A setting does not exist, or its value is not allowed.
+    """
+    known = _KINDS[algo].model_fields
+    for name in changes:
+        if name not in known:
+            raise ValueError(f"--learner: {algo} has no setting {name!r}{suggest(name, known)}")
+    try:
+        return _KINDS[algo].model_validate({**TUNED.get((task_id, algo), {}), **changes})
+    except ValidationError as error:
+        raise ValueError(f"--learner of {algo}: {explain(error)}") from None

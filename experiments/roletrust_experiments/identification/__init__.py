@@ -1,1 +1,0 @@
-"""A scenario from a recording of a real team."""

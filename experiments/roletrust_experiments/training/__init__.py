@@ -1,1 +1,0 @@
-"""Training attackers: the loop, the learners, and the folders of runs."""

@@ -1,0 +1,1 @@
+"""Identification of a scenario from the recording of a real team."""

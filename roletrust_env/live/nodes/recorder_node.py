@@ -1,0 +1,41 @@
+"""The recorder: records all messages of a team."""
+
+import time
+from pathlib import Path
+
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.wire.dds import Node, Reader
+from roletrust_env.live.wire.messages import typestore
+from roletrust_env.live.wire.recording import RecordedMessage, Recorder
+
+_FLUSH_INTERVAL = SECOND // 2
+_DEPTH = 1000
+
+
+def run_recorder_node(folder: Path, *, images: bool = True, network: bool = False) -> int:
+    """Record every published topic until a signal ends the process, and return the number of messages.
+
+    Args:
+        folder: New folder.
+        images: Whether to record pictures as well.
+        network: See `Node`.
+
+    Raises:
+        ValueError: The folder exists already.
+    """
+    node = Node("record", network=network)
+    readers: dict[str, tuple[str, Reader]] = {}
+    with run_until_signal() as active, Recorder(folder) as recorder:
+        flushed = time.time_ns()
+        while active:
+            node.wait(0.1)
+            for topic, kind in node.discover():
+                if topic not in readers and kind in typestore().types and (images or "image" not in topic):
+                    readers[topic] = kind, node.reader(topic, kind, depth=_DEPTH)
+            for topic, (kind, reader) in readers.items():
+                for raw in reader.take():
+                    recorder.write(RecordedMessage(time.time_ns(), topic, kind, raw))
+            if time.time_ns() - flushed > _FLUSH_INTERVAL:
+                recorder.flush()
+                flushed = time.time_ns()
+    return recorder.count

@@ -1,0 +1,69 @@
+"""The run loop of a node: the times of the rounds, and the end by a signal."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+SECOND = 1_000_000_000
+
+
+class Timeline(NamedTuple):
+    """Start times of the rounds, by the clock of this machine.
+
+    Attributes:
+        start: Start of round 0, nanoseconds since 1970.
+        period: Time between rounds, nanoseconds.
+    """
+
+    start: int
+    period: int
+
+    @classmethod
+    def aligned(cls, period: int) -> "Timeline":
+        """Return a timeline that starts with the next whole period since 1970, so that all nodes agree on it."""
+        return cls((time.time_ns() // period + 1) * period, period)
+
+    def begin(self, round: int) -> int:
+        """Return the stamp of a round."""
+        return self.start + round * self.period
+
+    def round(self, stamp: int) -> int:
+        """Return the round whose start is nearest to a stamp; negative before the start."""
+        return (stamp - self.start + self.period // 2) // self.period
+
+
+class RunState:
+    """State of a node: true until SIGTERM or Ctrl-C."""
+
+    def __init__(self) -> None:
+        self._stopped = False
+
+    def __bool__(self) -> bool:
+        return not self._stopped
+
+    def stop(self, *_: object) -> None:
+        """Ask the node to end."""
+        self._stopped = True
+
+    def sleep_until(self, moment: int) -> None:
+        """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end."""
+        while self and (left := moment - time.time_ns()) > 0:
+            time.sleep(min(left / SECOND, 0.1))
+
+
+@contextmanager
+def run_until_signal() -> Iterator[RunState]:
+    """Turn SIGTERM and Ctrl-C into a normal end of the node.
+
+    Yields:
+        The state, which turns false with the signal.
+    """
+    state = RunState()
+    before = {number: signal.signal(number, state.stop) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield state
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

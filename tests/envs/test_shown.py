@@ -1,0 +1,115 @@
+"""Environments say what they are in one line, show themselves in a notebook, and refuse wrong names in one line."""
+
+import subprocess
+import sys
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import roletrust_env
+
+FACTS = "'paper-3x3', RoleTrust(lam=0.5, initial=0.5), agents: 3 SR + 3 SP, rounds: 240"
+
+
+def task_env(**arguments: Any) -> Any:
+    return gymnasium.make("RoleTrust/RaterAttack-v0", **arguments).unwrapped
+
+
+def test_reprs() -> None:
+    task = f"{FACTS}, numpy float32; compromised: sr_2, objective: damage, knowledge: black_box"
+    assert repr(roletrust_env.parallel_env()) == f"RoleTrustParallelEnv({FACTS})"
+    assert repr(roletrust_env.env()) == f"RoleTrustAECEnv({FACTS})"
+    assert repr(task_env()) == f"RaterAttackEnv({task})"
+    batch = gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=3)
+    assert repr(batch) == f"AttackVectorEnv(AttackTask({task}), num_envs: 3)"
+
+
+def begun(env: Any) -> Any:
+    env.reset(seed=0)
+    return env
+
+
+@pytest.mark.parametrize("render_mode", [None, "ansi"])
+@pytest.mark.parametrize(
+    "make",
+    [
+        roletrust_env.parallel_env,
+        roletrust_env.env,
+        task_env,
+        lambda render_mode: gymnasium.make_vec("RoleTrust/RaterAttack-v0", num_envs=3, render_mode=render_mode),
+    ],
+    ids=["parallel", "aec", "task", "batch"],
+)
+def test_an_environment_shows_a_picture_in_a_notebook(make: Any, render_mode: Any) -> None:
+    env = make(render_mode=render_mode)
+    assert "<img" not in env._repr_html_()  # no game has begun
+    shown = begun(env)._repr_html_()
+    assert 'src="data:image/png;base64,' in shown
+    assert shown.startswith("<code>")
+
+
+def test_the_picture_is_of_the_state() -> None:
+    env = begun(roletrust_env.parallel_env(noise=0.1))
+    first = env._repr_html_()
+    assert first == env._repr_html_()
+    env.step({agent: env.action_space(agent).low for agent in env.agents})
+    assert env._repr_html_() != first
+
+
+def test_without_matplotlib_it_is_the_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = begun(roletrust_env.parallel_env())
+    monkeypatch.delitem(sys.modules, "roletrust_env.rendering.drawing", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    shown = env._repr_html_()
+    assert "<pre>" in shown
+    assert "ToR" in shown
+
+
+NAMES = "sr_0, sr_1, sr_2, sp_0, sp_1, sp_2"
+
+
+@pytest.mark.parametrize("name", ["sr_9", 3, ["sr_0"]], ids=str)
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda name: roletrust_env.parallel_env().action_space(name),
+        lambda name: roletrust_env.parallel_env().observation_space(name),
+        lambda name: roletrust_env.env().action_space(name),
+        lambda name: roletrust_env.env().observation_space(name),
+        lambda name: begun(roletrust_env.env()).observe(name),
+        lambda name: roletrust_env.EachAgent(roletrust_env.parallel_env(), roletrust_env.Scaled).action_space(name),
+    ],
+)
+def test_an_unknown_agent_is_refused_with_the_names_of_the_known(ask: Any, name: Any) -> None:
+    with pytest.raises(ValueError, match="there is no agent") as error:
+        ask(name)
+    assert str(error.value) == f"there is no agent {name!r}; there are {NAMES}"
+
+
+@pytest.mark.parametrize("wrap", [lambda env: env, lambda env: roletrust_env.EachAgent(env, roletrust_env.Scaled),
+                                  roletrust_env.Everybody])  # fmt: skip
+@pytest.mark.parametrize("actions", [3, [0.5], None, np.zeros(3)], ids=str)
+def test_actions_that_are_no_dictionary_are_refused(wrap: Any, actions: Any) -> None:
+    env = begun(wrap(roletrust_env.parallel_env()))
+    with pytest.raises(ValueError, match="they must be a dict from agent to action"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize("name", ["AttackVecEnv", "RoleVecEnv"])
+def test_environments_for_sb3_name_what_is_missing(name: str) -> None:
+    code = f"""
+import sys
+sys.modules["stable_baselines3"] = None
+import roletrust_env
+try:
+    roletrust_env.{name}
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told == (
+        f"DependencyNotInstalled {name} needs Stable-Baselines3, and stable_baselines3 is not installed: "
+        "pip install 'roletrust-env[train]'\n"
+    )

@@ -1,0 +1,54 @@
+"""One-line messages of validation errors."""
+
+from typing import Any
+
+import pytest
+from pydantic import BaseModel, ValidationError, model_validator
+
+from roletrust_env.errors import explain
+
+
+class Part(BaseModel):
+    size: int = 0
+
+
+class Whole(BaseModel):
+    name: str
+    parts: tuple[Part, ...] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> "Whole":
+        if self.name == "bad":
+            raise ValueError("bad is not a name")
+        return self
+
+
+def message(**fields: Any) -> str:
+    with pytest.raises(ValidationError) as raised:
+        Whole(**fields)
+    return explain(raised.value)
+
+
+def test_a_missing_field_a_wrong_value_and_a_rule_of_the_whole() -> None:
+    assert message() == "field name is missing"
+    assert message(name="a", parts=[{"size": "x"}]).startswith("parts.0.size is 'x': Input should be a valid integer")
+    assert message(name="bad") == "bad is not a name"
+
+
+def test_ten_wrong_fields_are_listed_and_the_others_counted() -> None:
+    ten = message(name="a", parts=[{"size": "x"}] * 10)
+    assert ten.count("; parts") == 9
+    assert "more" not in ten
+    twelve = message(name="a", parts=[{"size": "x"}] * 12)
+    assert twelve.count("; parts") == 9
+    assert twelve.endswith("; and 2 more")
+
+
+def test_a_long_value_is_cut_after_300_characters() -> None:
+    assert f"is {repr('x' * 299)[:300]}...: " in message(name="a", parts=[{"size": "x" * 299}])
+
+
+def test_exactly_300_characters_are_not_cut() -> None:
+    exact = message(name="a", parts=[{"size": "x" * 298}])
+    assert f"is {'x' * 298!r}: " in exact
+    assert "..." not in exact
