@@ -132,10 +132,10 @@ class WorkerPool(Generic[Key]):
         Raises:
             ChildProcessError: Processes end before they can work.
         """
-        queue = [_Job(key, arguments, 1) for key, arguments in reversed(tuple(jobs.items()))]
+        pending = [_Job(key, arguments, 1) for key, arguments in reversed(tuple(jobs.items()))]
         failed_starts = 0
-        while queue or any(worker.job for worker in self._workers):
-            while len(self._workers) < min(self._number, len(queue) + sum(w.job is not None for w in self._workers)):
+        while pending or any(worker.job for worker in self._workers):
+            while len(self._workers) < min(self._number, len(pending) + sum(w.job is not None for w in self._workers)):
                 self._workers.append(_Worker(*self._worker_arguments))
             readable = wait([worker.link for worker in self._workers], _POLL_S)
             for worker in list(self._workers):
@@ -147,7 +147,7 @@ class WorkerPool(Generic[Key]):
                         failed_starts = 0 if worker.ready else failed_starts + 1
                         exit_code = self._stop(worker)
                         if job and job.attempt < tries:
-                            queue.append(job._replace(attempt=job.attempt + 1))
+                            pending.append(job._replace(attempt=job.attempt + 1))
                         elif job:
                             yield job.key, JobResult(exit_code=exit_code)
                         continue
@@ -158,9 +158,9 @@ class WorkerPool(Generic[Key]):
                     self._stop(worker)
                     yield job.key, JobResult(timed_out=True)
                     continue
-                if queue and worker.ready and worker.job is None:
-                    advance(queue[-1].key)
-                    worker.begin(queue.pop(), limit_s)
+                if pending and worker.ready and worker.job is None:
+                    advance(pending[-1].key)
+                    worker.begin(pending.pop(), limit_s)
             if failed_starts >= _MAX_FAILED_STARTS:
                 raise ChildProcessError(f"{failed_starts} worker processes in a row ended before they could work")
 
