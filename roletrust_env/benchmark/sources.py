@@ -1,4 +1,4 @@
-"""What was run: the source of a model's or an attack's class, and the package that it is of."""
+"""Source code of the models and attacks of a run: hashes of their files, and their packages."""
 
 import hashlib
 import inspect
@@ -16,33 +16,35 @@ from roletrust_env.storage.untrusted import UntrustedModel
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Word = Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
-"""One line of text, which a terminal shows as it is."""
-
+"""One line of text without control characters."""
 
 _OWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments")
-"""Packages of this project, which the metadata of an editable installation does not list."""
+"""Packages of this project. The metadata of an editable installation does not list them."""
 
 
 class Source(UntrustedModel):
-    """Of a class."""
+    """Source of a class."""
 
     made_by: Word
-    """The class, as `package.module.Class`."""
+    """Path of the class, as `package.module.Class`."""
     package: Word
-    """The installed package that it is of; empty if it is of none."""
+    """Name of the installed package. Empty if the class belongs to none."""
     version: Word
-    """Of the package."""
+    """Version of the package."""
     sha256: Sha256
-    """Of the files in which it and the classes that it is derived from stand, without Python's own."""
+    """Hash of the files that define the class and its base classes, without those of the standard library."""
 
 
 def source_of(factory: Callable[..., Any]) -> Source:
-    """The source of what a registry holds.
+    """Return the source of a factory in a registry.
+
+    Args:
+        factory: Class or function.
 
     Raises:
-        ValueError: some of it stands in no file.
+        ValueError: A part of the source is not in a file.
     """
-    kind = getattr(factory, "kind", factory)  # of a model that is given as an object
+    kind = getattr(factory, "kind", factory)  # the class of a model that was given as an object
     kinds = inspect.getmro(kind) if isinstance(kind, type) else (kind,)
     modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
     digest = hashlib.sha256()
@@ -53,19 +55,23 @@ def source_of(factory: Callable[..., Any]) -> Source:
     return Source(made_by=made_by, package=package, version=number, sha256=digest.hexdigest())
 
 
-def hashes(named: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
-    """The hash of the source of each, by its name; of those that stand in files."""
-    found = {}
-    for name, factory in named.items():
+def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
+    """Return the source hashes of factories by name. Factories whose source is not in a file are left out.
+
+    Args:
+        factories: Factories by name.
+    """
+    digests = {}
+    for name, factory in factories.items():
         with suppress(ValueError):
-            found[name] = source_of(factory).sha256
-    return found
+            digests[name] = source_of(factory).sha256
+    return digests
 
 
 def _text(module: str) -> bytes:
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None or not Path(file).is_file():
-        raise ValueError(f"{module} stands in no file, so nobody could see later whether it is the same")
+        raise ValueError(f"{module} is not in a file, so its source could not be compared later")
     return Path(file).read_bytes()
 
 
@@ -75,6 +81,6 @@ def _top(module: str) -> str:
 
 @cache
 def _package(top: str) -> tuple[str, str]:
-    """The name and the version of the installed package that brings a top-level module."""
-    found = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
-    return (found[0], version(found[0])) if found else ("", "")
+    """Return the name and the version of the installed package that contains a top-level module."""
+    names = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
+    return (names[0], version(names[0])) if names else ("", "")

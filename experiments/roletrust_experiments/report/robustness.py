@@ -7,12 +7,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.leaderboard import (
     HEADER,
     AttackScores,
     Condition,
-    worst,
+    worst_cases,
 )
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
@@ -65,7 +65,7 @@ class Robustness(NamedTuple):
         places = _places(suite, [row.model for row in rows])
         for some in (attacks, struck):
             some.sort(key=places)
-        cases = worst(attacks)
+        cases = worst_cases(attacks)
         tables = {
             "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
             "heatmap": _heatmap(struck, cases),
@@ -75,8 +75,8 @@ class Robustness(NamedTuple):
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
-        where = list(dict.fromkeys(one.condition.words for one in struck))
-        return cls(suite, software, command(suite, path), path, leaderboard, blind, where, tables)
+        where = list(dict.fromkeys(one.condition.description for one in struck))
+        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
     @property
     def warnings(self) -> list[str]:
@@ -121,7 +121,7 @@ def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
 
 
 def _name(one: AttackScores) -> tuple[str, str, str]:
-    return one.condition.words, one.attack, one.model
+    return one.condition.description, one.attack, one.model
 
 
 def _utility(one: AttackScores) -> tuple[float, float, float]:

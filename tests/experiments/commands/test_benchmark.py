@@ -162,7 +162,7 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     assert "results.sqlite cannot be written" in line
     assert "make room and go on" in line
     with Store(here / "out" / "results.sqlite") as store:
-        there = len(store.finished())
+        there = len(store.finished_keys())
     code, lines = benchmark()
     assert code == 0, lines
     assert not there or any(f"{there} of 4 cells are there already" in line for line in lines)
@@ -185,7 +185,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
         time.sleep(0.2)
         try:
             with Store(path) as store:
-                if len(store.finished()) == 2:
+                if len(store.finished_keys()) == 2:
                     break
         except ValueError:
             continue
