@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from roletrust_agents.learned import SavedAttacker
 
+from roletrust_agents.learned import SavedAttacker
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
 
 
