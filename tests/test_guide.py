@@ -5,8 +5,8 @@ import types
 import numpy as np
 import pytest
 from pages import HOUSE, blocks, run, written_file
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
 from roletrust_env.benchmark.learners.learner import Learner, LearnerSearch
 from roletrust_env.benchmark.learners.suite import Task

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from roletrust_baselines import OnOff
 
+from roletrust_baselines import OnOff
 from roletrust_env import (
     Scenario,
     attackers,

@@ -183,7 +183,7 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:
-    """Main loop of a worker process. It ends when the link is closed."""
+    """Run the main loop of a worker process. It ends when the link is closed."""
     if os.name == "posix":
         os.setsid()  # own process group with its children; keyboard interrupts do not reach it
     Thread(target=_exit_with_parent, daemon=True).start()

@@ -3,13 +3,13 @@
 from typing import Any, Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Policy
+from roletrust_env.parameters import checked_dataclass
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class WindowedAttack(Policy):
     """A scripted attack with a beginning and an end; before and after it the agent plays honestly.
 

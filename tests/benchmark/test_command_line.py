@@ -4,12 +4,12 @@ import shlex
 from pathlib import Path
 
 import pytest
-from roletrust_experiments.commands.benchmark import _asked
 from small_suites import small
 
 from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.suite import load_suite
+from roletrust_experiments.commands.benchmark import _asked
 
 FILE = Path("results/my run/results.sqlite")
 

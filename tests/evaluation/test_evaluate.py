@@ -1,8 +1,8 @@
 """One model under one attack, in numbers."""
 
 import pytest
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env.evaluation import evaluate
 from roletrust_env.trust.models.central.mean import Mean
 

@@ -180,7 +180,7 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
 
 @contextmanager
 def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
-    """Who plays the cells; a cluster is left at the end."""
+    """Yield the pool that plays the cells; a cluster is left at the end."""
     if ray is None:
         yield LocalPool(workers)
         return
@@ -197,7 +197,7 @@ def _asked(
     learner: Sequence[str] | None,
     allow_code: bool,
 ) -> AnySuite:
-    """The suite with what was asked for by name, all of which can be made.
+    """Return the suite with the models, attacks or learners of the options, once all of them can be made.
 
     Raises:
         ValueError: a name is unknown, what it names cannot be made or is not for such a suite, or a file names what is

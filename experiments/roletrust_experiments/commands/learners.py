@@ -1,4 +1,4 @@
-"""What `roletrust benchmark` asks and tells of a suite for learners."""
+"""Options and output of `roletrust benchmark` for a suite of learners."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ from roletrust_experiments.plots.figure_files import write_figure
 
 
 def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
-    """The suite with the learners that were asked for, all of which can be made.
+    """Return the suite with the learners of the options, once all of them can be made.
 
     Args:
         suite: as it is in its file.

@@ -77,7 +77,7 @@ def _bars(
 
 
 def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict[str, Any]]) -> None:
-    """A line for each learner: its share by the rounds that it could play."""
+    """Draw a line for each learner: its share by the number of rounds that it may play."""
     for name, look in looks.items():
         mine = sorted((one for one in found if one.learner == name), key=lambda one: one.budget)
         budgets = [one.budget for one in mine]

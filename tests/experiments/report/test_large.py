@@ -8,12 +8,12 @@ from typing import Any
 import large_run
 import numpy as np
 import pytest
+
+from roletrust_env.benchmark.leaderboard import attack_scores
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.learners import Learners
 from roletrust_experiments.report.page import page
 from roletrust_experiments.report.robustness import Robustness
-
-from roletrust_env.benchmark.leaderboard import attack_scores
 
 MEGABYTE = 1_000_000
 SOFTWARE: dict[str, Any] = {"package": {"name": "it", "version": "0"}, "python": "3", "packages": {}}

@@ -6,10 +6,10 @@ import gymnasium
 import pytest
 import typer
 from built import HOUSE, broken, build_quickly, fetched, pages, parsed, text
-from roletrust_experiments.cli import app
 from sphinx.util.inventory import InventoryFile
 
 import roletrust_env
+from roletrust_experiments.cli import app
 
 pytestmark = pytest.mark.slow
 
