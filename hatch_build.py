@@ -6,7 +6,11 @@ from typing import Any
 
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
-_LINK = re.compile(r"(?P<picture>!?)\[(?P<text>[^\]]*)\]\((?P<path>(?!https?://|#)[^)\s]+)\)\n?")
+_CODE = r"^```.*?^```$|`[^`\n]+`"
+_LINK = re.compile(
+    rf"(?P<code>{_CODE})|(?P<picture>!?)\[(?P<text>[^\]]*)\]\((?P<path>(?!https?://|#)[^)\s]+)\)\n?",
+    re.MULTILINE | re.DOTALL,
+)
 
 
 def absolute(text: str, repository: str | None) -> str:
@@ -18,6 +22,8 @@ def absolute(text: str, repository: str | None) -> str:
     """
 
     def replaced(link: re.Match[str]) -> str:
+        if link["code"]:
+            return link[0]
         end = "\n" if link[0].endswith("\n") else ""
         if repository is None:
             return "" if link["picture"] else link["text"] + end

@@ -162,7 +162,10 @@ class WorkerPool(Generic[Key]):
                     advance(pending[-1].key)
                     worker.begin(pending.pop(), limit_s)
             if failed_starts >= _MAX_FAILED_STARTS:
-                raise ChildProcessError(f"{failed_starts} worker processes in a row ended before they could work")
+                raise ChildProcessError(
+                    f"{failed_starts} worker processes in a row ended before they could work; in a script, start them "
+                    "under `if __name__ == '__main__':`"
+                )
 
     def _stop(self, worker: _Worker[Key]) -> int:
         self._workers.remove(worker)

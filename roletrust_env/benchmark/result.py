@@ -108,7 +108,8 @@ class Leaderboard:
             )
             for line in lines
         ]
-        return "\n".join([f"Leaderboard, suite {self.suite.name}", *(line.rstrip() for line in text)])
+        title = f"Leaderboard, suite {self.suite.name}"
+        return "\n".join([title, *(line.rstrip() for line in text), *self.caveats])
 
     def _repr_html_(self) -> str:
         """Return the rows as an HTML table for a notebook."""

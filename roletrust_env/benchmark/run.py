@@ -40,7 +40,8 @@ def benchmark(
             `"all"` means all installed models, and None means the models of the suite.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
         attacks: Specs of scripted attacks that replace those of the suite.
-        workers: Number of processes. None means one for each core. With 0 the cells are played in this process.
+        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. In a
+            script, processes need the call under `if __name__ == "__main__":`.
         out: Folder of the results. A stopped run continues from there. None writes no files.
         force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.

@@ -134,7 +134,7 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
 
 def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
     """Check shapes, dtypes and ranges in every round; the state must keep the shape and dtype of its arrays."""
-    state = start_model(model, np.full(shape, np.nan, dtype), some_peers(shape))
+    state = start_model(model, np.zeros(shape, dtype), some_peers(shape))
     before = _kinds(model, state, shape)
     for ratings, mask in random_rounds(shape, dtype=dtype):
         state = model.update(state, ratings, mask)

@@ -106,13 +106,13 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         raise AssertionError("the work begins before the output folder is checked")
 
     for module, name in (
-        ("commands.ladder", "climb"),
-        ("commands.speed", "_race"),
-        ("training.loop", "train"),
-        ("commands.play", "play_games"),
-        ("commands.figures", "track_curves"),
+        ("roletrust_experiments.commands.ladder", "climb"),
+        ("roletrust_experiments.commands.speed", "_race"),
+        ("roletrust_agents.training.loop", "train"),
+        ("roletrust_experiments.commands.play", "play_games"),
+        ("roletrust_experiments.commands.figures", "track_curves"),
     ):
-        monkeypatch.setattr(f"roletrust_experiments.{module}.{name}", work)
+        monkeypatch.setattr(f"{module}.{name}", work)
     (tmp_path / "file").write_text("in the way")
     result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / out)])
     assert result.exit_code == 2, result.output

@@ -29,6 +29,7 @@ from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
     errors,
+    needs_code,
     number_table,
     option,
     print_next,
@@ -136,13 +137,14 @@ def benchmark(
         with _pool(workers, ray) as pool:
             kept = _play(asked, pool, force, out)
     except KeyboardInterrupt:
-        errors.print("Stopped. Finished cells are saved; the same command without --force continues.", soft_wrap=True)
+        errors.print("Stopped. Finished cells are saved; repeat the command without --force.", soft_wrap=True)
         raise typer.Exit(130) from None
     if isinstance(asked, LearnersSuite):
         tell_learners(asked, kept, out)
     else:
         _show(asked, kept, out)
-    print_next("report", out / "results.sqlite", "--out", out / "report")
+    named = asked.learners if isinstance(asked, LearnersSuite) else (*asked.models, *asked.attacks)
+    print_next("report", out / "results.sqlite", needs_code(named), "--out", out / "report")
     if any(done.failed for _, done in kept):
         raise typer.Exit(1)
 

@@ -1,8 +1,9 @@
 """Output of the commands: tables, progress bars and messages."""
 
 import json
+import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -87,6 +88,11 @@ def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = (
 def print_json(data: Mapping[str, Any]) -> None:
     """Print plain data for scripts: neither wrapped nor coloured, in ASCII, which every terminal can show."""
     print(json.dumps(data, indent=2, allow_nan=False))
+
+
+def needs_code(names: Iterable[str]) -> str | None:
+    """Return the option `--allow-code` where a spec such as `package.module:Class` needs it, else None."""
+    return "--allow-code" if any(re.match(r"[\w.]+:\w+(?!\w*=)", name) for name in names) else None
 
 
 def print_next(*words: object, where: Console = console) -> None:

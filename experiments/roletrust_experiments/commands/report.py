@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
-from roletrust_experiments.commands.console import ALLOW_CODE, console, print_next
+from roletrust_experiments.commands.console import ALLOW_CODE, console, needs_code, print_next
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 from roletrust_experiments.plots.figure_files import write_figure
@@ -66,7 +66,8 @@ def report(
         written += ", leaderboard.md"
     console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
     if found:
-        print_next("submit", found.path, "--out", out / "submission.json")
+        code = needs_code((*found.suite.models, *found.suite.attacks))
+        print_next("submit", found.path, code, "--out", out / "submission.json")
     else:
         print_next("benchmark", "--suite", "learners", "--dry-run")
 

@@ -26,7 +26,14 @@ from roletrust_env.benchmark.verification import (
     sample_claims,
 )
 from roletrust_env.storage.files import write_json
-from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
+from roletrust_experiments.commands.console import (
+    ALLOW_CODE,
+    console,
+    needs_code,
+    number_table,
+    print_next,
+    progress_bar,
+)
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, Workers
 
@@ -65,7 +72,7 @@ def submit(
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
-    print_next("verify", out)
+    print_next("verify", out, needs_code((*found.models, *found.attacks)))
 
 
 def verify(
@@ -115,7 +122,13 @@ def verify(
     console.print(_table(file, checks))
     console.print(f"{len(kept)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
     if len(kept) < len(found.cells):
-        print_next("verify", file, "--cells", min(len(found.cells), max(10, 2 * number)))
+        print_next(
+            "verify",
+            file,
+            "--allow-code" if allow_code else None,
+            "--cells",
+            min(len(found.cells), max(10, 2 * number)),
+        )
     else:
         print_next("list", "models")
     if not all(check.ok for check in checks):

@@ -17,7 +17,7 @@ class Throughput(NamedTuple):
 
     Attributes:
         cell: from the name of a cell to its scores: everything that is done for them.
-        game: of the same scenario in a batch of the same size, played honestly by `roletrust_env.game.rollout.play`.
+        game: of the same scenario in a batch of the same size, played honestly by `roletrust_env.game.rollout.rollout`.
     """
 
     cell: float
