@@ -162,7 +162,9 @@ class WorkerPool(Generic[Key]):
                     advance(todo[-1].key)
                     worker.begin(todo.pop(), limit_s)
             if stillborn >= _STILLBORN:
-                raise ChildProcessError(f"{stillborn} worker processes in a row ended before they could work")
+                raise ChildProcessError(
+                    f"{stillborn} worker processes in a row ended before they could work; see above for what they said"
+                )
 
     def _dismiss(self, worker: _Worker[Key]) -> int:
         self._workers.remove(worker)

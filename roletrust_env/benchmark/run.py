@@ -1,7 +1,9 @@
 """Running a benchmark from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
 
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ from roletrust_env.benchmark.cells import models as models_of
 from roletrust_env.benchmark.entrants import Entrant, entered, name_entrants, pack
 from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmark.result import Leaderboard
-from roletrust_env.benchmark.schema import CellResult
+from roletrust_env.benchmark.schema import CellResult, SuiteSchema
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Suite, load_suite
 from roletrust_env.benchmark.suite_types import AnySuite, suite_type
@@ -28,7 +30,7 @@ def benchmark(
     models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
     suite: str | Path | Suite = "quick",
     *,
-    attacks: Sequence[str] | None = None,
+    attacks: str | Sequence[str] | None = None,
     workers: int | None = None,
     out: str | Path | None = None,
     force: bool = False,
@@ -40,8 +42,9 @@ def benchmark(
         models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these;
             `"all"` are the installed ones, and None are those of the suite.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
-        attacks: Scripted attacks in place of the suite's, by spec.
-        workers: Number of processes; None is one for each core. With 0 the cells are played in this process.
+        attacks: Scripted attack, or a list of these, in place of the suite's, by spec.
+        workers: Number of processes; None is one for each core. With 0 the cells are played in this process. A script
+            that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
         out: Folder of the results. A run that was stopped goes on from there. None keeps no files.
         force: Begin anew, whatever `out` holds.
         progress: Show a progress bar.
@@ -62,6 +65,16 @@ def benchmark(
         >>> [row.model for row in board.rows]
         ['mean', 'constant']
     """
+    if isinstance(attacks, str):
+        attacks = [attacks]
+    for name, chosen in (("models", models), ("attacks", attacks)):
+        if _is_empty(chosen):
+            raise ValueError(f"{name} is empty; None stands for those of the suite")
+    if workers is not None and (not isinstance(workers, int) or workers < 0):
+        raise ValueError(f"workers is {workers!r}; it must be 0 or more, or None for one for each core")
+    if workers != 0 and getattr(current_process(), "_inheriting", False):
+        # A worker imports the script again, which must not play the benchmark again.
+        sys.exit("a script calls benchmark() below `if __name__ == '__main__':`, or with workers=0")
     given: list[Entrant] = []
     if isinstance(models, str) and models == "all":
         given += models_of(_robustness(suite).model_copy(update={"models": "all"}))
@@ -153,9 +166,15 @@ class InProcess:
             yield cell, play_safely(suite, cell)
 
 
+def _is_empty(chosen: Any) -> bool:
+    return isinstance(chosen, list | tuple) and not chosen
+
+
 def _robustness(suite: str | Path | Suite) -> Suite:
     """Return a suite for trust models."""
-    found = suite if isinstance(suite, Suite) else load_suite(suite)
+    if not isinstance(suite, str | Path | SuiteSchema):
+        raise ValueError(f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file")
+    found = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
     if not isinstance(found, Suite):
         raise ValueError(
             f"suite {found.name} is one for learners; play it with `roletrust benchmark --suite {found.name}`"

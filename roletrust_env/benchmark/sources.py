@@ -8,10 +8,12 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
+from types import FunctionType
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from roletrust_env.benchmark.fingerprint import fingerprint, has_file
 from roletrust_env.storage.untrusted import UntrustedModel
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -54,17 +56,25 @@ def source_of(factory: Callable[..., Any]) -> Source:
 
 
 def hashes(named: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
-    """The hash of the source of each, by its name; of those that stand in files."""
+    """Return the hash of the source of each factory, by its name.
+
+    That of a trust model that is given as an object covers its parameters, too, and so does that of a factory that is
+    no class or function of a file, such as a `functools.partial`.
+    """
     found = {}
     for name, factory in named.items():
         with suppress(ValueError):
             found[name] = source_of(factory).sha256
+        in_file = isinstance(factory, type | FunctionType) and has_file(factory.__module__)
+        if not in_file:
+            own = getattr(factory, "fingerprint", None) or fingerprint(factory)
+            found[name] = hashlib.sha256(f"{found.get(name)}\n{own}".encode()).hexdigest()
     return found
 
 
 def _text(module: str) -> bytes:
     file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or not Path(file).is_file():
+    if file is None or not has_file(module):
         raise ValueError(f"{module} stands in no file, so nobody could see later whether it is the same")
     return Path(file).read_bytes()
 

@@ -183,8 +183,8 @@ class Store:
         changed = [name for name, found in here.items() if self._sources.get(name, found) != found]
         if changed:
             raise ValueError(
-                f"{self.path} was played with another source of {', '.join(changed)}; give another --out, or begin "
-                "anew with --force"
+                f"{self.path} was played with another source of {', '.join(changed)}, or with other parameters; give "
+                "another --out, or begin anew with --force"
             )
 
     @contextmanager
