@@ -157,7 +157,7 @@ def worst(
         if one.rung in OPEN - knowing:
             continue
         key = one.model, one.condition
-        if key not in found or np.nanmean(one.chosen) < np.nanmean(found[key].chosen):
+        if key not in found or _least(one.chosen) < _least(found[key].chosen):
             found[key] = one
     return found
 
@@ -189,7 +189,7 @@ def leaderboard_rows(
         known = [one for (name, where), one in opened.items() if name == model and where.track not in honest]
         played = sum(cell.model == model and not done.failed for cell, done in stored)
         games[model] = _over_conditions(one.utility for one in struck)
-        lowest = min(struck, key=lambda one: float(np.nanmean(one.utility)), default=None)
+        lowest = min(struck, key=lambda one: _least(one.utility), default=None)
         rows.append(
             LeaderboardRow(
                 0,
@@ -216,6 +216,12 @@ def leaderboard_rows(
     ]
 
 
+def _least(utility: Floats) -> float:
+    """Return the mean utility by which the worst case is chosen; where it is undefined, any other is worse."""
+    mean = float(mean_or_nan(utility, axis=0))
+    return np.inf if np.isnan(mean) else mean
+
+
 def _shared_ranks(keys: Sequence[Any]) -> list[int]:
     """Return the rank of each of some sorted keys; equal keys share the rank of the first one."""
     return [keys.index(key) + 1 for key in keys]
@@ -238,7 +244,8 @@ def _holding(games: Sequence[Floats]) -> list[float]:
     means = np.stack([scores[:, pick].mean(axis=1) for pick in picks]).round(_DIGITS)
     places = (means[:, None, :] > means[:, :, None]).sum(axis=2)  # of each model the number of better ones
     now = scores.mean(axis=1).round(_DIGITS)
-    return [float(share) for share in (places == (now[None, :] > now[:, None]).sum(axis=1)).mean(axis=0)]
+    shares = (places == (now[None, :] > now[:, None]).sum(axis=1)).mean(axis=0)
+    return [float(share) for share in np.where(np.isnan(now), np.nan, shares)]
 
 
 def _estimate(of_conditions: Iterable[Floats]) -> Estimate:

@@ -55,6 +55,7 @@ def benchmark(
     Raises:
         ValueError: A name is unknown, a model or an attack cannot be made, the suite is one for learners, or `out`
             holds another run.
+        OSError: `out` cannot be written.
 
     Example:
         >>> from roletrust_env.benchmark import Suite, benchmark

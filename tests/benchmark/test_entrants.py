@@ -197,3 +197,9 @@ def test_arguments_that_make_no_sense_are_refused(arguments: dict[str, Any], wor
 
 def test_one_attack_needs_no_list() -> None:
     assert {one.attack for one in here("mean", attacks="bad-mouthing").attacks} == {"nobody", "bad-mouthing"}
+
+
+@pytest.mark.parametrize(("field", "names"), [("models", ()), ("models", ("mean", "mean")), ("attacks", ())])
+def test_a_suite_has_models_and_attacks_each_once(field: str, names: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match=field):
+        small(**{field: names})
