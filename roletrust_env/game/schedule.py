@@ -3,13 +3,13 @@
 from typing import Any, Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
-from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Policy
+from roletrust_env.parameters import checked_dataclass
 
 
-@dataclass(frozen=True)
+@checked_dataclass
 class WindowedAttack(Policy):
     """A scripted attack with a beginning and an end; before and after it the agent plays honestly.
 
@@ -34,7 +34,7 @@ class WindowedAttack(Policy):
 
 
 def wake(now: Array, memory: Any) -> tuple[Array, Array]:
-    """Return whether a sleeper is awake, and its new memory. Once it has wake up, it stays awake.
+    """Return whether a sleeper is awake, and its new memory. Once it has woken up, it stays awake.
 
     Args:
         now: Whether the sleeper wakes up in this round, boolean.
