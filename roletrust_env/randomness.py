@@ -63,7 +63,7 @@ class Random:
         self._stock: tuple[int, tuple[Any, tuple[int, ...]], Sequence[Any]] = (0, (None, ()), ())
 
     def round_key(self) -> Array:
-        """Return the key of the next round, words of shape (STREAMS, 4). `Game.luck` turns it into noise."""
+        """Return the key of the next round, words of shape (STREAMS, 4). `Game.noise` turns it into noise."""
         first, keys = self._keys
         if not 0 <= self._rounds - first < len(keys):
             self._keys = first, keys = self._rounds, self._round_keys(self._rounds, _KEYS_AT_ONCE)

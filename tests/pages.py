@@ -6,14 +6,14 @@ import tomllib
 from pathlib import Path
 
 import typer
-from roletrust_experiments.cli import app
-from roletrust_experiments.clients.__main__ import CLIENTS
-from roletrust_experiments.findings.questions import QUESTIONS
 
 from roletrust_env.benchmark.suite import suites
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
+from roletrust_experiments.cli import app
+from roletrust_experiments.clients.__main__ import CLIENTS
+from roletrust_experiments.findings.questions import QUESTIONS
 
 HOUSE = Path(__file__).parent.parent
 TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))

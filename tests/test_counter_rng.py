@@ -7,9 +7,9 @@ from hashlib import sha256
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import OnOff
 from scipy import stats
 
+from roletrust_baselines import OnOff
 from roletrust_env import Game, JointPolicy, Random, counter_rng, make_scenario, record
 
 LIBRARIES = pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import types
 import numpy as np
 import pytest
 from pages import HOUSE, blocks, run, written_file
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
-from roletrust_env.benchmark.learners.learner import Entered, Learner
+from roletrust_env.benchmark.learners.learner import Learner, LearnerSearch
 from roletrust_env.benchmark.learners.suite import Task
 from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
@@ -83,7 +83,7 @@ def test_your_model_resists_a_liar_better_than_the_mean():
 def test_your_learner_learns():
     """With a few thousand rounds it lies far better than after its first update."""
     task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
-    rung = Entered(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
+    rung = LearnerSearch(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
     rounds = {"seed": 0, "games": 2}
     begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
     assert isinstance(rung.learner, Learner)

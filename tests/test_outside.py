@@ -12,11 +12,11 @@ from typing import Any
 
 import gymnasium
 import pytest
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env import make_attacker, make_trust_model, parallel_env
 from roletrust_env.trust import Traits
+from roletrust_experiments.cli import app
 
 MODEL = '''
 from typing import Any, NamedTuple

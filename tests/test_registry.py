@@ -5,8 +5,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from roletrust_baselines import OnOff
 
+from roletrust_baselines import OnOff
 from roletrust_env import (
     Scenario,
     attackers,

@@ -1,4 +1,4 @@
-"""What a person runs: the command line `roletrust` and the experiments behind it."""
+"""The command line `roletrust` and the experiments behind it."""
 
 import sys
 

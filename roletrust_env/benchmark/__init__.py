@@ -1,6 +1,6 @@
-"""The robustness benchmark: suites, their cells, how the cells are played, stored and ranked.
+"""The robustness benchmark: its suites and cells, and how cells are played, stored and ranked.
 
-`benchmark` plays a suite and returns its leaderboard; `roletrust benchmark` is the same on the command line.
+`benchmark` plays a suite and returns its leaderboard. `roletrust benchmark` does the same on the command line.
 """
 
 from roletrust_env.benchmark.learners.learner import Learner, register_learner

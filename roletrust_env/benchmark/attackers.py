@@ -1,4 +1,4 @@
-"""The attackers of a cell: every script as it is, and what searches, a learner and the planner find for one budget."""
+"""Attackers of a cell: scripted attacks with default parameters, and attackers that a search finds with a budget."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
@@ -14,94 +14,93 @@ from roletrust_env.evaluation.search import SearchMethod, search_methods
 from roletrust_env.game.attack_task import AttackTask
 
 _CELLS = 200_000
-"""Ratings of a round that are computed in one go."""
+"""Maximum number of ratings that are computed at once in a round."""
 
 
 class AttackBatch(NamedTuple):
-    """Some attacks that are measured side by side.
+    """Attacks that are measured together.
 
     Attributes:
-        names: of the attacks, K.
-        attacker: that plays them, the k-th in the k-th row of games.
-        rounds: game rounds that were played to find them.
+        names: Names of the K attacks.
+        attacker: Attacker that plays the k-th attack in the k-th row of games.
+        rounds: Number of game rounds that were played to find the attacks.
     """
 
     names: tuple[str, ...]
     attacker: Attacker
     rounds: int
 
-    def apart(self) -> "Iterator[AttackBatch]":
-        """Each of several scripted attacks by itself."""
+    def split(self) -> "Iterator[AttackBatch]":
+        """Yield a batch of its own for each scripted attack."""
         policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
         for k, name in enumerate(self.names):
-            alone = {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
-            yield AttackBatch((name,), Scripted(side_by_side([alone])), self.rounds)
+            single = {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
+            yield AttackBatch((name,), Scripted(side_by_side([single])), self.rounds)
 
 
-def suited(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
-    """Of some kinds of attack, by name, those that the compromised agents of a task can play.
+def playable_kinds(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
+    """Return the kinds of attack that the compromised agents of a task can play.
 
     Args:
-        task: whose agents they are.
-        kinds: that there are.
-        identities: whether they are to use identities in reserve, or none.
+        task: Attack task.
+        kinds: Kinds of attack by name.
+        identities: Select the attacks that use reserve identities if true, and the others if false.
     """
-    found = {}
+    playable = {}
     for name, kind in kinds.items():
         try:
             policies = Scripts.of(task, [kind]).default.values()
-        except ValueError:  # for another role, or for a ring that there is not
+        except ValueError:  # wrong role, or no ring of agents
             continue
         if any(policy.reserve for policy in policies) == identities:
-            found[name] = kind
-    return found
+            playable[name] = kind
+    return playable
 
 
-def scripted(task: AttackTask, kinds: Mapping[str, AttackKind], games: int) -> Iterator[AttackBatch]:
-    """Every scripted attack at its defaults, some at a time.
+def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: int) -> Iterator[AttackBatch]:
+    """Yield all scripted attacks with default parameters in batches.
 
-    Where raters and providers are compromised and an attack is for one of these roles, the other one attacks as in the
-    paper: by bad-mouthing, or on and off.
+    If raters and providers are compromised and an attack is for one of these roles, the other role plays the attack of
+    the paper: raters bad-mouth, and providers attack on and off.
 
     Args:
-        task: whose compromised agents attack.
-        kinds: of the attacks, by name, all of which are suited.
-        games: in which each is measured.
+        task: Attack task.
+        kinds: Playable kinds of attack by name.
+        games: Number of games for each attack.
     """
-    usual = suited(task, {kind.__name__: kind for kind in paper_attacks()}, identities=False).values()
-    attacks = {name: Scripts.of(task, [kind, *usual]).default for name, kind in kinds.items()}
+    paper = playable_kinds(task, {kind.__name__: kind for kind in paper_attacks()}, identities=False).values()
+    attacks = {name: Scripts.of(task, [kind, *paper]).default for name, kind in kinds.items()}
     rows = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
-    for names in _some(attacks, rows):
+    for names in _chunks(attacks, rows):
         yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0)
 
 
-SEARCHING = ("PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner")
-"""The rungs that search, learn or plan, by their names in a suite."""
+SEARCH_RUNGS = ("PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner")
+"""Names of the rungs that search, learn or plan."""
 
 
-def searching(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchMethod:
-    """A rung that searches, learns or plans.
+def make_search(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchMethod:
+    """Return the search method of a rung.
 
     Args:
-        rung: one of `SEARCHING`.
-        kinds: of the scripted attacks that are searched, see `Scripts.of`.
+        rung: Name of the rung, one of `SEARCH_RUNGS`.
+        kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
     """
-    offered = {} if kinds is None else {"attacks": tuple(kinds)}
-    return search_methods.make(rung, **search_methods.accepted_parameters(rung, offered))
+    parameters = {} if kinds is None else {"attacks": tuple(kinds)}
+    return search_methods.make(rung, **search_methods.accepted_parameters(rung, parameters))
 
 
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
-    """The scores of one attack as plain data; None where they are undefined."""
+    """Return the scores of the attack in a row as plain data. None is undefined."""
     return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}
 
 
 def as_curve(by_round: Any, row: int) -> list[float | None]:
-    """The rounds of one attack as plain data, as exact as a picture needs; None where they are undefined."""
+    """Return the mean utility by round of the attack in a row, rounded for plots. None is undefined."""
     return [None if np.isnan(x) else round(float(x), 3) for x in by_round[:, row]]
 
 
-def _some(names: Iterable[str], many: int) -> Iterator[tuple[str, ...]]:
-    """The names, so many at a time."""
-    left = iter(names)
-    while found := tuple(islice(left, many)):
-        yield found
+def _chunks(names: Iterable[str], size: int) -> Iterator[tuple[str, ...]]:
+    iterator = iter(names)
+    while chunk := tuple(islice(iterator, size)):
+        yield chunk

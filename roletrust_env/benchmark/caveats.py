@@ -1,4 +1,4 @@
-"""What a reader of the leaderboard should know: where the suite is unfit for a model, or was not strong enough."""
+"""Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong enough."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,7 +8,7 @@ from roletrust_env import Game
 from roletrust_env.benchmark.leaderboard import AttackScores, Condition
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import OPEN, Suite
+from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits
@@ -17,22 +17,29 @@ _SAME = 1e-9
 
 
 def caveats(
-    suite: Suite, kept: Sequence[StoredCell], attacks: Sequence[AttackScores], models: Sequence[str]
+    suite: Suite, stored: Sequence[StoredCell], attacks: Sequence[AttackScores], models: Sequence[str]
 ) -> list[str]:
-    """A line for everything that limits what the numbers say."""
+    """Return the limitations of the numbers, one line each.
+
+    Args:
+        suite: Suite of the run.
+        stored: Cells of the run with their results.
+        attacks: Scores of all attacks.
+        models: Names of the models.
+    """
     return [
-        *_of_models(suite, attacks, models),
-        *_of_searches(attacks),
-        *_of_rungs(kept),
-        *_of_conditions(suite, attacks),
-        *_of_cells(kept),
+        *_model_caveats(suite, attacks, models),
+        *_search_caveats(attacks),
+        *_rung_caveats(stored),
+        *_condition_caveats(suite, attacks),
+        *_failures(stored),
     ]
 
 
-def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
+def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
-    played = {one.model for one in attacks}  # one that hangs or ends Python has not, and must not here
-    jump = []
+    played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
+    discontinuous = []
     for name in models:
         if name not in played:
             continue
@@ -43,31 +50,31 @@ def _of_models(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[s
             yield f"{name}: it failed after the run: {reason(error)}"
             at_random = jumps = False
         if "white-box planner" in suite.rungs and jumps:
-            jump.append(name)
+            discontinuous.append(name)
         if at_random:
-            yield f"{name}: it plays at random, so that other runs find other numbers"
-        calm = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
-        telling = [one for one in calm if has_a_choice(one)]
-        if telling and all(ignores_ratings(one) for one in telling):
-            yield f"{name}: whoever goes by it does no better than by going blindly; it ignores ratings, or all but"
-    if jump:
-        them = "them" if jump[1:] else "it"
-        yield f"{', '.join(jump)}: trust jumps, so the white-box planner could not attack {them}"
+            yield f"{name}: its trust is random, so other runs give other numbers"
+        clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
+        informative = [one for one in clean if providers_differ(one)]
+        if informative and all(ignores_ratings(one) for one in informative):
+            yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"
+    if discontinuous:
+        them = "them" if discontinuous[1:] else "it"
+        yield f"{', '.join(discontinuous)}: trust jumps, so the white-box planner could not attack {them}"
 
 
-def has_a_choice(calm: AttackScores) -> bool:
-    """Return whether the best choice of a provider brings more than a blind one; else all are equally good."""
-    return bool(np.nanmin(calm.measured["blind"]) < 1 - _SAME)
+def providers_differ(clean: AttackScores) -> bool:
+    """Return whether providers differ in quality, so that the best choice is better than a blind choice."""
+    return bool(np.nanmin(clean.measured["blind"]) < 1 - _SAME)
 
 
-def ignores_ratings(calm: AttackScores) -> bool:
-    """Return whether a choice by trust brings the same as a blind one."""
-    difference = calm.measured["utility"] - calm.measured["blind"]
+def ignores_ratings(clean: AttackScores) -> bool:
+    """Return whether a choice by trust has the same utility as a blind choice."""
+    difference = clean.measured["utility"] - clean.measured["blind"]
     return bool(np.nanmax(abs(difference)) < _SAME)
 
 
 def is_random(game: Game) -> bool:
-    """Whether a model gives different trust to the same ratings."""
+    """Return whether the model of a game computes different trust from the same ratings."""
     return _trust(game) != _trust(game)
 
 
@@ -79,29 +86,31 @@ def _trust(game: Game) -> bytes:
     return b"".join(np.asarray(part).tobytes() for part in game.published(state))
 
 
-def _of_searches(attacks: Sequence[AttackScores]) -> Iterator[str]:
-    """Searches and learners that never found more than the scripts with their defaults."""
+def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
+    """Yield searches and learners that never beat the scripted attacks with default parameters."""
     scripted: dict[tuple[str, Condition], float] = {}
     for one in attacks:
         if one.rung == "scripted":
             key = one.model, one.condition
             scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
-    for rung in dict.fromkeys(one.rung for one in attacks if one.rung != "scripted" and one.rung not in OPEN):
-        mine = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
-        if mine and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in mine):
-            yield f"{rung} never beat the scripts; with a larger budget it might"
+    for rung in dict.fromkeys(
+        one.rung for one in attacks if one.rung != "scripted" and one.rung not in WHITE_BOX_RUNGS
+    ):
+        results = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
+        if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
+            yield f"{rung} never beat the scripts; a larger budget might"
 
 
-def _of_rungs(kept: Sequence[StoredCell]) -> Iterator[str]:
-    """Searches and learners that did not play at all; of the planner, see the models."""
-    for rung in dict.fromkeys(cell.rung for cell, _ in kept if cell.rung not in OPEN):
-        whys = [done.unsuitable for cell, done in kept if cell.rung == rung]
-        if all(whys):
-            yield f"{rung} attacked nothing: {whys[0]}"
+def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield searches and learners that never attacked. The planner is a caveat of the models."""
+    for rung in dict.fromkeys(cell.rung for cell, _ in stored if cell.rung not in WHITE_BOX_RUNGS):
+        reasons = [result.unsuitable for cell, result in stored if cell.rung == rung]
+        if all(reasons):
+            yield f"{rung} attacked nothing: {reasons[0]}"
 
 
-def _of_conditions(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
-    """Conditions in which none of the attacks has a place, so that they do not count."""
+def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
+    """Yield conditions in which no attack can be played, so that they do not count."""
     played = {(one.condition.track, one.condition.share) for one in attacks}
     for name, track in suite.tracks.items():
         idle = [share for share in track.shares if (name, share) not in played]
@@ -110,14 +119,14 @@ def _of_conditions(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[st
             yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"
 
 
-def _of_cells(kept: Sequence[StoredCell]) -> Iterator[str]:
-    """What failed, a line for each model and reason."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for cell, done in kept:
-        if done.failed:
-            left = f"; its other {len(done.rows)} attacks count" if done.rows else ""
-            place = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}"
-            found.setdefault((cell.model, f"{done.failed}{left}"), []).append(place)
-    for (model, why), places in found.items():
-        more = f" and {len(places) - 1} cells more" if places[1:] else ""
-        yield f"{model}, {places[0]}{more}: {why}"
+def _failures(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield the failures, one line for each model and error message."""
+    failures: dict[tuple[str, str], list[str]] = {}
+    for cell, result in stored:
+        if result.failed:
+            others = f"; its other {len(result.rows)} attacks count" if result.rows else ""
+            name = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}"
+            failures.setdefault((cell.model, f"{result.failed}{others}"), []).append(name)
+    for (model, message), names in failures.items():
+        more = f" and {len(names) - 1} more cells" if names[1:] else ""
+        yield f"{model}, {names[0]}{more}: {message}"

@@ -1,4 +1,4 @@
-"""The cells of a suite: what is played apart from all else, and can be played anywhere and in any order."""
+"""Cells of a suite. Cells are independent of each other and can be played anywhere and in any order."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -13,19 +13,19 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.roster import Roster
 
 HONEST = "nobody"
-"""The rung of a track on which everybody is honest."""
+"""Name of the rung on a track on which all agents are honest."""
 
 
 class Cell(NamedTuple):
-    """One way to attack one trust model in one place.
+    """Smallest unit of a benchmark: one rung against one trust model in one condition with one seed.
 
     Attributes:
-        model: as `--model` takes it.
-        scenario: its name in the suite.
-        track: its name in the suite.
-        share: of the agents of the track's roles that are compromised; 0 where everybody is honest.
-        rung: how an attack is found; `HONEST` where everybody is honest.
-        seed: of all luck.
+        model: Spec of the trust model.
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite.
+        share: Share of compromised agents in each role of the track. 0 if all agents are honest.
+        rung: Name of the rung. `HONEST` if all agents are honest.
+        seed: Random seed.
     """
 
     model: str
@@ -37,60 +37,65 @@ class Cell(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What tells it from all others of its suite."""
+        """Unique key of the cell in its suite."""
         return "|".join(map(str, self))
 
 
 def cells(suite: Suite) -> list[Cell]:
-    """All cells of a suite, those of one trust model together."""
-    found = []
-    for model in models(suite):
+    """Return all cells of a suite, ordered by trust model."""
+    result = []
+    for model in model_names(suite):
         for scenario in suite.scenarios:
             for name, track in suite.tracks.items():
                 ways: list[tuple[float, str]] = [(share, rung) for share in track.shares for rung in suite.rungs]
                 ways = ways or [(0.0, HONEST)]
-                found += [Cell(model, scenario, name, *way, seed) for way in ways for seed in suite.seeds]
-    return found
+                result += [Cell(model, scenario, name, *way, seed) for way in ways for seed in suite.seeds]
+    return result
 
 
-def models(suite: Suite) -> list[str]:
-    """The trust models of a suite."""
+def model_names(suite: Suite) -> list[str]:
+    """Return the specs of the trust models of a suite."""
     return trust_models.names() if suite.models == "all" else list(suite.models)
 
 
-def attacks(suite: Suite) -> list[str]:
-    """The scripted attacks of a suite: of those that are registered, the policies that need be told nothing."""
+def attack_names(suite: Suite) -> list[str]:
+    """Return the specs of the scripted attacks of a suite. `all` means each registered class of policies."""
     if suite.attacks != "all":
         return list(suite.attacks)
-    found = []
+    names = []
     for name in attackers.names():
-        kind = attackers.factory(name)
-        if isinstance(kind, type) and issubclass(kind, Policy):
-            found.append(name)
-    return found
+        factory = attackers.factory(name)
+        if isinstance(factory, type) and issubclass(factory, Policy):
+            names.append(name)
+    return names
 
 
-def named(suite: Suite) -> dict[str, Callable[..., Any]]:
-    """What makes the models and the attacks of a suite, by what they are."""
-    made: dict[str, Callable[..., Any]] = {}
-    made |= {f"trust model {name}": named_factory(trust_models, name) for name in models(suite)}
-    return made | {f"attack {name}": named_factory(attackers, name) for name in attacks(suite)}
+def factories(suite: Suite) -> dict[str, Callable[..., Any]]:
+    """Return the factories of the trust models and attacks of a suite, by type and name."""
+    models: dict[str, Callable[..., Any]] = {
+        f"trust model {name}": named_factory(trust_models, name) for name in model_names(suite)
+    }
+    return models | {f"attack {name}": named_factory(attackers, name) for name in attack_names(suite)}
 
 
-class Place(NamedTuple):
-    """Where a cell is played: the scenario as it is there, and who of it is compromised."""
+class AttackedScenario(NamedTuple):
+    """Scenario of a cell, with the names of its compromised agents."""
 
     scenario: Scenario
     compromised: tuple[str, ...]
 
 
-def place(suite: Suite, cell: Cell) -> Place:
-    """Where a cell is played.
+def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
+    """Return the scenario and the compromised agents of a cell.
 
-    The compromised are the last of their role, which differ from the others in nothing else.
+    The compromised agents are the last ones of their role. They differ from the others in nothing else.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
 
     Raises:
-        ValueError: the track changes a field that there is not, or compromises a role that nobody or not enough have.
+        ValueError: The track changes an unknown field, or the scenario has too few agents of a role.
     """
     track = suite.tracks[cell.track]
     scenario = suite.scenarios[cell.scenario].scenario()
@@ -102,34 +107,34 @@ def place(suite: Suite, cell: Cell) -> Place:
     for role in track.roles:
         known = [name for name in roster.owner_names if roster.role(name) == role]
         names += known[len(known) - _number(cell, role, len(known)) :]
-    return Place(scenario, tuple(names))
+    return AttackedScenario(scenario, tuple(names))
 
 
 def task_arguments(suite: Suite, cell: Cell) -> TaskArguments:
-    """Return the arguments of the attack task that a cell is.
+    """Return the arguments of the attack task of a cell.
 
     Args:
         suite: Suite of the cell.
         cell: The cell.
 
     Raises:
-        ValueError: The track cannot be had in this scenario, see `place`, or the trust model cannot be made.
+        ValueError: The track does not fit the scenario, see `attacked_scenario`, or the trust model cannot be created.
     """
-    scenario, compromised = place(suite, cell)
+    scenario, compromised = attacked_scenario(suite, cell)
     return {
         "scenario": scenario,
         "trust_model": parse_trust_model(cell.model, scenario),
-        # An attack task needs an agent also where everybody is honest; then it plays honestly.
+        # An attack task needs an agent even if all are honest. This agent then acts honestly.
         "compromised": compromised or Roster.of(scenario).owner_names[:1],
         "objective": objective(cell.rung, suite.tracks[cell.track].roles),
     }
 
 
 def objective(rung: str, roles: Sequence[str]) -> Objective:
-    """Return the objective of a rung on a track: to mislead consumers, except for the planner, which needs a gradient.
+    """Return the objective of a rung on a track.
 
-    The most trusted provider jumps. So the planner exploits good trust where providers alone are compromised, and else
-    lowers the trust of the honest.
+    It is `mislead`, except for the planner, which needs a gradient: the choice of the most trusted provider has none.
+    The planner uses `exploit` if only providers are compromised, and `damage` otherwise.
 
     Args:
         rung: Name of the rung.
@@ -141,26 +146,26 @@ def objective(rung: str, roles: Sequence[str]) -> Objective:
 
 
 def _number(cell: Cell, role: str, known: int) -> int:
-    """How many of the agents of a role are compromised."""
+    """Return the number of compromised agents of a role."""
     number = max(1, round(cell.share * known))
     if number >= known:
         raise ValueError(
             f"track {cell.track!r} compromises {number} of {known} agents with the role {role} in scenario "
-            f"{cell.scenario!r}; one at least must be honest"
+            f"{cell.scenario!r}; at least one must be honest"
         )
     return number
 
 
 def _with_reserve(scenario: Scenario, track: Track, share: float) -> Scenario:
-    """The scenario in which the last agents of each compromised role have identities in reserve."""
+    """Return the scenario with reserve identities for the last agents of each compromised role."""
     groups = [group.model_dump() for group in scenario.agents]
     for role in track.roles:
         of_role = [group for group in groups if group["role"] == role]
         left = max(1, round(share * sum(group["count"] for group in of_role)))
         for group in reversed(of_role):
-            taken = min(left, group["count"])
-            left -= taken
-            group["count"] -= taken
-            if taken:
-                groups.append({**group, "count": taken, "reserve": track.reserve})
+            number = min(left, group["count"])
+            left -= number
+            group["count"] -= number
+            if number:
+                groups.append({**group, "count": number, "reserve": track.reserve})
     return scenario.change(agents=[group for group in groups if group["count"]])

@@ -1,4 +1,4 @@
-"""Who plays the cells: a Ray cluster. Each of its processes has one of its own, as `Here` has them, to play in."""
+"""Pool of a Ray cluster. Each Ray actor plays its cells in a worker process of its own."""
 
 import os
 import socket
@@ -9,20 +9,20 @@ from typing import Any
 import ray
 from ray.exceptions import RayActorError, RayError
 
-from roletrust_env.benchmark.pool import TRIES, Plays, gone, played, players
+from roletrust_env.benchmark.pool import TRIES, PlayedCells, cell_workers, play_on, worker_death
 from roletrust_env.benchmark.schema import CellResult, reason
 from roletrust_env.benchmark.suite_types import AnyCell, AnySuite
 from roletrust_env.storage.provenance import software
 
 
 class Cluster:
-    """A Ray cluster that runs already, with this package in the same version on all its machines.
+    """Running Ray cluster with the same version of this package on all its machines.
 
     Args:
-        address: of its head, such as `10.0.0.1:6379`, or `auto` for one on this machine.
+        address: Address of the head node, such as `10.0.0.1:6379`, or `auto` for a cluster on this machine.
 
     Raises:
-        ValueError: nobody answers there.
+        ValueError: No cluster answers at the address.
     """
 
     def __init__(self, address: str) -> None:
@@ -35,74 +35,82 @@ class Cluster:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"--ray {address}: no Ray cluster answers there ({line})") from None
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`.
 
         Raises:
-            ValueError: a machine of the cluster has other software.
+            ValueError: A machine of the cluster has other software.
         """
         number = min(len(cells), max(1, int(ray.available_resources().get("CPU", 1))))
-        seat: Any = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES - 1)(Seat)
-        free = [seat.remote([os.getcwd(), *sys.path]) for _ in range(number)]
-        seats = list(free)
+        actor: Any = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES - 1)(CellActor)
+        free = [actor.remote([os.getcwd(), *sys.path]) for _ in range(number)]
+        actors = list(free)
         running: dict[Any, tuple[Any, AnyCell]] = {}
         waiting = list(reversed(cells))
         try:
             while waiting or running:
                 while waiting and free:
-                    cell, player = waiting.pop(), free.pop()
-                    running[player.play.remote(software(), suite, cell)] = player, cell
-                for ended in ray.wait(list(running))[0]:
-                    player, cell = running.pop(ended)
-                    free.append(player)
-                    yield cell, _result(ended)
+                    cell, worker = waiting.pop(), free.pop()
+                    running[worker.play.remote(software(), suite, cell)] = worker, cell
+                for reference in ray.wait(list(running))[0]:
+                    worker, cell = running.pop(reference)
+                    free.append(worker)
+                    yield cell, _cell_result(reference)
         finally:
-            for player in seats:
-                ray.kill(player)
+            for worker in actors:
+                ray.kill(worker)
 
     def close(self) -> None:
-        """Leave the cluster."""
+        """Disconnect from the cluster."""
         ray.shutdown()
 
 
-class Seat:
-    """A process of the cluster, which plays cells in another one, so that one that hangs can be stopped.
+class CellActor:
+    """Ray actor that plays cells in a separate process, so that a cell that hangs can be stopped.
 
     Args:
-        path: where the other side finds its modules, so that a model of one's own is found here, too.
+        path: Module search path of the client, so that its own models can be imported here.
     """
 
     def __init__(self, path: Sequence[str]) -> None:
         sys.path += [folder for folder in path if folder not in sys.path]
-        self._crew = players(1)
+        self._workers = cell_workers(1)
 
-    def play(self, theirs: dict[str, Any], suite: AnySuite, cell: AnyCell) -> CellResult:
-        """Play a cell, for somebody with this software."""
-        if theirs != (mine := software()):
-            other = [name for name in theirs if theirs[name] != mine[name]]
+    def play(self, client: dict[str, Any], suite: AnySuite, cell: AnyCell) -> CellResult:
+        """Play a cell.
+
+        Args:
+            client: Software of the client.
+            suite: Suite of the cell.
+            cell: Cell to play.
+
+        Raises:
+            ValueError: The software of this machine differs from that of the client.
+        """
+        if client != (own := software()):
+            other = [name for name in client if client[name] != own[name]]
             raise ValueError(f"a machine of the cluster has other software ({', '.join(other)}); results would differ")
-        return next(done for _, done in played(self._crew, suite, [cell]))
+        return next(result for _, result in play_on(self._workers, suite, [cell]))
 
 
 def _check_answers(address: str) -> None:
-    """See that somebody answers at HOST:PORT, which Ray would wait minutes for.
+    """Check that a server answers at HOST:PORT, since Ray itself would wait for minutes.
 
     Raises:
-        OSError: nobody does.
-        ValueError: the port is no number.
+        OSError: No server answers.
+        ValueError: The port is not a number.
     """
     host, colon, port = address.rpartition("://")[2].rpartition(":")
     if colon:
         socket.create_connection((host.strip("[]"), int(port)), timeout=10).close()
 
 
-def _result(ended: Any) -> CellResult:
-    """What came of a cell."""
+def _cell_result(reference: Any) -> CellResult:
     try:
-        done: CellResult = ray.get(ended)
-        return done
+        result: CellResult = ray.get(reference)
+        return result
     except RayActorError:
-        return gone("with its machine or its place on it")
+        return worker_death("with its machine or its Ray actor")
     except RayError as error:
         cause = getattr(error, "cause", None) or error
         if isinstance(cause, ValueError):

@@ -1,36 +1,45 @@
-"""By which command a run was played, told from what its file keeps."""
+"""Command that reproduces a run, derived from the suite in its file."""
 
 import shlex
 from pathlib import Path
 
-from roletrust_env.benchmark.cells import attacks, models
+from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.suite import Suite, load_suite, suites
 from roletrust_env.benchmark.suite_types import AnySuite
 
 
-def command(suite: AnySuite, path: Path) -> str:
-    """The command that plays a suite again, or goes on with it.
+def reproduction_command(suite: AnySuite, path: Path) -> str:
+    """Return the command that plays a suite, or continues its run.
 
     Args:
-        suite: as the run's file keeps it, with the names that were asked for.
-        path: of that file.
+        suite: Suite from the file of the run, with the selected models, attacks or learners.
+        path: Path of that file.
 
     Returns:
-        It, as a person types it. A suite that does not come with the project is named by its file, as it was called.
+        Command for a shell. A suite that is not part of the project is given by the name of its file.
     """
     options = ["--suite", f"{suite.name}.toml"]
     if suite.name in suites():
-        shipped = load_suite(suite.name)
+        bundled = load_suite(suite.name)
         names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
-        if type(shipped) is type(suite) and shipped.model_copy(update=names) == suite:
-            options = ["--suite", suite.name, *_asked(shipped, suite)]
+        if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
+            options = ["--suite", suite.name, *_options(bundled, suite)]
     return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
 
 
-def _asked(shipped: AnySuite, suite: AnySuite) -> list[str]:
-    """The options by which a run differs from the suite that comes with the project."""
-    if isinstance(suite, Suite) and isinstance(shipped, Suite):
-        kinds = {"--model": (models(shipped), models(suite)), "--attack": (attacks(shipped), attacks(suite))}
+def _options(bundled: AnySuite, suite: AnySuite) -> list[str]:
+    """Return the options that select the names in which a run differs from the bundled suite."""
+    if isinstance(suite, Suite) and isinstance(bundled, Suite):
+        selections = {
+            "--model": (model_names(bundled), model_names(suite)),
+            "--attack": (attack_names(bundled), attack_names(suite)),
+        }
     else:
-        kinds = {"--learner": (list(shipped.learners), list(suite.learners))}  # type: ignore[union-attr]
-    return [part for option, (all_, mine) in kinds.items() if mine != all_ for name in mine for part in (option, name)]
+        selections = {"--learner": (list(bundled.learners), list(suite.learners))}  # type: ignore[union-attr]
+    return [
+        part
+        for option, (default, names) in selections.items()
+        if names != default
+        for name in names
+        for part in (option, name)
+    ]

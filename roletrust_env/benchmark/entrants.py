@@ -1,4 +1,4 @@
-"""Trust models as objects in a benchmark: each gets a name, in this process and in those that play the cells."""
+"""Trust model objects in a benchmark. Each gets a name in this process and in the worker processes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 
 Entrant = str | type[Any] | TrustModel[Any]
-"""A trust model: a spec such as `"role-trust:lam=0.7"`, a class, or an instance."""
+"""Trust model: a spec such as `"role-trust:lam=0.7"`, a class, or an instance."""
 
 
 def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str, TrustModel[Any]]]:
@@ -24,7 +24,7 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
         models: Trust models.
 
     Raises:
-        ValueError: One of them is no trust model, or its class needs parameters.
+        ValueError: An object is not a trust model, or its class needs parameters.
     """
     names: list[str] = []
     instances: dict[str, TrustModel[Any]] = {}
@@ -32,18 +32,18 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
         if isinstance(model, str):
             names.append(model)
             continue
-        made = _instance(model)
-        taken = {*names, *trust_models.names()}
-        kind = type(made).__name__
-        name = next(one for k in range(1, len(models) + 2) if (one := kind if k == 1 else f"{kind}-{k}") not in taken)
+        instance = _instance(model)
+        used = {*names, *trust_models.names()}
+        kind = type(instance).__name__
+        name = next(one for k in range(1, len(models) + 2) if (one := kind if k == 1 else f"{kind}-{k}") not in used)
         names.append(name)
-        instances[name] = made
+        instances[name] = instance
     return tuple(dict.fromkeys(names)), instances
 
 
 @contextmanager
-def entered(instances: Mapping[str, TrustModel[Any]]) -> Iterator[None]:
-    """Let the registry know trust models by name for a while."""
+def temporary_registration(instances: Mapping[str, TrustModel[Any]]) -> Iterator[None]:
+    """Register trust models under their names until the context ends."""
     known: list[str] = []
     try:
         for name, model in instances.items():
@@ -56,7 +56,7 @@ def entered(instances: Mapping[str, TrustModel[Any]]) -> Iterator[None]:
 
 
 def pack(instances: Mapping[str, TrustModel[Any]]) -> bytes:
-    """Return trust models as bytes for another process, also those of a notebook or a script.
+    """Serialise trust models for another process. Classes from a notebook or a script are included.
 
     Raises:
         ValueError: One of them cannot be sent to another process.
@@ -74,8 +74,8 @@ def pack(instances: Mapping[str, TrustModel[Any]]) -> bytes:
 
 
 @cache
-def enter_packed(packed: bytes) -> None:
-    """Let the registry of a worker process know the trust models in `packed`, for good."""
+def register_packed(packed: bytes) -> None:
+    """Register the serialised trust models in a worker process."""
     if packed:
         for name, model in cloudpickle.loads(packed).items():
             trust_models.register(name, _unpacking(model))
@@ -94,8 +94,8 @@ def _unpacking(packed: bytes) -> Any:
 def _factory(model: TrustModel[Any]) -> Any:
     """Return a factory that states the source of the model's class, see `roletrust_env.benchmark.sources`."""
 
-    class Entered:
-        """A trust model that is given as an object."""
+    class InstanceFactory:
+        """Factory of a trust model that was given as an object."""
 
         kind = type(model)
 
@@ -105,7 +105,7 @@ def _factory(model: TrustModel[Any]) -> Any:
         def __call__(self) -> TrustModel[Any]:
             return model
 
-    factory = Entered()
+    factory = InstanceFactory()
     factory.__module__ = type(model).__module__
     factory.__qualname__ = type(model).__qualname__  # type: ignore[attr-defined]
     factory.__doc__ = type(model).__doc__
@@ -121,5 +121,5 @@ def _instance(model: Any) -> TrustModel[Any]:
         except (Exception, SystemExit) as error:  # a class of another package may raise anything
             raise ValueError(f"{model.__name__} cannot be made ({type(error).__name__}: {error})") from error
     if not isinstance(model, TrustModel):
-        raise ValueError(f"{model!r} is no trust model: give an instance, a class, or a name such as 'role-trust'")
+        raise ValueError(f"{model!r} is not a trust model: give an instance, a class, or a name such as 'role-trust'")
     return model

@@ -1,91 +1,100 @@
-"""Who plays the cells: processes of this machine. Results are the same wherever they are played."""
+"""Pools that play cells. The result of a cell does not depend on the pool."""
 
 import os
 from collections.abc import Generator, Sequence
 from typing import Any, Protocol
 
-from roletrust_env.benchmark.entrants import enter_packed
-from roletrust_env.benchmark.processes import Answer, WorkerPool
+from roletrust_env.benchmark.entrants import register_packed
+from roletrust_env.benchmark.processes import JobResult, WorkerPool
 from roletrust_env.benchmark.schema import CellResult, reason
 from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 
 TRIES = 3
-"""How often a cell is given to a worker that may die."""
+"""Maximum number of attempts to play a cell whose worker process dies."""
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""There is a worker for each core."""
+"""Environment of a worker: one thread, since there is a worker for each core."""
 
-
-Plays = Generator[tuple[Any, CellResult], None, None]
-"""Cells, and what became of each."""
+PlayedCells = Generator[tuple[Any, CellResult], None, None]
+"""Cells with their results."""
 
 
 class Pool(Protocol):
-    """Plays cells."""
+    """Executor of cells."""
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
-        """Play cells and give them back as they are done, those that failed with the reason.
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
+        """Play cells and yield each with its result when it is finished.
 
-        What is still played when the generator is closed is stopped.
+        A failed cell has the reason in its result. Closing the generator stops the cells that are still being played.
+
+        Args:
+            suite: Suite of the cells.
+            cells: Cells to play.
         """
         ...
 
 
 class LocalPool:
-    """Processes of this machine.
+    """Worker processes of this machine.
 
     Args:
-        workers: Number of processes; None is one for each core that this process may use.
-        entrants: Trust models that are given as objects, see `roletrust_env.benchmark.entrants.pack`.
+        workers: Number of processes. None means one for each core that this process may use.
+        entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
     """
 
     def __init__(self, workers: int | None = None, entrants: bytes = b"") -> None:
         self.workers = workers or cores()
         self._entrants = entrants
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Plays:
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`."""
-        with players(self.workers) as crew:
-            yield from played(crew, suite, cells, self._entrants)
+        with cell_workers(self.workers) as workers:
+            yield from play_on(workers, suite, cells, self._entrants)
 
 
-def players(workers: int) -> WorkerPool[AnyCell]:
-    """So many processes that play cells."""
+def cell_workers(workers: int) -> WorkerPool[AnyCell]:
+    """Return a pool of processes that play cells."""
     return WorkerPool(play_safely, workers, _ONE_THREAD)
 
 
-def played(crew: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any], entrants: bytes = b"") -> Plays:
-    """Let a pool play cells, each within the suite's limit. See `Pool.play`."""
-    for cell, answer in crew.do({cell: (suite, cell, entrants) for cell in cells}, suite.limit_s, TRIES):
-        yield cell, _done(answer, suite)
+def play_on(workers: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any], entrants: bytes = b"") -> PlayedCells:
+    """Play cells on worker processes, each within the time limit of the suite. See `Pool.play`.
+
+    Args:
+        workers: Worker processes.
+        suite: Suite of the cells.
+        cells: Cells to play.
+        entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
+    """
+    for cell, job_result in workers.run({cell: (suite, cell, entrants) for cell in cells}, suite.limit_s, TRIES):
+        yield cell, _cell_result(job_result, suite)
 
 
-def _done(answer: Answer, suite: AnySuite) -> CellResult:
-    """What came of a cell."""
-    if answer.late:
+def _cell_result(job_result: JobResult, suite: AnySuite) -> CellResult:
+    if job_result.timed_out:
         return CellResult(
             (), suite.limit_s, failed=f"given up after {suite.limit_s:g} seconds, the suite's limit for a cell"
         )
-    if answer.died is not None:
-        return gone(f"the last time with exit code {answer.died}")
-    done: CellResult = answer.value
-    return done
+    if job_result.exit_code is not None:
+        return worker_death(f"the last time with exit code {job_result.exit_code}")
+    result: CellResult = job_result.value
+    return result
 
 
-def gone(words: str) -> CellResult:
-    """What is said of a cell whose worker died, over and over."""
-    return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {words}")
+def worker_death(detail: str) -> CellResult:
+    """Return the result of a cell whose worker process died in every attempt."""
+    return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {detail}")
 
 
 def play_safely(suite: AnySuite, cell: AnyCell, entrants: bytes = b"") -> CellResult:
-    """Play a cell; whatever a trust model, an attacker or a learner raises becomes one line."""
+    """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed result."""
     try:
-        enter_packed(entrants)
+        register_packed(entrants)
         return suite_type(suite).play(suite, cell)
-    except (Exception, SystemExit) as error:  # of classes that others wrote
+    except (Exception, SystemExit) as error:  # plug-in code may raise anything
         return CellResult((), 0.0, failed=reason(error))
 
 
 def cores() -> int:
-    """The cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,7 +1,7 @@
-"""Processes that work for this one, do one job after another, and may be killed or stopped at any moment.
+"""Worker processes that run one job after another, and that may be killed or stopped at any moment.
 
-Each has a pipe of its own, whose other end only it holds: its end, in the middle of a word too, is noticed at once, and
-harms no other. A shared queue would be left locked, or with half a message in it.
+Each worker has its own pipe and is the only holder of its other end. So the death of a worker is noticed at once, even
+in the middle of a message, and does not affect other workers. A shared queue could stay locked or hold half a message.
 """
 
 import os
@@ -17,29 +17,29 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 Key = TypeVar("Key", bound=Hashable)
 
-_SPAWN = get_context("spawn")  # a fork of a process with threads, as torch has them, may hang
-_LOOK_S = 0.2
-"""Between looks at the clock."""
-_STILLBORN = 6
-"""So many processes in a row that end before their first job, and no further one is started."""
+_SPAWN = get_context("spawn")  # a forked process may hang if torch has started threads
+_POLL_S = 0.2
+"""Interval between checks of the time limits in seconds."""
+_MAX_FAILED_STARTS = 6
+"""Maximum number of consecutive processes that end before their first job."""
 
 
-class Answer(NamedTuple):
-    """What became of a job.
+class JobResult(NamedTuple):
+    """Result of a job.
 
     Attributes:
-        value: what it returned.
-        late: whether it was stopped, since it took too long.
-        died: exit code of the last process that died of it; None if it was done or late.
+        value: Return value of the job.
+        timed_out: Whether the job was stopped at its time limit.
+        exit_code: Exit code of the last process that died during the job. None if the job returned or timed out.
     """
 
     value: Any = None
-    late: bool = False
-    died: int | None = None
+    timed_out: bool = False
+    exit_code: int | None = None
 
 
 class _Job(NamedTuple, Generic[Key]):
-    """A job; `attempt` counts from 1."""
+    """Job with the number of its attempt, which counts from 1."""
 
     key: Key
     arguments: tuple[Any, ...]
@@ -47,36 +47,36 @@ class _Job(NamedTuple, Generic[Key]):
 
 
 class _Worker(Generic[Key]):
-    """A process.
+    """Worker process.
 
     Attributes:
-        link: to it; it sends something when it is ready and after each job.
-        ready: whether it waits for a job or is at one.
-        job: that it is at.
-        until: when that has to be done, by the monotonic clock.
+        link: Connection to the process. The process sends a message when it is ready and after each job.
+        ready: Whether the process has finished its start.
+        job: Current job. None if the process is idle.
+        deadline: Deadline of the current job on the monotonic clock.
     """
 
     def __init__(
         self, work: Callable[..., Any], environment: Mapping[str, str], prepare: Callable[[], None] | None
     ) -> None:
-        self.link, theirs = _SPAWN.Pipe()
-        self.ready, self.until = False, inf
+        self.link, other_end = _SPAWN.Pipe()
+        self.ready, self.deadline = False, inf
         self.job: _Job[Key] | None = None
-        self._process = _SPAWN.Process(target=_serve, args=(work, prepare, theirs), daemon=True)
+        self._process = _SPAWN.Process(target=_serve, args=(work, prepare, other_end), daemon=True)
         with _environment(environment):
             self._process.start()
-        theirs.close()
+        other_end.close()
 
     def begin(self, job: _Job[Key], limit_s: float) -> None:
-        """Give it a job; one that died meanwhile is noticed when it is listened to."""
-        self.job, self.until = job, monotonic() + limit_s
+        """Send a job to the process. A process that has died is noticed at the next read."""
+        self.job, self.deadline = job, monotonic() + limit_s
         with suppress(OSError):
             self.link.send(job.arguments)
 
     def stop(self) -> int:
-        """End it, and what it has started; its exit code."""
+        """Kill the process with its children, and return its exit code."""
         if os.name == "posix":
-            with suppress(ProcessLookupError):  # it has not come so far as to have a group
+            with suppress(ProcessLookupError):  # it does not have a process group yet
                 os.killpg(self._process.pid or 0, signal.SIGKILL)
         self._process.kill()
         self._process.join()
@@ -85,13 +85,13 @@ class _Worker(Generic[Key]):
 
 
 class WorkerPool(Generic[Key]):
-    """Some processes.
+    """Pool of worker processes.
 
     Args:
-        work: a function of a module, which does a job.
-        number: of processes; they start with the first job.
-        environment: variables that they have beside those of this process.
-        prepare: a function of a module that each calls as it starts.
+        work: Module-level function that does a job.
+        number: Number of processes. They start with the first job.
+        environment: Environment variables of the processes besides those of this process.
+        prepare: Module-level function that each process calls at its start.
     """
 
     def __init__(
@@ -102,78 +102,78 @@ class WorkerPool(Generic[Key]):
         prepare: Callable[[], None] | None = None,
     ) -> None:
         self._number = number
-        self._of_each = work, environment, prepare
+        self._worker_arguments = work, environment, prepare
         self._workers: list[_Worker[Key]] = []
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """Return the pool."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all processes."""
+        """Stop all processes."""
         while self._workers:
             self._workers.pop().stop()
 
-    def do(
+    def run(
         self,
         jobs: Mapping[Key, tuple[Any, ...]],
         limit_s: float,
         tries: int = 1,
         advance: Callable[[Key], None] = lambda key: None,
-    ) -> Iterator[tuple[Key, Answer]]:
-        """Do jobs, and tell of each when it is done.
+    ) -> Iterator[tuple[Key, JobResult]]:
+        """Run jobs, and yield the result of each when it is finished.
 
         Args:
-            jobs: arguments of each, which can be sent to another process.
-            limit_s: seconds that a job may take, not counting what a process needs to start.
-            tries: how often a job is begun whose process dies.
-            advance: called with each key before its job begins.
+            jobs: Arguments of each job, by key. They must be picklable.
+            limit_s: Time limit of a job in seconds, without the start of a process.
+            tries: Maximum number of attempts for a job whose process dies.
+            advance: Function that is called with the key of each job before the job begins.
 
         Raises:
-            ChildProcessError: processes end before they can work.
+            ChildProcessError: Processes end before they can work.
         """
-        todo = [_Job(key, arguments, 1) for key, arguments in reversed(tuple(jobs.items()))]
-        stillborn = 0
-        while todo or any(worker.job for worker in self._workers):
-            while len(self._workers) < min(self._number, len(todo) + sum(w.job is not None for w in self._workers)):
-                self._workers.append(_Worker(*self._of_each))
-            heard = wait([worker.link for worker in self._workers], _LOOK_S)
+        pending = [_Job(key, arguments, 1) for key, arguments in reversed(tuple(jobs.items()))]
+        failed_starts = 0
+        while pending or any(worker.job for worker in self._workers):
+            while len(self._workers) < min(self._number, len(pending) + sum(w.job is not None for w in self._workers)):
+                self._workers.append(_Worker(*self._worker_arguments))
+            readable = wait([worker.link for worker in self._workers], _POLL_S)
             for worker in list(self._workers):
-                job, late = worker.job, monotonic() > worker.until
-                if worker.link in heard:
+                job, timed_out = worker.job, monotonic() > worker.deadline
+                if worker.link in readable:
                     try:
-                        word = worker.link.recv()
+                        value = worker.link.recv()
                     except (EOFError, OSError):
-                        stillborn = 0 if worker.ready else stillborn + 1
-                        died = self._dismiss(worker)
+                        failed_starts = 0 if worker.ready else failed_starts + 1
+                        exit_code = self._stop(worker)
                         if job and job.attempt < tries:
-                            todo.append(job._replace(attempt=job.attempt + 1))
+                            pending.append(job._replace(attempt=job.attempt + 1))
                         elif job:
-                            yield job.key, Answer(died=died)
+                            yield job.key, JobResult(exit_code=exit_code)
                         continue
-                    worker.ready, worker.job, worker.until, stillborn = True, None, inf, 0
+                    worker.ready, worker.job, worker.deadline, failed_starts = True, None, inf, 0
                     if job:
-                        yield job.key, Answer(word)
-                elif job and late:
-                    self._dismiss(worker)
-                    yield job.key, Answer(late=True)
+                        yield job.key, JobResult(value)
+                elif job and timed_out:
+                    self._stop(worker)
+                    yield job.key, JobResult(timed_out=True)
                     continue
-                if todo and worker.ready and worker.job is None:
-                    advance(todo[-1].key)
-                    worker.begin(todo.pop(), limit_s)
-            if stillborn >= _STILLBORN:
+                if pending and worker.ready and worker.job is None:
+                    advance(pending[-1].key)
+                    worker.begin(pending.pop(), limit_s)
+            if failed_starts >= _MAX_FAILED_STARTS:
                 raise ChildProcessError(
-                    f"{stillborn} worker processes in a row ended before they could work; see above for what they said"
+                    f"{failed_starts} worker processes in a row ended before they could work; see their errors above"
                 )
 
-    def _dismiss(self, worker: _Worker[Key]) -> int:
+    def _stop(self, worker: _Worker[Key]) -> int:
         self._workers.remove(worker)
         return worker.stop()
 
 
 @contextmanager
 def _environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Variables that processes have which are started meanwhile: libraries read theirs as they are loaded."""
+    """Set environment variables for processes that start in this context. Libraries read them when they are loaded."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -185,10 +185,10 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: Connection) -> None:
-    """What a process does, until the link is closed."""
+    """Run the main loop of a worker process. It ends when the link is closed."""
     if os.name == "posix":
-        os.setsid()  # a group of its own, with all that it starts; an interrupt from the keyboard is not for it
-    Thread(target=_follow, daemon=True).start()
+        os.setsid()  # own process group with its children; keyboard interrupts do not reach it
+    Thread(target=_exit_with_parent, daemon=True).start()
     if prepare is not None:
         prepare()
     with suppress(EOFError, OSError):
@@ -197,8 +197,8 @@ def _serve(work: Callable[..., Any], prepare: Callable[[], None] | None, link: C
             link.send(work(*link.recv()))
 
 
-def _follow() -> None:
-    """End when the process ends that started this one, also if it is killed; a job that hangs would go on for ever."""
+def _exit_with_parent() -> None:
+    """Exit when the parent process ends, even if it is killed. Otherwise a job that hangs would run for ever."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

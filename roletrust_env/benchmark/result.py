@@ -1,4 +1,4 @@
-"""The result of a benchmark: a leaderboard that shows itself and turns into a table."""
+"""Result of a benchmark: a leaderboard that displays as a table and converts to other formats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from roletrust_env.benchmark.caveats import caveats
-from roletrust_env.benchmark.cells import cells, models
+from roletrust_env.benchmark.cells import cells, model_names
 from roletrust_env.benchmark.leaderboard import HEADER, AttackScores, LeaderboardRow, attack_scores, leaderboard_rows
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CAPTION = (
-    "utility of going by trust, ± half the 95% interval over the games; clean: everybody honest; worst: mean over the "
-    "conditions of the worst case, chosen on other games; worst attack: the one that leaves the least utility in any "
-    "condition; damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 where everybody is "
-    "honest; holds: probability of the same rank in new games"
+    "utility of choosing by trust, ± half the 95% interval over the games; clean: all agents honest; worst: mean of "
+    "the worst case over the conditions, chosen in other games; worst attack: the attack that leaves the least utility "
+    "in any condition; damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 while all "
+    "agents are honest; holds: probability of the same rank in new games"
 )
 """Explanation of the columns."""
 
 COLUMNS = ("rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
-"""Columns for people."""
+"""Columns of the displayed table."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
-    """The leaderboard of a run.
+    """Leaderboard of a run.
 
     Attributes:
-        suite: Suite that was played, with its models and attacks by name.
-        rows: Trust models, the best first.
-        caveats: Lines on what limits the numbers.
+        suite: Suite of the run, with its models and attacks by name.
+        rows: Trust models from the best to the worst.
+        caveats: Limitations of the numbers, one line each.
         cells: All cells with their results.
-        attacks: Scores of all attacks, those of several seeds together.
+        attacks: Scores of all attacks. The games of several seeds are concatenated.
     """
 
     suite: Suite
@@ -49,8 +49,13 @@ class Leaderboard:
 
     @classmethod
     def of(cls, suite: Suite, stored: Sequence[StoredCell]) -> Self:
-        """Return the leaderboard of the cells of a run."""
-        names = models(suite)
+        """Return the leaderboard of a run.
+
+        Args:
+            suite: Suite of the run.
+            stored: Cells of the run with their results.
+        """
+        names = model_names(suite)
         attacks = attack_scores(stored)
         rows = leaderboard_rows(suite, stored, names, len(cells(suite)) // len(names), attacks)
         return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
@@ -80,20 +85,20 @@ class Leaderboard:
             columns: Columns among `COLUMNS`.
 
         Raises:
-            ValueError: There is no such column.
+            ValueError: A column is unknown.
         """
-        keep = _places(columns)
-        aligned = [":---" if COLUMNS[k] in ("model", "worst attack") else "---:" for k in keep]
-        lines = [[COLUMNS[k] for k in keep], aligned]
+        selected = _indices(columns)
+        aligned = [":---" if COLUMNS[k] in ("model", "worst attack") else "---:" for k in selected]
+        lines = [[COLUMNS[k] for k in selected], aligned]
         for row in self.rows:
-            shown = words_of(row, " ± ")
-            shown[1] = f"`{shown[1]}`"
-            lines.append([shown[k].replace("|", "&#124;") for k in keep])
+            texts = row_texts(row, " ± ")
+            texts[1] = f"`{texts[1]}`"
+            lines.append([texts[k].replace("|", "&#124;") for k in selected])
         return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""
-        lines = [list(COLUMNS), *(words_of(row, "±") for row in self.rows)]
+        lines = [list(COLUMNS), *(row_texts(row, "±") for row in self.rows)]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         left = {COLUMNS.index("model"), COLUMNS.index("worst attack")}
         text = [
@@ -109,17 +114,17 @@ class Leaderboard:
         """Return the rows as an HTML table for a notebook."""
         head = "".join(f"<th>{escape(name)}</th>" for name in COLUMNS)
         body = "".join(
-            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in words_of(row, ' ± '))}</tr>" for row in self.rows
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row_texts(row, ' ± '))}</tr>" for row in self.rows
         )
-        notes = "".join(f"<li>{escape(line)}</li>" for line in self.caveats)
+        caveats = "".join(f"<li>{escape(line)}</li>" for line in self.caveats)
         title = f"Leaderboard, suite {escape(self.suite.name)}"
         return (
             f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-            f"<p><small>{escape(CAPTION)}.</small></p>{f'<ul>{notes}</ul>' if notes else ''}"
+            f"<p><small>{escape(CAPTION)}.</small></p>{f'<ul>{caveats}</ul>' if caveats else ''}"
         )
 
 
-def words_of(row: LeaderboardRow, between: str) -> list[str]:
+def row_texts(row: LeaderboardRow, between: str) -> list[str]:
     """Return a row as text, in the order of `COLUMNS`.
 
     Args:
@@ -139,7 +144,7 @@ def words_of(row: LeaderboardRow, between: str) -> list[str]:
     ]
 
 
-def _places(columns: Sequence[str]) -> list[int]:
+def _indices(columns: Sequence[str]) -> list[int]:
     for name in columns:
         if name not in COLUMNS:
             raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")

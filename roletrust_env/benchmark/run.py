@@ -1,4 +1,4 @@
-"""Running a benchmark from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
+"""Benchmark runs from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -7,9 +7,8 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.benchmark.cells import attacks as attacks_of
-from roletrust_env.benchmark.cells import models as models_of
-from roletrust_env.benchmark.entrants import Entrant, entered, name_entrants, pack
+from roletrust_env.benchmark.cells import attack_names, model_names
+from roletrust_env.benchmark.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.schema import CellResult, SuiteSchema
@@ -20,10 +19,10 @@ from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
 
 OnStart = Callable[[int, int], None]
-"""Called at the start with the number of cells that are stored already, and of all cells."""
+"""Callback for the start of a run. It receives the number of stored cells and the number of all cells."""
 
 OnCell = Callable[[Any, CellResult], None]
-"""Called with each cell that has been played, and its result."""
+"""Callback for each cell that has been played. It receives the cell and its result."""
 
 
 def benchmark(
@@ -36,25 +35,25 @@ def benchmark(
     force: bool = False,
     progress: bool = True,
 ) -> Leaderboard:
-    """Attack trust models with everything that a suite has, and rank them by the worst case.
+    """Attack trust models with all attacks of a suite, and rank them by the worst case.
 
     Args:
-        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these;
-            `"all"` are the installed ones, and None are those of the suite.
+        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these.
+            `"all"` means all installed models, and None means the models of the suite.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
-        attacks: Scripted attack, or a list of these, in place of the suite's, by spec.
-        workers: Number of processes; None is one for each core. With 0 the cells are played in this process. A script
-            that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
-        out: Folder of the results. A run that was stopped goes on from there. None keeps no files.
-        force: Begin anew, whatever `out` holds.
+        attacks: Specs of scripted attacks that replace those of the suite, or one spec.
+        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. A
+            script that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
+        out: Folder of the results. A stopped run continues from there. None writes no files.
+        force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.
 
     Returns:
-        The leaderboard. It shows itself as a table, also in a notebook.
+        The leaderboard. It displays as a table in a terminal and in a notebook.
 
     Raises:
-        ValueError: A name is unknown, a model or an attack cannot be made, the suite is one for learners, or `out`
-            holds another run.
+        ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for learners, or `out`
+            contains another run.
         OSError: `out` cannot be written.
 
     Example:
@@ -70,49 +69,49 @@ def benchmark(
         attacks = [attacks]
     for name, chosen in (("models", models), ("attacks", attacks)):
         if _is_empty(chosen):
-            raise ValueError(f"{name} is empty; None stands for those of the suite")
+            raise ValueError(f"{name} is empty; None means those of the suite")
     if workers is not None and (not isinstance(workers, int) or workers < 0):
         raise ValueError(f"workers is {workers!r}; it must be 0 or more, or None for one for each core")
     if workers != 0 and getattr(current_process(), "_inheriting", False):
         # A worker imports the script again, which must not play the benchmark again.
-        sys.exit("a script calls benchmark() below `if __name__ == '__main__':`, or with workers=0")
-    given: list[Entrant] = []
+        sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")
+    entrants: list[Entrant] = []
     if isinstance(models, str) and models == "all":
-        given += models_of(_robustness(suite).model_copy(update={"models": "all"}))
+        entrants += model_names(_robustness(suite).model_copy(update={"models": "all"}))
     elif models is not None:
-        given += models if isinstance(models, list | tuple) else [models]
-    names, instances = name_entrants(given)
-    with entered(instances):
-        asked = with_names(_robustness(suite), names, attacks or ())
+        entrants += models if isinstance(models, list | tuple) else [models]
+    names, instances = name_entrants(entrants)
+    with temporary_registration(instances):
+        selected = with_names(_robustness(suite), names, attacks or ())
         pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
         with ExitStack() as stack:
-            listeners = _bar(stack, asked.name) if progress else {}
-            cells = play_suite(asked, pool, out=None if out is None else Path(out), force=force, **listeners)
-        return Leaderboard.of(asked, cells)
+            listeners = _bar(stack, selected.name) if progress else {}
+            cells = play_suite(selected, pool, out=None if out is None else Path(out), force=force, **listeners)
+        return Leaderboard.of(selected, cells)
 
 
 def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> Suite:
-    """Return the suite with these trust models and attacks, all of which can be made.
+    """Return the suite with other trust models and attacks, and check that all of them can be created.
 
     Args:
-        suite: Suite that is asked for.
-        models: Trust models in place of the suite's, by spec; none are the suite's.
-        attacks: Scripted attacks in place of the suite's, by spec; none are the suite's.
+        suite: Suite to change.
+        models: Specs of trust models that replace those of the suite. Empty keeps the models of the suite.
+        attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks of the suite.
 
     Raises:
-        ValueError: A name is unknown, or what it names cannot be made.
+        ValueError: A name is unknown, or a model or an attack cannot be created.
     """
-    asked = suite.model_copy(
+    selected = suite.model_copy(
         update={
-            "models": tuple(dict.fromkeys(models)) or tuple(models_of(suite)),
-            "attacks": tuple(dict.fromkeys(attacks)) or tuple(attacks_of(suite)),
+            "models": tuple(dict.fromkeys(models)) or tuple(model_names(suite)),
+            "attacks": tuple(dict.fromkeys(attacks)) or tuple(attack_names(suite)),
         }
     )
-    for stage in asked.scenarios.values():
-        for name in models_of(asked):
+    for stage in selected.scenarios.values():
+        for name in model_names(selected):
             parse_trust_model(name, stage.scenario())
-        parse_kinds(attacks_of(asked), stage.scenario())
-    return asked
+        parse_kinds(attack_names(selected), stage.scenario())
+    return selected
 
 
 def play_suite(
@@ -129,27 +128,27 @@ def play_suite(
     Args:
         suite: Suite to play.
         pool: Processes that play the cells.
-        out: Folder of `results.sqlite`; None keeps no file.
-        force: Begin anew, whatever the folder holds.
+        out: Folder of `results.sqlite`. None writes no file.
+        force: Start again, and delete earlier results in the folder.
         on_start: See `OnStart`.
         on_cell: See `OnCell`.
 
     Raises:
-        ValueError: The folder holds another run, or another run writes to it.
+        ValueError: The folder contains another run, or another run writes to it.
         OSError: The folder cannot be written.
     """
     every = suite_type(suite).cells(suite)
     if out is None:
         on_start(0, len(every))
-        done = []
+        played = []
         with closing(pool.play(suite, every)) as playing:
             for cell, result in playing:
-                done.append(StoredCell(cell, result))
+                played.append(StoredCell(cell, result))
                 on_cell(cell, result)
-        return sorted(done, key=lambda one: str(one.cell.key))
+        return sorted(played, key=lambda one: str(one.cell.key))
     prepare_folder(out)
-    with Store(out / "results.sqlite", suite, anew=force) as store:
-        finished = store.finished()
+    with Store(out / "results.sqlite", suite, overwrite=force) as store:
+        finished = store.finished_keys()
         on_start(len(finished), len(every))
         with closing(pool.play(suite, [cell for cell in every if cell.key not in finished])) as playing:
             for cell, result in playing:
@@ -159,7 +158,7 @@ def play_suite(
 
 
 class InProcess:
-    """A pool that plays the cells in this process, one after the other, without a time limit."""
+    """Pool that plays the cells one after another in this process, without a time limit."""
 
     def play(self, suite: AnySuite, cells: Sequence[Any]) -> Any:
         """See `Pool.play`."""
@@ -172,19 +171,19 @@ def _is_empty(chosen: Any) -> bool:
 
 
 def _robustness(suite: str | Path | Suite) -> Suite:
-    """Return a suite for trust models."""
+    """Return a robustness suite. Raise an error for another type of suite."""
     if not isinstance(suite, str | Path | SuiteSchema):
         raise ValueError(f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file")
-    found = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
-    if not isinstance(found, Suite):
+    loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
+    if not isinstance(loaded, Suite):
         raise ValueError(
-            f"suite {found.name} is one for learners; play it with `roletrust benchmark --suite {found.name}`"
+            f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite {loaded.name}`"
         )
-    return found
+    return loaded
 
 
 def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
-    """Return the listeners of `play_suite` that move a progress bar, which closes with the stack."""
+    """Return callbacks of `play_suite` that update a progress bar. The bar closes with the stack."""
     from tqdm import tqdm
 
     bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))

@@ -1,10 +1,17 @@
-"""Playing a cell: from its name in a suite to what was measured, the same wherever it is played."""
+"""Execution of a cell. The result depends only on the suite and the cell, not on the machine or the order."""
 
 from collections.abc import Iterator
 from time import perf_counter
 
-from roletrust_env.benchmark.attackers import AttackBatch, as_curve, as_lists, scripted, searching, suited
-from roletrust_env.benchmark.cells import HONEST, Cell, attacks, task_arguments
+from roletrust_env.benchmark.attackers import (
+    AttackBatch,
+    as_curve,
+    as_lists,
+    make_search,
+    playable_kinds,
+    scripted_batches,
+)
+from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, task_arguments
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
@@ -18,11 +25,11 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
     """Play a cell.
 
     Args:
-        suite: that it is of.
-        cell: to be played.
+        suite: Suite of the cell.
+        cell: Cell to play.
 
     Raises:
-        ValueError: a name of the suite is unknown, or a trust model or an attacker of another package fails.
+        ValueError: A name in the suite is unknown, or a trust model or an attacker of a plug-in fails.
     """
     began = perf_counter()
     arguments = task_arguments(suite, cell)
@@ -34,62 +41,64 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
     failed: list[str] = []
     steps = 0
     try:
-        for found, words in _attacks(suite, cell, task, arguments):
-            good, bad = _measured(suite, cell, task, found, words)
-            rows, failed = rows + good, failed + bad
-            steps += found.rounds + 2 * (len(found.names) + 1) * suite.games * task.game.scenario.max_cycles
+        for batch, description in _attacks(suite, cell, task, arguments):
+            good, errors = _measure_batch(suite, cell, task, batch, description)
+            rows, failed = rows + good, failed + errors
+            steps += batch.rounds + 2 * (len(batch.names) + 1) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
 
 
 def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments) -> Iterator[tuple[AttackBatch, str]]:
-    """The attacks of a cell, with what they are in words."""
-    names = attacks(suite)
+    """Yield the attacks of a cell in batches, each with a description."""
+    names = attack_names(suite)
     kinds = dict(zip(names, parse_kinds(names, task.game.scenario), strict=True))
-    kinds = suited(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
+    kinds = playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
     if cell.rung == "scripted":
-        for found in scripted(task, kinds, 2 * suite.games):
-            yield found, "at its defaults"
+        for batch in scripted_batches(task, kinds, 2 * suite.games):
+            yield batch, "at its defaults"
         return
-    rung = searching(cell.rung, list(kinds.values()))
-    attempt = rung.search(arguments, Budget(suite.budget), cell.seed)
-    yield AttackBatch((cell.rung,), attempt.attacker, attempt.rounds), attempt.description
+    method = make_search(cell.rung, list(kinds.values()))
+    search = method.search(arguments, Budget(suite.budget), cell.seed)
+    yield AttackBatch((cell.rung,), search.attacker, search.rounds), search.description
 
 
-def _measured(
-    suite: Suite, cell: Cell, task: AttackTask, found: AttackBatch, words: str
+def _measure_batch(
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, description: str
 ) -> tuple[list[AttackResult], list[str]]:
-    """What some attacks came to, and what went wrong with those that failed; one that fails takes no other along.
+    """Return the results of a batch of attacks, and the error messages of the attacks that failed.
+
+    An attack that fails does not affect the others.
 
     Raises:
-        Exception: all fail; that of the first one.
+        Exception: All attacks fail.
     """
     try:
-        scores = measure(task, found.attacker, cell.seed, (len(found.names), suite.games))
-    except Exception as error:  # of a trust model or an attacker that others wrote
-        if len(found.names) == 1:
+        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games))
+    except Exception as error:  # plug-in code may raise anything
+        if len(batch.names) == 1:
             raise
-        return _one_by_one(suite, cell, task, found, words, error)
-    return [_row(name, words, found.rounds, scores, k) for k, name in enumerate(found.names)], []
+        return _measure_singly(suite, cell, task, batch, description, error)
+    return [_row(name, description, batch.rounds, scores, k) for k, name in enumerate(batch.names)], []
 
 
-def _row(name: str, words: str, rounds: int, scores: Measured, k: int) -> AttackResult:
-    """The k-th of the attacks that were measured side by side, as plain data."""
+def _row(name: str, description: str, rounds: int, scores: Measured, k: int) -> AttackResult:
+    """Return the scores of the k-th attack of a batch as plain data."""
     chosen, measured = (as_lists(half, k) for half in scores[:2])
-    return AttackResult(name, words, rounds, chosen, measured, as_curve(scores.by_round, k))
+    return AttackResult(name, description, rounds, chosen, measured, as_curve(scores.by_round, k))
 
 
-def _one_by_one(
-    suite: Suite, cell: Cell, task: AttackTask, found: AttackBatch, words: str, error: Exception
+def _measure_singly(
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, description: str, error: Exception
 ) -> tuple[list[AttackResult], list[str]]:
-    """The same of each attack by itself, after some of them failed together."""
+    """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
     rows, failed = [], []
-    for one in found.apart():
+    for single in batch.split():
         try:
-            rows += _measured(suite, cell, task, one, words)[0]
-        except Exception as its:
-            failed.append(f"attack {one.names[0]}: {reason(its)}")
+            rows += _measure_batch(suite, cell, task, single, description)[0]
+        except Exception as own_error:
+            failed.append(f"attack {single.names[0]}: {reason(own_error)}")
     if not rows:
         raise error
     return rows, failed

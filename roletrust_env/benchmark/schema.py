@@ -1,4 +1,4 @@
-"""The terms of a benchmark: what suites of all kinds say, and what becomes of a cell of any of them."""
+"""Data types that the suites and results of all types share."""
 
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple, Self
@@ -7,53 +7,56 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from roletrust_env.world.base_model import FrozenModel
 
-Text = Annotated[str, Field(min_length=1, pattern=r"^[^|]+$")]
-"""A name in a suite. The bar keeps the names in a cell's key apart."""
+Label = Annotated[str, Field(min_length=1, pattern=r"^[^|]+$")]
+"""Name in a suite. A vertical bar is not allowed, since it separates the names in the key of a cell."""
 
 
 class SuiteSchema(FrozenModel):
-    """What suites of all kinds say."""
+    """Fields of suites of all types."""
 
     name: str = "custom"
-    """What it is called."""
+    """Name of the suite."""
     description: str = ""
-    """One line on what it is for."""
+    """Purpose of the suite in one line."""
     games: Annotated[int, Field(ge=2, le=100_000)] = 64
-    """Games that are measured, the same ones for all with the same seed."""
+    """Number of games that are measured. Equal seeds give equal games."""
     seeds: tuple[Annotated[int, Field(ge=0)], ...] = (0,)
-    """Of all luck; each searches, chooses and measures anew."""
+    """Random seeds. Each seed searches, chooses and measures independently."""
     limit_s: PositiveFloat = 600.0
-    """Seconds after which a cell is given up."""
+    """Time limit of a cell in seconds."""
 
     @model_validator(mode="after")
     def _check_seeds(self) -> Self:
         if not self.seeds:
-            raise ValueError("seeds must have one at least")
+            raise ValueError("seeds must not be empty")
         check_unique(seeds=self.seeds)
         return self
 
 
-def check_unique(**given: tuple[object, ...]) -> None:
-    """See that nothing stands twice.
+def check_unique(**fields: tuple[object, ...]) -> None:
+    """Check that no value occurs twice in a field.
+
+    Args:
+        fields: Values of each field.
 
     Raises:
-        ValueError: something does.
+        ValueError: A value occurs twice.
     """
-    for what, things in given.items():
-        if len(set(things)) < len(things):
-            raise ValueError(f"{what} has something twice: {things}")
+    for name, values in fields.items():
+        if len(set(values)) < len(values):
+            raise ValueError(f"{name} must not contain a value twice: {values}")
 
 
 class AttackResult(NamedTuple):
-    """What one attack came to.
+    """Result of one attack.
 
     Attributes:
-        attack: its name: that of a script, or of the rung that found it.
-        words: what it is, in a few words.
-        rounds: game rounds that were played to find it.
-        chosen: its scores in the games in which the worst case is chosen, if one is, by their names.
-        measured: the same in the games in which it is measured.
-        by_round: utility there in each round from the second on, the mean over the games; None where undefined.
+        attack: Name of the scripted attack, or of the rung that found the attack.
+        words: Short description of the attack.
+        rounds: Number of game rounds that were played to find the attack.
+        chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
+        measured: Scores by name in the games for measuring.
+        by_round: Mean utility over the games for measuring in each round from the second on. None is undefined.
     """
 
     attack: str
@@ -65,14 +68,14 @@ class AttackResult(NamedTuple):
 
 
 class CellResult(NamedTuple):
-    """What became of a cell.
+    """Result of a cell.
 
     Attributes:
-        rows: an attack each.
-        seconds: that it took, by the clock on the wall.
-        unsuitable: why the rung does not apply; empty if it does.
-        failed: what went wrong; empty if nothing did.
-        env_steps: rounds x games that were played in all.
+        rows: Results of the attacks.
+        seconds: Wall-clock time in seconds.
+        unsuitable: Reason why the rung does not apply. Empty if it does.
+        failed: Error message. Empty if nothing failed.
+        env_steps: Number of game rounds in total, rounds x games.
     """
 
     rows: tuple[AttackResult, ...]
@@ -83,6 +86,6 @@ class CellResult(NamedTuple):
 
 
 def reason(error: BaseException) -> str:
-    """What somebody's class raised, in one line."""
-    line = " ".join(str(error).split()) or "without a word"
+    """Return the message of an exception in one line. A type other than `ValueError` is part of it."""
+    line = " ".join(str(error).split()) or "no message"
     return line if isinstance(error, ValueError) else f"{type(error).__name__}: {line}"

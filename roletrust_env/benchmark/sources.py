@@ -1,4 +1,4 @@
-"""What was run: the source of a model's or an attack's class, and the package that it is of."""
+"""Source code of the models and attacks of a run: hashes of their files, and their packages."""
 
 import hashlib
 import inspect
@@ -18,33 +18,35 @@ from roletrust_env.storage.untrusted import UntrustedModel
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Word = Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
-"""One line of text, which a terminal shows as it is."""
-
+"""One line of text without control characters."""
 
 _OWN = ("roletrust_env", "roletrust_agents", "roletrust_baselines", "roletrust_experiments")
-"""Packages of this project, which the metadata of an editable installation does not list."""
+"""Packages of this project. The metadata of an editable installation does not list them."""
 
 
 class Source(UntrustedModel):
-    """Of a class."""
+    """Source of a class."""
 
     made_by: Word
-    """The class, as `package.module.Class`."""
+    """Path of the class, as `package.module.Class`."""
     package: Word
-    """The installed package that it is of; empty if it is of none."""
+    """Name of the installed package. Empty if the class belongs to none."""
     version: Word
-    """Of the package."""
+    """Version of the package."""
     sha256: Sha256
-    """Of the files in which it and the classes that it is derived from stand, without Python's own."""
+    """Hash of the files that define the class and its base classes, without those of the standard library."""
 
 
 def source_of(factory: Callable[..., Any]) -> Source:
-    """The source of what a registry holds.
+    """Return the source of a factory in a registry.
+
+    Args:
+        factory: Class or function.
 
     Raises:
-        ValueError: some of it stands in no file.
+        ValueError: A part of the source is not in a file.
     """
-    kind = getattr(factory, "kind", factory)  # of a model that is given as an object
+    kind = getattr(factory, "kind", factory)  # the class of a model that was given as an object
     kinds = inspect.getmro(kind) if isinstance(kind, type) else (kind,)
     modules = sorted({kind.__module__ for kind in kinds if _top(kind.__module__) not in sys.stdlib_module_names})
     digest = hashlib.sha256()
@@ -55,27 +57,30 @@ def source_of(factory: Callable[..., Any]) -> Source:
     return Source(made_by=made_by, package=package, version=number, sha256=digest.hexdigest())
 
 
-def hashes(named: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
-    """Return the hash of the source of each factory, by its name.
+def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
+    """Return the source hashes of factories by name.
 
-    That of a trust model that is given as an object covers its parameters, too, and so does that of a factory that is
-    no class or function of a file, such as a `functools.partial`.
+    The hash of a factory that is not a class or a function of a file covers its parameters, too. Examples are a trust
+    model that is given as an object, and a `functools.partial`.
+
+    Args:
+        factories: Factories by name.
     """
-    found = {}
-    for name, factory in named.items():
+    digests = {}
+    for name, factory in factories.items():
         with suppress(ValueError):
-            found[name] = source_of(factory).sha256
+            digests[name] = source_of(factory).sha256
         in_file = isinstance(factory, type | FunctionType) and has_file(factory.__module__)
         if not in_file:
             own = getattr(factory, "fingerprint", None) or fingerprint(factory)
-            found[name] = hashlib.sha256(f"{found.get(name)}\n{own}".encode()).hexdigest()
-    return found
+            digests[name] = hashlib.sha256(f"{digests.get(name)}\n{own}".encode()).hexdigest()
+    return digests
 
 
 def _text(module: str) -> bytes:
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None or not has_file(module):
-        raise ValueError(f"{module} stands in no file, so nobody could see later whether it is the same")
+        raise ValueError(f"{module} is not in a file, so its source could not be compared later")
     return Path(file).read_bytes()
 
 
@@ -85,6 +90,6 @@ def _top(module: str) -> str:
 
 @cache
 def _package(top: str) -> tuple[str, str]:
-    """The name and the version of the installed package that brings a top-level module."""
-    found = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
-    return (found[0], version(found[0])) if found else ("", "")
+    """Return the name and the version of the installed package that contains a top-level module."""
+    names = packages_distributions().get(top, ["roletrust-env"] if top in _OWN else [])
+    return (names[0], version(names[0])) if names else ("", "")

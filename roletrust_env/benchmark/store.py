@@ -1,4 +1,4 @@
-"""Where results are kept as they come: one SQLite file a run, from which a killed run goes on."""
+"""Storage of results: one SQLite file for each run. A stopped run continues from its file."""
 
 import json
 import platform
@@ -19,7 +19,7 @@ from roletrust_env.errors import explain
 from roletrust_env.storage.provenance import software
 
 FORMAT = 2
-"""Of the file; one of another format is refused."""
+"""Version of the file format. Files of other versions are refused."""
 
 _TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -40,39 +40,44 @@ _NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
 
 
 class StoredCell(NamedTuple):
-    """A cell and what became of it."""
+    """Cell with its result.
+
+    Attributes:
+        cell: The cell, or the trial of a learner.
+        result: Result of the cell.
+    """
 
     cell: Any
-    done: CellResult
+    result: CellResult
 
 
 class Store:
-    """The file of a run. Who writes is alone; anybody may read meanwhile.
+    """File of a run. It has one writer at a time and any number of readers.
 
     Args:
-        path: of the file.
-        suite: that is to be written; None opens the file for reading.
-        anew: whether what the file holds is thrown away before; never while another run writes to it.
+        path: Path of the file.
+        suite: Suite of the run to write. None opens the file for reading.
+        overwrite: Delete the previous content of the file. This fails while another run writes to it.
 
     Raises:
-        ValueError: there is nothing to read, or it is damaged, of another format, of another suite or of other
-            software or source, or another run writes to it.
-        OSError: it cannot be written.
+        ValueError: The file does not exist, is damaged, is being written by another run, or has another format,
+            suite, software or source.
+        OSError: The file cannot be written.
     """
 
-    def __init__(self, path: Path, suite: AnySuite | None = None, *, anew: bool = False) -> None:
+    def __init__(self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
         if suite is None and path.is_dir():
-            raise ValueError(f"{path} is a folder; name the results.sqlite in it")
+            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
         if suite is None and not path.is_file():
-            raise ValueError(f"there is no {path}; `roletrust benchmark` makes it")
+            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
         try:
-            with _explained(path):
+            with _readable_errors(path):
                 if suite is not None:
-                    self._lock = _alone(path)
-                    if anew:
+                    self._lock = _write_lock(path)
+                    if overwrite:
                         _remove(path)
                 mode = "ro" if suite is None else "rwc"
                 self._file = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, isolation_level=None)
@@ -84,7 +89,7 @@ class Store:
             self._sources: dict[str, str] = facts.get("sources", {})
             if suite is not None:
                 self._check(suite)
-                with _explained(path):
+                with _readable_errors(path):
                     self._file.execute("PRAGMA journal_mode=WAL")
                     self._file.execute("PRAGMA synchronous=NORMAL")
         except BaseException:
@@ -92,109 +97,114 @@ class Store:
             raise
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """Return the store."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        """Close the file."""
         self.close()
 
     def close(self) -> None:
-        """Let others write."""
+        """Close the file and let others write to it."""
         if self._file is not None:
             self._file.close()
         if self._lock is not None:
             self._lock.release()
 
-    def add(self, cell: AnyCell, done: CellResult) -> None:
-        """Keep what became of a cell, whole or not at all; what was kept of it before goes."""
-        row = (cell.key, json.dumps(cell._asdict()), *done[1:], platform.node())
-        attacks = [(cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:])) for part in done.rows]
-        with self._changing() as file:
+    def add(self, cell: AnyCell, result: CellResult) -> None:
+        """Store the result of a cell in one transaction. It replaces an earlier result of the cell.
+
+        Args:
+            cell: The cell.
+            result: Result of the cell.
+        """
+        row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
+        attacks = [(cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:])) for part in result.rows]
+        with self._transaction() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
             file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?)", attacks)
 
-    def finished(self) -> set[str]:
-        """The keys of the cells that need not be played again: all that did not fail."""
+    def finished_keys(self) -> set[str]:
+        """Return the keys of the cells that were played without a failure."""
         with self._reading() as file:
             return {key for (key,) in file.execute("SELECT key FROM cells WHERE failed = ''")}
 
     def hosts(self) -> set[str]:
-        """The machines that cells were played on."""
+        """Return the names of the machines that played cells."""
         with self._reading() as file:
             return {host for (host,) in file.execute("SELECT DISTINCT host FROM cells")}
 
     def all(self) -> list[StoredCell]:
-        """All cells with what became of them, in the order of their keys."""
+        """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
             for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(_row(name, words, rounds, *plain))
-            found = file.execute(
+                attacks.setdefault(key, []).append(_attack_result(name, words, rounds, *plain))
+            rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
             kind = suite_type(self.suite)
-            made = [(key, kind.cell(**json.loads(cell)), rest) for key, cell, *rest in found]
-        return [StoredCell(cell, CellResult(tuple(attacks.get(key, ())), *rest)) for key, cell, rest in made]
+            cells = [(key, kind.cell(**json.loads(cell)), columns) for key, cell, *columns in rows]
+        return [StoredCell(cell, CellResult(tuple(attacks.get(key, ())), *columns)) for key, cell, columns in cells]
 
     def _tables(self) -> int:
-        """How many tables there are; 0 in a new file."""
+        """Return the number of tables, which is 0 in a new file."""
         with self._reading() as file:
             return int(file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0])
 
     def _facts(self) -> dict[str, Any]:
-        """What the file says of itself, once it is known to be whole and of this format."""
+        """Return the metadata of the file after a check of its integrity and its format."""
         with self._reading() as file:
             facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
             if facts.get("format") != FORMAT:
                 raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
             if not {"suite", "software"} <= facts.keys():
-                raise sqlite3.DatabaseError("it does not say what it is of")
-            for (found,) in file.execute("PRAGMA quick_check"):
-                if found != "ok":
-                    raise sqlite3.DatabaseError(" ".join(str(found).split()))
+                raise sqlite3.DatabaseError("the suite or the software is missing")
+            for (message,) in file.execute("PRAGMA quick_check"):
+                if message != "ok":
+                    raise sqlite3.DatabaseError(" ".join(str(message).split()))
         return facts
 
     def _check(self, suite: AnySuite) -> None:
-        """See that a run to go on with is the same."""
+        """Check that the run to continue has the same suite, software and sources."""
         if self.suite != suite:
             names = [
                 name for name in type(suite).model_fields if getattr(self.suite, name, None) != getattr(suite, name)
             ]
             raise ValueError(
-                f"{self.path} holds another suite (not the same: {', '.join(names)}); give another --out, or begin "
-                "anew with --force"
+                f"{self.path} holds another suite (different: {', '.join(names)}); give another --out, or start "
+                "again with --force"
             )
         if self.software != software():
-            raise ValueError(f"{self.path} was made with other versions of the software; begin anew with --force")
+            raise ValueError(f"{self.path} was written with other software versions; start again with --force")
         self.check_sources(suite)
 
     def check_sources(self, suite: AnySuite) -> None:
-        """See that what was played is what is here.
+        """Check that the models, attacks and learners have the same source as when they were played.
 
         Args:
-            suite: all that it names is imported.
+            suite: Suite of the run. Everything that it names is imported.
 
         Raises:
-            ValueError: a model, an attack or a learner has another source now.
+            ValueError: The source of a model, an attack or a learner has changed.
         """
-        here = hashes(suite_type(suite).named(suite))
-        changed = [name for name, found in here.items() if self._sources.get(name, found) != found]
+        current = hashes(suite_type(suite).factories(suite))
+        changed = [name for name, digest in current.items() if self._sources.get(name, digest) != digest]
         if changed:
             raise ValueError(
                 f"{self.path} was played with another source of {', '.join(changed)}, or with other parameters; give "
-                "another --out, or begin anew with --force"
+                "another --out, or start again with --force"
             )
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
         assert self._file is not None
-        with _explained(self.path):
+        with _readable_errors(self.path):
             yield self._file
 
     @contextmanager
-    def _changing(self) -> Iterator[sqlite3.Connection]:
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
         with self._reading() as file:
             file.execute("BEGIN IMMEDIATE")
             try:
@@ -206,8 +216,8 @@ class Store:
                 raise
 
 
-def _alone(path: Path) -> FileLock:
-    """The lock of the one who writes."""
+def _write_lock(path: Path) -> FileLock:
+    """Acquire the lock of the writer."""
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(f"{path}.lock")
     try:
@@ -218,21 +228,20 @@ def _alone(path: Path) -> FileLock:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file and what SQLite keeps beside it; not the lock, which is held."""
-    for end in ("", "-wal", "-shm"):
-        Path(f"{path}{end}").unlink(missing_ok=True)
+    """Remove a database and the journals of SQLite, but not the lock, which is held."""
+    for suffix in ("", "-wal", "-shm"):
+        Path(f"{path}{suffix}").unlink(missing_ok=True)
 
 
 def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
-    """Make the tables of a new file, all or none."""
-    sources = hashes(suite_type(suite).named(suite))
+    """Create the tables of a new file in one transaction."""
+    sources = hashes(suite_type(suite).factories(suite))
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
-def _row(attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str) -> AttackResult:
-    """An attack as it was kept."""
+def _attack_result(attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str) -> AttackResult:
     scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
     return AttackResult(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round))
 
@@ -241,21 +250,25 @@ def _quoted(text: str) -> str:
     return text.replace("'", "''")
 
 
-_UNWRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
-_HELD = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
+_NOT_WRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
+_LOCKED = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
 
 
 @contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """SQLite's errors as one line that says what to do."""
+def _readable_errors(path: Path) -> Iterator[None]:
+    """Turn errors of SQLite into one-line errors that say what to do."""
     try:
         yield
     except ValidationError as error:
-        raise ValueError(f"{path} is no benchmark's file, or it is damaged: {explain(error)}") from None
+        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {explain(error)}") from None
     except (sqlite3.DatabaseError, json.JSONDecodeError, TypeError, AttributeError, RecursionError) as error:
-        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the rest says more than is needed
-        if code in _UNWRITABLE:
-            raise OSError(f"{path} cannot be written: {error}; what it holds stays, make room and go on") from None
-        if code in _HELD:
-            raise ValueError(f"{path} is held by another program ({error}); close that, and go on") from None
-        raise ValueError(f"{path} is no benchmark's file, or it is damaged: {error}") from None
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary result code
+        if code in _NOT_WRITABLE:
+            raise OSError(
+                f"{path} cannot be written: {error}; its content is safe, so free some space and run the command again"
+            ) from None
+        if code in _LOCKED:
+            raise ValueError(
+                f"{path} is locked by another program ({error}); close it and run the command again"
+            ) from None
+        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {error}") from None

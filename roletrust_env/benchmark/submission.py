@@ -1,4 +1,4 @@
-"""A submission: what a run found of some trust models, as one file that anybody can measure again."""
+"""Submissions: the results of trust models in one file, which others can verify."""
 
 import hashlib
 import json
@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from roletrust_env.benchmark.cells import Cell, attacks, cells, models
-from roletrust_env.benchmark.leaderboard import leaderboard_rows, numbers
+from roletrust_env.benchmark.cells import Cell, attack_names, cells, model_names
+from roletrust_env.benchmark.leaderboard import as_array, leaderboard_rows
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.sources import Sha256, Source, Word, source_of
 from roletrust_env.benchmark.store import Store, StoredCell
@@ -23,44 +23,53 @@ from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_env.trust.model import registry as trust_models
 
-STAGE = "paper-3x3"
-"""The scenario of which all fields are set anew, so that a suite is whole without any other file."""
+BASE_PRESET = "paper-3x3"
+"""Preset of the scenarios. A submission sets all their fields, so that its suite needs no other file."""
 
 Name = Annotated[str, Field(min_length=1, max_length=300, pattern=r"^[^|/\\\x00-\x1f\x7f]+$")]
-"""In a suite; neither a path nor what a terminal would obey."""
+"""Name in a suite, without path separators and control characters."""
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(ge=0, le=10**15)]
 
 
 class Score(UntrustedModel):
-    """A mean over games."""
+    """Mean over games with its interval."""
 
     mean: Number | None
-    """None where it is undefined."""
+    """Mean. None is undefined."""
     half_95: Annotated[Number, Field(ge=0)] | None
-    """Half the 95% interval."""
+    """Half the 95% interval. None is undefined."""
 
     @classmethod
     def of(cls, values: Sequence[float | None]) -> Self:
-        """Of a value for each game."""
-        mean, half, _ = over_games(numbers(values))
-        return cls.told(float(mean), float(half))
+        """Return the score of games.
+
+        Args:
+            values: Value of each game. None is undefined.
+        """
+        mean, half, _ = over_games(as_array(values))
+        return cls.from_estimate(float(mean), float(half))
 
     @property
-    def words(self) -> str:
-        """It for people."""
+    def text(self) -> str:
+        """Score as text, such as `0.8125±0.0100`."""
         if self.mean is None:
-            return "nothing"
+            return "undefined"
         return f"{self.mean:.4f}" + ("" if self.half_95 is None else f"±{self.half_95:.4f}")
 
     @classmethod
-    def told(cls, mean: float, half: float) -> Self:
-        """Of numbers that are NaN where they are undefined."""
+    def from_estimate(cls, mean: float, half: float) -> Self:
+        """Return the score of an estimate.
+
+        Args:
+            mean: Mean. NaN is undefined.
+            half: Half the 95% interval. NaN is undefined.
+        """
         return cls(mean=None if mean != mean else mean, half_95=None if half != half else half)
 
 
-class Measures(UntrustedModel):
-    """What an attack came to, see `play.MEASURED`."""
+class ClaimedMetrics(UntrustedModel):
+    """Scores of an attack, by the names of `MEASURED`."""
 
     utility: Score
     blind: Score
@@ -70,25 +79,25 @@ class Measures(UntrustedModel):
 
 
 class Claim(UntrustedModel):
-    """One attack."""
+    """Claimed result of one attack."""
 
     attack: Name
     rounds: Count
-    """Game rounds that were played to find it."""
+    """Number of game rounds that were played to find the attack."""
     chosen: Number
-    """Mean utility in the games in which the worst case is chosen."""
-    measured: Measures
-    """In the other games."""
+    """Mean utility in the games for choosing the worst case."""
+    measured: ClaimedMetrics
+    """Scores in the games for measuring."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.measured.utility.mean is None or self.measured.blind.mean is None:
-            raise ValueError(f"utility of {self.attack!r} is undefined, and nothing can be ranked by it")
+            raise ValueError(f"utility of {self.attack!r} is undefined, so it cannot be ranked")
         return self
 
 
 class CellClaim(UntrustedModel):
-    """What became of a cell; see `Cell`."""
+    """Claimed result of a cell, see `Cell`."""
 
     model: Name
     scenario: Name
@@ -97,15 +106,15 @@ class CellClaim(UntrustedModel):
     rung: Name
     seed: Count
     attacks: tuple[Claim, ...]
-    """None where the rung does not apply."""
+    """Results of the attacks. Empty if the rung does not apply."""
 
     @property
     def cell(self) -> Cell:
-        """The cell."""
+        """Cell of the claim."""
         return Cell(*(getattr(self, name) for name in Cell._fields))
 
-    def means(self) -> StoredCell:
-        """It as if its means were what one game came to, by which a leaderboard has the same means."""
+    def as_single_game(self) -> StoredCell:
+        """Return the cell with its means as the scores of a single game. A leaderboard of it has the same means."""
         rows = []
         for one in self.attacks:
             measured = {name: [score.mean] for name, score in one.measured}
@@ -113,8 +122,8 @@ class CellClaim(UntrustedModel):
         return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
 
 
-class Standing(UntrustedModel):
-    """The scores of a trust model, see `board.Standing`."""
+class ModelScores(UntrustedModel):
+    """Scores of a trust model, see `LeaderboardRow`."""
 
     clean: Score
     worst: Score
@@ -125,14 +134,14 @@ class Standing(UntrustedModel):
 
 
 class Package(UntrustedModel):
-    """This one."""
+    """Name and version of this package."""
 
     name: Word
     version: Word
 
 
 class Software(UntrustedModel):
-    """What decides which numbers come out, see `files.software`."""
+    """Software that determines the numbers, see `roletrust_env.storage.provenance.software`."""
 
     package: Package
     python: Word
@@ -140,111 +149,132 @@ class Software(UntrustedModel):
 
 
 class Submission(UntrustedModel):
-    """All of it."""
+    """Content of a submission file."""
 
     format: Literal[1] = 1
     software: Software
     processor: Word
-    """That all cells were played on; empty if they were played on several machines."""
+    """Processor that played all cells. Empty if several machines played them."""
     suite: dict[str, Any]
-    """That was played: with all fields of its scenarios, and with these trust models only."""
+    """Fields of the suite, with all fields of its scenarios and only the submitted trust models."""
     suite_sha256: Sha256
-    """Of the suite without its models, see `fingerprint`."""
+    """Hash of the suite without its models, see `fingerprint`."""
     models: dict[Name, Source]
     attacks: dict[Name, Source]
-    standings: dict[Name, Standing]
+    standings: dict[Name, ModelScores]
     cells: tuple[CellClaim, ...]
 
 
-def submitted(store: Store, names: Sequence[str] = (), *, allow_code: bool = False) -> Submission:
-    """What a run found of some trust models.
+def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool = False) -> Submission:
+    """Return a submission of trust models of a run.
 
     Args:
-        store: the run's file.
-        names: of the models, which may then be anybody's; by default all of the run.
-        allow_code: whether the file may name what is not installed.
+        store: File of the run.
+        names: Names of the models, which need not be installed. Empty means all models of the run.
+        allow_code: Allow the file to name models and attacks that are not installed.
 
     Raises:
-        ValueError: the run is not whole, has not these models, is not one for robustness or was played with other
-            software, or its file names what is not installed.
+        ValueError: The run is incomplete, does not contain a model, is not a robustness run, was played with other
+            software, or names a model or an attack that is not installed.
     """
     if not isinstance(store.suite, Suite):
-        raise ValueError(f"{store.path} is of a suite for {store.suite.kind}; only one for robustness is submitted")
+        raise ValueError(f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be submitted")
     if store.software != software():
-        raise ValueError(f"{store.path} was made with other versions of the software; submit it with those")
-    known = models(store.suite)
+        raise ValueError(f"{store.path} was written with other software versions; submit it with those versions")
+    known = model_names(store.suite)
     if unknown := [name for name in names if name not in known]:
         raise ValueError(f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
-    suite = as_played(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
+    suite = self_contained(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
     if not allow_code:
         check_installed(trust_models, [name for name in suite.models if name not in names])
         check_installed(attackers, suite.attacks)
     store.check_sources(suite)
-    found = {cell.key: StoredCell(cell, done) for cell, done in store.all() if cell.model in suite.models}
+    stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
     every = cells(suite)
-    if bad := [cell.key for cell in every if cell.key not in found or found[cell.key].done.failed]:
+    if bad := [cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed]:
         raise ValueError(
-            f"{store.path}: {len(bad)} of {len(every)} cells failed or are not played, such as {bad[0]}; what is "
-            "submitted is whole"
+            f"{store.path}: {len(bad)} of {len(every)} cells failed or have not been played, such as {bad[0]}; only "
+            "complete runs can be submitted"
         )
-    kept = [found[cell.key] for cell in every]
+    ordered = [stored[cell.key] for cell in every]
     try:
         return Submission(
             software=Software.model_validate(store.software),
             processor=processor() if store.hosts() == {platform.node()} else "",
             suite=suite.model_dump(mode="json"),
             suite_sha256=fingerprint(suite),
-            **sources(suite),
-            standings=scores(suite, kept),
-            cells=tuple(claimed(cell, done) for cell, done in kept),
+            **suite_sources(suite),
+            standings=model_scores(suite, ordered),
+            cells=tuple(make_claim(cell, result) for cell, result in ordered),
         )
     except ValidationError as error:
         raise ValueError(f"{store.path}: {explain(error)}") from None
 
 
-def as_played(suite: Suite, names: Sequence[str]) -> Suite:
-    """A suite with some models, its attacks by name, and its scenarios whole, as no file or version changes them."""
+def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
+    """Return a suite that does not depend on other files or versions: its attacks by name, its scenarios in full.
+
+    Args:
+        suite: Suite to change.
+        names: Names of the models.
+    """
     stages = {
-        name: Stage(preset=STAGE, set=stage.scenario().model_dump(mode="json"))
+        name: Stage(preset=BASE_PRESET, set=stage.scenario().model_dump(mode="json"))
         for name, stage in suite.scenarios.items()
     }
-    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(attacks(suite)), "scenarios": stages})
+    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(attack_names(suite)), "scenarios": stages})
 
 
 def fingerprint(suite: Suite) -> str:
-    """What two suites have in common by which the same is done to models: SHA-256 of it all but the models."""
+    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way.
+
+    Args:
+        suite: Suite to hash.
+    """
     data = suite.model_dump(mode="json", exclude={"models"})
     return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
-def sources(suite: Suite) -> dict[str, Any]:
-    """The sources of the models and of the attacks of a suite, by name."""
+def suite_sources(suite: Suite) -> dict[str, Any]:
+    """Return the sources of the models and the attacks of a suite, by name."""
     return {
         "models": {name: source_of(named_factory(trust_models, name)) for name in suite.models},
         "attacks": {name: source_of(named_factory(attackers, name)) for name in suite.attacks},
     }
 
 
-def scores(suite: Suite, kept: Sequence[StoredCell]) -> dict[str, Standing]:
-    """What the leaderboard says of each model, of all cells of a suite in any order."""
-    found = {one.cell.key: one for one in kept}
-    in_order = [found[cell.key] for cell in cells(suite)]  # sums depend on it in their last bits
-    rows = leaderboard_rows(suite, in_order, models(suite), len(kept) // len(suite.models))
+def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelScores]:
+    """Return the scores of each model on the leaderboard.
+
+    Args:
+        suite: Suite of the cells.
+        stored: All cells of the suite with their results, in any order.
+    """
+    by_key = {one.cell.key: one for one in stored}
+    in_order = [by_key[cell.key] for cell in cells(suite)]  # the order changes the last bits of sums
+    rows = leaderboard_rows(suite, in_order, model_names(suite), len(stored) // len(suite.models))
     return {
-        row.model: Standing(**{name: Score.told(*getattr(row, name)[:2]) for name in Standing.model_fields})
+        row.model: ModelScores(
+            **{name: Score.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
+        )
         for row in rows
     }
 
 
-def claimed(cell: Cell, done: CellResult) -> CellClaim:
-    """What is claimed of a cell."""
+def make_claim(cell: Cell, result: CellResult) -> CellClaim:
+    """Return the claim for a cell.
+
+    Args:
+        cell: The cell.
+        result: Result of the cell.
+    """
     rows = tuple(
         Claim(
             attack=row.attack,
             rounds=row.rounds,
-            chosen=float(over_games(numbers(row.chosen["utility"])).mean),
-            measured=Measures(**{name: Score.of(values) for name, values in row.measured.items()}),
+            chosen=float(over_games(as_array(row.chosen["utility"])).mean),
+            measured=ClaimedMetrics(**{name: Score.of(values) for name, values in row.measured.items()}),
         )
-        for row in done.rows
+        for row in result.rows
     )
     return CellClaim(**cell._asdict(), attacks=rows)

@@ -1,4 +1,4 @@
-"""A suite: what is played under attack, by whom and how often, as frozen data."""
+"""Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
 
 import tomllib
 from collections.abc import Mapping
@@ -10,29 +10,29 @@ from pydantic import Field, PositiveInt, ValidationError, model_validator
 
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.benchmark.learners.suite import LearnersSuite
-from roletrust_env.benchmark.schema import SuiteSchema, Text, check_unique
+from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.errors import explain, suggest
 from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal["scripted", "random search", "CMA-ES", "PPO", "white-box planner"]
-"""A way to attack. The planner sees all; what it finds is told beside the others, and is never the worst case."""
+"""Way to find an attack. The planner has full knowledge, so its result is shown apart and is never the worst case."""
 
 PLANNER = "white-box planner"
 """Name of the rung that follows gradients."""
 
-OPEN: frozenset[str] = frozenset({PLANNER})
-"""Rungs that know more than an attacker has in life."""
+WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
+"""Rungs that use knowledge that a real attacker does not have."""
 
 _Part = Annotated[float, Field(gt=0, lt=1)]
 
 
 class Stage(FrozenModel):
-    """A scenario of a suite."""
+    """Scenario of a suite."""
 
-    preset: Text
+    preset: Label
     """Name of a scenario, or path of its file."""
     set: dict[str, Any] = Field(default_factory=dict)
-    """Fields of it that are changed."""
+    """Changed fields of the scenario."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -40,59 +40,59 @@ class Stage(FrozenModel):
         return self
 
     def scenario(self) -> Scenario:
-        """The scenario."""
+        """Return the scenario with its changed fields."""
         rules = make_scenario(self.preset)
         return rules.change(**self.set) if self.set else rules
 
 
 class Track(FrozenModel):
-    """Who is compromised, and what the world does besides."""
+    """Compromised agents, and changes of the world in which they act."""
 
     roles: tuple[Literal["SR", "SP"], ...] = ()
-    """Of the compromised agents: raters, providers, both; none, and everybody is honest."""
+    """Roles of the compromised agents: raters, providers or both. Without a role all agents are honest."""
     shares: tuple[_Part, ...] = ()
-    """Of the agents of each of these roles, rounded, at least one."""
+    """Shares of compromised agents in each of these roles. The number is rounded and at least one."""
     reserve: Annotated[int, Field(ge=0, le=100)] = 0
-    """Identities in reserve of each compromised agent; with some, the attacks are those that use them."""
+    """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
     set: dict[str, Any] = Field(default_factory=dict)
-    """Fields of every scenario that are changed."""
+    """Changed fields of every scenario."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if bool(self.roles) != bool(self.shares):
-            raise ValueError("roles and shares go together: both, or neither where everybody is honest")
+            raise ValueError("roles and shares must both be given, or both be empty if all agents are honest")
         if self.reserve and not self.roles:
-            raise ValueError(f"reserve is {self.reserve}; it is for compromised agents, and there are none")
+            raise ValueError(f"reserve is {self.reserve}, but the track has no compromised agents")
         return self
 
 
 class Suite(SuiteSchema):
-    """A benchmark of trust models: models x scenarios x tracks x shares x rungs x seeds.
+    """Benchmark of trust models: models x scenarios x tracks x shares x rungs x seeds.
 
-    The worst case is chosen in as many games as it is measured in, others than these.
+    The worst case is chosen in one set of games and measured in another set of the same size.
     """
 
     kind: Literal["robustness"] = "robustness"
-    """Of suite."""
-    models: tuple[Text, ...] | Literal["all"] = "all"
-    """Trust models as `--model` takes them; or all that are registered or installed."""
-    attacks: tuple[Text, ...] | Literal["all"] = "all"
-    """Scripted attacks as `--attack` takes them behind its =; or all that are registered or installed."""
-    scenarios: dict[Text, Stage]
-    """By the name that they have in the suite."""
-    tracks: dict[Text, Track]
-    """By name. One without roles shows what a model is worth while everybody is honest."""
+    """Type of the suite."""
+    models: tuple[Label, ...] | Literal["all"] = "all"
+    """Specs of trust models. `all` means all registered or installed ones."""
+    attacks: tuple[Label, ...] | Literal["all"] = "all"
+    """Specs of scripted attacks. `all` means all registered or installed ones."""
+    scenarios: dict[Label, Stage]
+    """Scenarios by their name in the suite."""
+    tracks: dict[Label, Track]
+    """Tracks by name. A track without roles measures a model while all agents are honest."""
     rungs: tuple[Rung, ...] = ("scripted", "random search", "CMA-ES", "PPO", "white-box planner")
-    """Ways to attack, each with the same budget; scripts at their defaults need none."""
+    """Ways to find attacks, each with the same budget. Scripted attacks with default parameters need no budget."""
     budget: PositiveInt = 100_000
-    """Game rounds, rounds x games, that each search, learner and planner may play for each cell."""
+    """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.scenarios or not self.tracks or not self.rungs:
-            raise ValueError("scenarios, tracks and rungs must each have one at least")
+            raise ValueError("scenarios, tracks and rungs must not be empty")
         if not self.models or not self.attacks:
-            raise ValueError("models and attacks must each have one at least, or be 'all'")
+            raise ValueError("models and attacks must not be empty")
         check_unique(rungs=self.rungs)
         for what, names in (("models", self.models), ("attacks", self.attacks)):
             if not isinstance(names, str):
@@ -101,16 +101,19 @@ class Suite(SuiteSchema):
 
 
 def suites() -> dict[str, str]:
-    """The suites that come with the project: name and one line of description."""
+    """Return the descriptions of the suites of the project, by name."""
     names = sorted(path.name.removesuffix(".toml") for path in _FOLDER.iterdir() if path.name.endswith(".toml"))
     return {name: load_suite(name).description for name in names}
 
 
 def load_suite(suite: str | Path) -> Suite | LearnersSuite:
-    """A suite by its name, or from a TOML file.
+    """Return a suite by name, or from a TOML file.
+
+    Args:
+        suite: Name of a suite, or path of a file that ends in `.toml`.
 
     Raises:
-        ValueError: the name is unknown, or the file cannot be read or holds no valid suite.
+        ValueError: The name is unknown, or the file cannot be read or does not contain a valid suite.
     """
     path = Path(suite)
     if path.suffix == ".toml":
@@ -126,23 +129,27 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
 
 
 def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
-    """A suite of plain data.
+    """Return a suite from plain data.
+
+    Args:
+        data: Fields of the suite.
+        source: Origin of the data, for error messages.
 
     Raises:
-        ValueError: names each wrong field, its value and what is allowed.
+        ValueError: A field is wrong. The message states its value and the allowed ones.
     """
     if not isinstance(data, Mapping):
-        raise ValueError(f"{source}: a suite has fields, and this is none: {str(data)[:100]!r}")
+        raise ValueError(f"{source}: a suite must be a table of fields, not {str(data)[:100]!r}")
     kind = str(data.get("kind", "robustness"))
-    if kind not in _KINDS:
-        raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_KINDS)}")
+    if kind not in _TYPES:
+        raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_TYPES)}")
     try:
-        return _KINDS[kind].model_validate(data)
+        return _TYPES[kind].model_validate(data)
     except ValidationError as error:
         raise ValueError(f"{source}: {explain(error)}") from None
 
 
-_KINDS: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
+_TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _FOLDER = files("roletrust_env.benchmark") / "suites"
 
 
@@ -150,4 +157,4 @@ def _parse(text: str, source: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"suite {source} is no TOML: {error}") from None
+        raise ValueError(f"suite {source} is not valid TOML: {error}") from None

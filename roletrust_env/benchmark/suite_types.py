@@ -1,13 +1,13 @@
-"""The kinds of suites: of which cells each consists, and how one of them is played.
+"""The types of suites. Each type defines the cells of a suite and how a cell is played.
 
-Pools and the store know no more of a suite than this.
+Pools and the store use no other knowledge of a suite.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from roletrust_env.benchmark.cells import Cell, cells, named
-from roletrust_env.benchmark.learners import contestants
+from roletrust_env.benchmark.cells import Cell, cells, factories
+from roletrust_env.benchmark.learners import search_methods
 from roletrust_env.benchmark.learners.run_trial import play_trial
 from roletrust_env.benchmark.learners.suite import LearnersSuite, Trial, trials
 from roletrust_env.benchmark.run_cell import play_cell
@@ -19,27 +19,27 @@ AnyCell = Cell | Trial
 
 
 class SuiteType(NamedTuple):
-    """What there is to a kind of suite.
+    """Functions that define a type of suite.
 
     Attributes:
-        cell: makes a cell of its fields, by their names.
-        cells: all cells of a suite.
-        play: plays a cell of a suite.
-        named: what makes all that a suite names, and others may write and change.
+        cell: Constructor of a cell. It takes the fields of the cell as keyword arguments.
+        cells: Function that returns all cells of a suite.
+        play: Function that plays a cell of a suite.
+        factories: Function that returns the factories of everything that a suite names and users may replace.
     """
 
     cell: Callable[..., AnyCell]
     cells: Callable[[Any], list[Any]]
     play: Callable[[Any, Any], CellResult]
-    named: Callable[[Any], dict[str, Callable[..., Any]]]
+    factories: Callable[[Any], dict[str, Callable[..., Any]]]
 
 
-_KINDS = {
-    "robustness": SuiteType(Cell, cells, play_cell, named),
-    "learners": SuiteType(Trial, trials, play_trial, contestants.named),
+_TYPES = {
+    "robustness": SuiteType(Cell, cells, play_cell, factories),
+    "learners": SuiteType(Trial, trials, play_trial, search_methods.factories),
 }
 
 
 def suite_type(suite: AnySuite) -> SuiteType:
-    """The kind of a suite."""
-    return _KINDS[suite.kind]
+    """Return the type of a suite."""
+    return _TYPES[suite.kind]

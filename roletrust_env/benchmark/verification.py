@@ -1,7 +1,7 @@
-"""Whether a submission is what it says it is: what it claims against itself, against this machine, and measured again.
+"""Verification of submissions: their consistency, their sources, and their scores in a repeated run.
 
-A file comes from anybody. It is read strictly, nothing that it names is made before it is known to be installed, and
-what its numbers say of each other is looked at before any game is played.
+Submissions are untrusted files. They are parsed strictly, and nothing that they name is created before it is known to
+be installed. The consistency of their numbers is checked before any game is played.
 """
 
 import random
@@ -14,16 +14,16 @@ from roletrust_env.benchmark.schema import CellResult
 from roletrust_env.benchmark.sources import Source
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.submission import (
-    STAGE,
+    BASE_PRESET,
     CellClaim,
+    ModelScores,
     Score,
-    Standing,
     Submission,
-    as_played,
-    claimed,
     fingerprint,
-    scores,
-    sources,
+    make_claim,
+    model_scores,
+    self_contained,
+    suite_sources,
 )
 from roletrust_env.benchmark.suite import Suite, load_suite, read_suite, suites
 from roletrust_env.evaluation.resources import processor
@@ -34,235 +34,279 @@ from roletrust_env.storage.untrusted import check_scenario_size, parse_json, par
 from roletrust_env.trust.model import registry as trust_models
 
 MAX_BYTES = 64_000_000
-"""Of a file; some hundred bytes are enough for what one attack did to one model in one cell."""
+"""Maximum size of a file. A result of one attack takes some hundred bytes."""
 
 LONGEST_S = 3600.0
-"""A cell may take so long, whatever the suite says."""
+"""Maximum time limit of a cell in seconds, whatever limit the suite has."""
 
 _ROUNDING = 1e-9
-_MANY = 100
-"""Scenarios, and tracks, of a suite."""
+_MAX_PARTS = 100
+"""Maximum number of scenarios, and of tracks, in a suite."""
 
 
 class Check(NamedTuple):
-    """Something that was looked at.
+    """Result of a check.
 
     Attributes:
-        what: it was.
-        ok: whether it is as said.
-        words: what was found.
+        subject: Part of the submission.
+        ok: Whether the part is correct.
+        message: Explanation of the result.
     """
 
-    what: str
+    subject: str
     ok: bool
-    words: str
+    message: str
 
 
 def read_submission(path: Path) -> tuple[Submission, Suite]:
-    """A submission, and its suite as far as it can be known without making or importing what it names.
+    """Read a submission and its suite, without importing or creating anything that they name.
+
+    Args:
+        path: Path of the file.
 
     Raises:
-        ValueError: there is no such file, or something in it is not allowed.
-        OSError: it cannot be read.
+        ValueError: The file does not exist, or its content is not allowed.
+        OSError: The file cannot be read.
     """
     if not path.is_file():
-        raise ValueError(f"there is no file {path}; `roletrust submit` makes one")
+        raise ValueError(f"there is no file {path}; `roletrust submit` creates one")
     text = read_limited(path, MAX_BYTES)
     try:
         parse_json(text)
-        found = parse_untrusted(Submission, text)
-        return found, _suite(found)
+        submission = parse_untrusted(Submission, text)
+        return submission, _suite(submission)
     except ValueError as error:
         raise ValueError(f"submission {path}: {error}") from None
 
 
 def check_names(suite: Suite) -> None:
-    """See that all that a suite names is installed.
+    """Check that the models and the attacks of a suite are installed.
+
+    Args:
+        suite: Suite of a submission.
 
     Raises:
-        ValueError: something is not.
+        ValueError: A model or an attack is not installed.
     """
     check_installed(trust_models, suite.models)
     check_installed(attackers, suite.attacks)
 
 
-def same_here(found: Submission) -> bool:
-    """Whether this machine must come to the same numbers to the last bit."""
-    return found.software.model_dump() == software() and found.processor == processor()
+def is_same_platform(submission: Submission) -> bool:
+    """Return whether this machine has the same software and processor, and so must reproduce the numbers exactly.
+
+    Args:
+        submission: Submission to compare with.
+    """
+    return submission.software.model_dump() == software() and submission.processor == processor()
 
 
-def check_claims(found: Submission, suite: Suite) -> list[Check]:
-    """What can be told without playing: the suite, the software, the sources, and whether the scores follow.
+def check_claims(submission: Submission, suite: Suite) -> list[Check]:
+    """Check the claims that need no game: the suite, the software, the sources, and the consistency of the scores.
+
+    Args:
+        submission: Submission to check.
+        suite: Suite of the submission.
 
     Raises:
-        ValueError: a model or an attack cannot be loaded.
+        ValueError: A model or an attack cannot be loaded.
     """
-    here = sources(suite)
+    own = suite_sources(suite)
     return [
-        _check_suite(found, suite),
-        _check_software(found),
-        *_check_sources("model", found.models, here["models"]),
-        *_check_sources("attack", found.attacks, here["attacks"]),
-        *_check_scores("scores of", found.standings, scores(suite, [claim.means() for claim in found.cells]), _follows),
+        _check_suite(submission, suite),
+        _check_software(submission),
+        *_check_sources("model", submission.models, own["models"]),
+        *_check_sources("attack", submission.attacks, own["attacks"]),
+        *_check_model_scores(
+            "scores of",
+            submission.standings,
+            model_scores(suite, [claim.as_single_game() for claim in submission.cells]),
+            _is_consistent,
+        ),
     ]
 
 
-def sample(found: Submission, number: int, seed: int) -> list[CellClaim]:
-    """Some cells at random; all, if there are not so many."""
-    return random.Random(seed).sample(found.cells, min(number, len(found.cells)))
-
-
-def check_cell(claim: CellClaim, done: CellResult, same: bool) -> Check:
-    """What was measured again against what is claimed.
+def sample_claims(submission: Submission, number: int, seed: int) -> list[CellClaim]:
+    """Return a random sample of the claims, or all claims if there are fewer.
 
     Args:
-        claim: of a cell.
-        done: what became of it here.
-        same: whether it has to be the same to the last bit; else each mean has to be within the interval.
+        submission: Submission with the claims.
+        number: Number of claims.
+        seed: Random seed.
     """
-    what = f"cell {claim.cell.key}"
-    if done.failed:
-        return Check(what, False, f"failed here: {done.failed}")
-    here = claimed(claim.cell, done)
-    names, ours = ({one.attack: one for one in each.attacks} for each in (claim, here))
-    if odd := sorted(names.keys() ^ ours.keys()):
-        return Check(what, False, f"{odd[0]}: {'claimed only' if odd[0] in names else 'left out'}")
+    return random.Random(seed).sample(submission.cells, min(number, len(submission.cells)))
+
+
+def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
+    """Compare the claim for a cell with its result on this machine.
+
+    Args:
+        claim: Claim for the cell.
+        result: Result of the cell on this machine.
+        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
+    """
+    subject = f"cell {claim.cell.key}"
+    if result.failed:
+        return Check(subject, False, f"failed here: {result.failed}")
+    own_claim = make_claim(claim.cell, result)
+    claimed, own = ({one.attack: one for one in each.attacks} for each in (claim, own_claim))
+    if different := sorted(claimed.keys() ^ own.keys()):
+        name = different[0]
+        return Check(subject, False, f"{name}: {'only in the claim' if name in claimed else 'missing in the claim'}")
     if same:
-        wrong = [name for name in names if names[name] != ours[name]]
-        return Check(what, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
-    for name, one in names.items():
-        for measure, score in one.measured:
-            mine = getattr(ours[name].measured, measure)
-            if not _within(score, mine):
-                return Check(what, False, f"{name}, {measure}: claimed {score.words}, here {mine.words}")
-    return Check(what, True, "within the intervals")
+        wrong = [name for name in claimed if claimed[name] != own[name]]
+        return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
+    for name, one in claimed.items():
+        for metric, score in one.measured:
+            own_score = getattr(own[name].measured, metric)
+            if not _within(score, own_score):
+                return Check(subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}")
+    return Check(subject, True, "within the intervals")
 
 
-def check_all(found: Submission, suite: Suite, kept: Sequence[StoredCell], same: bool) -> list[Check]:
-    """The scores with their intervals, once all cells have been played again."""
+def check_scores(submission: Submission, suite: Suite, stored: Sequence[StoredCell], same: bool) -> list[Check]:
+    """Compare the scores of the models and their intervals with those of a complete run on this machine.
 
-    def fits(name: str, theirs: Score, mine: Score) -> bool:
-        return theirs == mine if same else _within(theirs, mine)
+    Args:
+        submission: Submission to check.
+        suite: Suite of the submission.
+        stored: All cells with their results on this machine.
+        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
+    """
 
-    return _check_scores("measured scores of", found.standings, scores(suite, kept), fits)
+    def agrees(name: str, claimed: Score, own: Score) -> bool:
+        return claimed == own if same else _within(claimed, own)
+
+    return _check_model_scores("measured scores of", submission.standings, model_scores(suite, stored), agrees)
 
 
-def _suite(found: Submission) -> Suite:
-    """The suite. Its fields are looked at before it is made: a name could be a path, a game too long to think of."""
-    stages, tracks = (_parts(found.suite.get(name)) for name in ("scenarios", "tracks"))
+def _suite(submission: Submission) -> Suite:
+    """Return the suite. Its fields are checked first, since a name could be a path and a game could be huge."""
+    stages, tracks = (_parts(submission.suite.get(name)) for name in ("scenarios", "tracks"))
     for stage in stages:
-        if stage.get("preset") != STAGE:
-            raise ValueError(f"suite: preset is {str(stage.get('preset'))[:100]!r}; in a submission all are {STAGE!r}")
+        if stage.get("preset") != BASE_PRESET:
+            raise ValueError(
+                f"suite: preset is {str(stage.get('preset'))[:100]!r}; it must be {BASE_PRESET!r} in a submission"
+            )
         for track in tracks:
-            whole = {**stage.get("set", {}), **track.get("set", {})}
-            if whole.get("frames") is not None:
-                raise ValueError(f"suite: frames is {str(whole['frames'])[:100]!r}; a submission comes without files")
-            check_scenario_size(whole)
-    suite = read_suite(found.suite, "suite")
+            fields = {**stage.get("set", {}), **track.get("set", {})}
+            if fields.get("frames") is not None:
+                raise ValueError(f"suite: frames is {str(fields['frames'])[:100]!r}; a submission must not use files")
+            check_scenario_size(fields)
+    suite = read_suite(submission.suite, "suite")
     if not isinstance(suite, Suite) or suite.models == "all" or suite.attacks == "all":
-        raise ValueError("suite: it must be one for robustness, with its models and attacks by name")
-    _check_same("models", suite.models, found.models)
-    _check_same("attacks", suite.attacks, found.attacks)
-    _check_same("standings", suite.models, found.standings)
+        raise ValueError("suite: it must be a robustness suite with its models and attacks by name")
+    _check_same("models", suite.models, submission.models)
+    _check_same("attacks", suite.attacks, submission.attacks)
+    _check_same("standings", suite.models, submission.standings)
     ways = sum(len(track.shares) * len(suite.rungs) or 1 for track in suite.tracks.values())
     number = len(suite.models) * len(suite.scenarios) * ways * len(suite.seeds)
-    if number != len(found.cells):  # before so many are made
-        raise ValueError(f"cells: there are {len(found.cells)}; the suite has {number}")
-    _check_same("cells", [cell.key for cell in cells(suite)], [claim.cell.key for claim in found.cells])
-    for claim in found.cells:
+    if number != len(submission.cells):  # checked before the cells are created
+        raise ValueError(f"cells: there are {len(submission.cells)}; the suite has {number}")
+    _check_same("cells", [cell.key for cell in cells(suite)], [claim.cell.key for claim in submission.cells])
+    for claim in submission.cells:
         if claim.rung == HONEST and len(claim.attacks) != 1:
-            raise ValueError(f"cells: {claim.cell.key} has {len(claim.attacks)} attacks; all are honest there")
+            raise ValueError(
+                f"cells: {claim.cell.key} has {len(claim.attacks)} attacks instead of one; all agents are honest there"
+            )
     return suite
 
 
-def _parts(given: Any) -> list[dict[str, Any]]:
-    """The scenarios or the tracks of a suite, as far as they have the form of some."""
-    parts = list(given.values()) if isinstance(given, dict) else []
+def _parts(data: Any) -> list[dict[str, Any]]:
+    """Return the scenarios or the tracks of a suite after a check of their form."""
+    parts = list(data.values()) if isinstance(data, dict) else []
     for part in parts:
         if not isinstance(part, dict) or not isinstance(part.get("set", {}), dict):
             raise ValueError(f"suite: {str(part)[:100]!r} is neither a scenario nor a track")
-    if not 0 < len(parts) <= _MANY:
-        raise ValueError(f"suite: scenarios and tracks must each have one to {_MANY}")
+    if not 0 < len(parts) <= _MAX_PARTS:
+        raise ValueError(f"suite: the number of scenarios and that of tracks must be 1 to {_MAX_PARTS}")
     return parts
 
 
-def _check_same(what: str, expected: Iterable[str], given: Iterable[str]) -> None:
-    """See that the same things are there, each once."""
-    wanted, found = sorted(expected), sorted(given)
-    if wanted != found:
-        odd = sorted(set(wanted) ^ set(found)) or found
-        raise ValueError(f"{what}: not those of the suite, such as {odd[0][:300]!r}")
+def _check_same(field: str, expected: Iterable[str], actual: Iterable[str]) -> None:
+    """Check that a field contains the expected names, each once."""
+    required, present = sorted(expected), sorted(actual)
+    if required != present:
+        different = sorted(set(required) ^ set(present)) or present
+        raise ValueError(f"{field}: not those of the suite, such as {different[0][:300]!r}")
 
 
-def _check_suite(found: Submission, suite: Suite) -> Check:
-    if fingerprint(suite) != found.suite_sha256:
-        return Check("suite", False, "it has another hash than is said")
+def _check_suite(submission: Submission, suite: Suite) -> Check:
+    if fingerprint(suite) != submission.suite_sha256:
+        return Check("suite", False, "its hash is not the stated one")
     if suite.name not in suites():
-        return Check("suite", True, "one that does not come with this package")
-    ours = load_suite(suite.name)
-    if isinstance(ours, Suite) and fingerprint(as_played(ours, suite.models)) == found.suite_sha256:
-        return Check("suite", True, f"{suite.name}, as it comes with this package")
-    return Check("suite", False, f"it is called {suite.name}, and is not the one that comes with this package")
+        return Check("suite", True, "not a suite of this package")
+    bundled = load_suite(suite.name)
+    if isinstance(bundled, Suite) and fingerprint(self_contained(bundled, suite.models)) == submission.suite_sha256:
+        return Check("suite", True, f"{suite.name}, the same as in this package")
+    return Check("suite", False, f"its name is {suite.name}, but it differs from that suite of this package")
 
 
-def _check_software(found: Submission) -> Check:
-    if same_here(found):
+def _check_software(submission: Submission) -> Check:
+    if is_same_platform(submission):
         return Check("software", True, "the same, and the same processor: numbers must be the same to the last bit")
-    theirs, mine = found.software.model_dump(), software()
-    packages = sorted({**theirs["packages"], **mine["packages"]})
-    other = [name for name in ("package", "python") if theirs[name] != mine[name]]
-    other += [name for name in packages if theirs["packages"].get(name) != mine["packages"].get(name)]
-    other += ["processor"] if found.processor != processor() else []
+    claimed, own = submission.software.model_dump(), software()
+    packages = sorted({**claimed["packages"], **own["packages"]})
+    other = [name for name in ("package", "python") if claimed[name] != own[name]]
+    other += [name for name in packages if claimed["packages"].get(name) != own["packages"].get(name)]
+    other += ["processor"] if submission.processor != processor() else []
     return Check("software", True, f"not the same ({', '.join(other)}): numbers must be within the intervals")
 
 
-def _check_sources(what: str, theirs: Mapping[str, Source], mine: Mapping[str, Source]) -> list[Check]:
-    """Sources that differ; those of another version of their package may."""
+def _check_sources(label: str, claimed: Mapping[str, Source], own: Mapping[str, Source]) -> list[Check]:
+    """Compare the sources. They may differ only between different versions of the same package."""
     checks = []
-    for name, said in theirs.items():
-        here = mine[name]
-        if said == here:
+    for name, source in claimed.items():
+        own_source = own[name]
+        if source == own_source:
             continue
-        excused = said.package == here.package != "" and said.version != here.version
-        words = f"other source, of {said.package} {said.version}; here is {here.version}"
-        checks.append(Check(f"{what} {name}", excused, words if excused else "another source than here"))
-    same, ok = len(theirs) - len(checks), all(check.ok for check in checks)
-    return [Check(f"{what}s", ok, f"{same} of {len(theirs)} have the same source as here"), *checks]
+        allowed = source.package == own_source.package != "" and source.version != own_source.version
+        message = f"other source, from {source.package} {source.version}; here it is {own_source.version}"
+        checks.append(Check(f"{label} {name}", allowed, message if allowed else "another source than here"))
+    same, ok = len(claimed) - len(checks), all(check.ok for check in checks)
+    return [Check(f"{label}s", ok, f"{same} of {len(claimed)} have the same source as here"), *checks]
 
 
-def _check_scores(
-    what: str,
-    theirs: Mapping[str, Standing],
-    mine: Mapping[str, Standing],
-    fits: Callable[[str, Score, Score], bool],
+def _check_model_scores(
+    label: str,
+    claimed: Mapping[str, ModelScores],
+    own: Mapping[str, ModelScores],
+    agrees: Callable[[str, Score, Score], bool],
 ) -> list[Check]:
-    """The scores of each model; `fits` says of one, by its name, whether what is claimed goes with what was found."""
+    """Compare the scores of each model.
+
+    Args:
+        label: Start of the subject of each check.
+        claimed: Scores in the submission.
+        own: Scores that were computed here.
+        agrees: Function of the name of a score, its claimed value and its own value.
+    """
     checks = []
-    for model, standing in theirs.items():
+    for model, scores in claimed.items():
         wrong = ""
-        for name, score in standing:
-            other = getattr(mine[model], name)
-            if not fits(name, score, other):
-                wrong = wrong or f"{name}: claimed {score.words}, found {other.words}"
-        checks.append(Check(f"{what} {model}", not wrong, wrong or f"worst case {standing.worst.words}"))
+        for name, score in scores:
+            own_score = getattr(own[model], name)
+            if not agrees(name, score, own_score):
+                wrong = wrong or f"{name}: claimed {score.text}, computed {own_score.text}"
+        checks.append(Check(f"{label} {model}", not wrong, wrong or f"worst case {scores.worst.text}"))
     return checks
 
 
-def _follows(name: str, theirs: Score, mine: Score) -> bool:
-    """Whether a score is what the means of the cells come to.
+def _is_consistent(name: str, claimed: Score, own: Score) -> bool:
+    """Return whether a score follows from the means of the cells.
 
-    Where damage or AUC is undefined in some games only, the mean of means is not quite the mean.
+    If damage or AUC is undefined in some games, the mean of the cell means differs slightly from the mean of all games.
     """
     if name in ("damage", "detection"):
-        return _within(theirs, mine)
-    return theirs.mean == mine.mean or (
-        theirs.mean is not None and mine.mean is not None and abs(theirs.mean - mine.mean) <= _ROUNDING
+        return _within(claimed, own)
+    return claimed.mean == own.mean or (
+        claimed.mean is not None and own.mean is not None and abs(claimed.mean - own.mean) <= _ROUNDING
     )
 
 
-def _within(theirs: Score, mine: Score) -> bool:
-    """Whether two means differ by no more than luck allows; by the interval found here, or else the claimed one."""
-    if theirs.mean is None or mine.mean is None:
-        return theirs.mean == mine.mean
-    half = mine.half_95 if mine.half_95 is not None else theirs.half_95 or 0.0
-    return abs(theirs.mean - mine.mean) <= half * 2**0.5 + _ROUNDING
+def _within(claimed: Score, own: Score) -> bool:
+    """Return whether two means differ by sampling noise at most, by the own interval or else the claimed one."""
+    if claimed.mean is None or own.mean is None:
+        return claimed.mean == own.mean
+    half = own.half_95 if own.half_95 is not None else claimed.half_95 or 0.0
+    return abs(claimed.mean - own.mean) <= half * 2**0.5 + _ROUNDING

@@ -19,7 +19,7 @@ Vector = npt.NDArray[np.float32]
 
 
 def task_spaces(task: AttackTask) -> tuple[Box, Box]:
-    """The observation space and the action space of one game of a task."""
+    """Return the observation space and the action space of one game of a task."""
     trial = TaskBatch(task)
     trial.restart(task.game.random(0))  # the shape does not depend on the seed
     bound = np.inf if task.knowledge == "white_box" else 1.0

@@ -55,7 +55,7 @@ class JointAction:
         return self._split(joint)
 
     def _joined(self, actions: Mapping[str, Any], agents: Sequence[str]) -> npt.NDArray[np.float64]:
-        """The actions in one vector; a quick path, which does not check the single actions."""
+        """Return the actions in one vector; a quick path without a check of single actions."""
         if len(agents) < len(self._sizes):
             return self._placed({agent: actions[agent] for agent in agents})
         parts = [actions[agent] for agent in agents]
@@ -67,7 +67,7 @@ class JointAction:
         return joint
 
     def _placed(self, actions: Mapping[str, Any]) -> npt.NDArray[np.float64]:
-        """The actions of some agents in one vector, with 0 for the others."""
+        """Return the actions of some agents in one vector, with 0 for the others."""
         joint = np.zeros(self._size)
         for agent, action in actions.items():
             shape, place = self._slots[agent]
@@ -107,7 +107,7 @@ class JointAction:
         return f"the action of {agent!r} holds {wrong[0]}; every entry must lie in [0, 1]" if wrong.size else None
 
     def _split(self, joint: npt.NDArray[np.float64]) -> Actions:
-        """The qualities and the ratings in the vector of all actions."""
+        """Return the qualities and the ratings in the vector of all actions."""
         roster, p = self._roster, self._roster.n_providers
         n_sr, n_sp = roster.n_raters - roster.n_both, roster.n_providers - roster.n_both
         ratings, quality = joint[: n_sr * p].reshape(n_sr, p), joint[n_sr * p : n_sr * p + n_sp]

@@ -88,7 +88,7 @@ class AttackVecEnv(Slots):
         return Step(outcome.reward, outcome.caught, outcome.over & ~outcome.caught, infos)
 
     def _honest_trust(self, trust: Floats) -> Floats:
-        """The mean trust of the honest agents that are present, (E,); NaN without any."""
+        """Return the mean trust of the honest agents that are present, (E,); NaN without any."""
         present = self.task.game.present(self._batch.games)
         there = np.ones_like(trust) if present is None else present.astype(trust.dtype)
         number = there[self._honest].sum(axis=0)

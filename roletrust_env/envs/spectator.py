@@ -103,7 +103,7 @@ class Spectator:
 
 
 def _image(game: Game, state: State, curves: Any, attackers: tuple[str, ...]) -> str:
-    """A picture of a state as an HTML element."""
+    """Return a picture of a state as an HTML element."""
     from roletrust_env.rendering.renderer import Renderer
 
     renderer = Renderer(game, "rgb_array")

@@ -196,7 +196,7 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         )
 
     def _infos(self, objective: Array, cost: Array, games: Array | None = None) -> dict[str, Array]:
-        """The infos of all games, or of some games, (E,), with the masks of Gymnasium."""
+        """Return the infos of all games, or of some games, (E,), with the masks of Gymnasium."""
         xp = namespace(objective)
         mask = xp.ones_like(objective, dtype=xp.bool) if games is None else games
         return {"objective": objective, "_objective": mask, "cost": cost, "_cost": mask}

@@ -1,4 +1,4 @@
-"""What is written behind `--attack`, `--model` and `--set`, as policies, models and values."""
+"""Specs: the texts behind `--attack`, `--model` and `--set`, as policies, models and values."""
 
 import inspect
 import os
@@ -31,7 +31,7 @@ _SHARED = {"lam": "lam", "initial": "initial_trust"}
 
 
 def parse_value(text: str) -> Any:
-    """A value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else the text itself.
+    """Return a value as TOML has it (`3`, `0.5`, `true`, `[0, 1]`, `{kind = "choice"}`), or else the text itself.
 
     Example:
         >>> parse_value("0.5"), parse_value("[0, 1]"), parse_value("random")
@@ -45,14 +45,14 @@ def parse_value(text: str) -> Any:
 
 
 def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
-    """`field=value` texts as a dict.
+    """Return the fields of texts of the form `field=value`.
 
     Args:
-        settings: the texts.
-        option: where they come from, for error messages.
+        settings: Texts.
+        option: Name of their option in error messages.
 
     Raises:
-        ValueError: a text is not of that form, or names a field again.
+        ValueError: A text has another form, or a field occurs twice.
     """
     parsed: dict[str, Any] = {}
     for setting in settings:
@@ -67,10 +67,10 @@ def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, 
 
 
 def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
-    """The scenario with the settings of `--set`.
+    """Return the scenario with the settings of `--set`.
 
     Raises:
-        ValueError: a field does not exist or a value is not allowed.
+        ValueError: A field does not exist or a value is not allowed.
     """
     fields = [*Scenario.model_fields, "noise"]
     for field in settings:
@@ -80,16 +80,16 @@ def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
 
 
 def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]:
-    """`AGENT=NAME:key=value,key=value` texts as policies by agent.
+    """Return the policies of texts of the form `AGENT=NAME:key=value,...`, by agent.
 
     Args:
-        texts: AGENT may be a pattern, such as `sr_*` or `sr_[0-2]`; NAME may be `package.module:Class`; the places in
-            `targets`, `accomplices` and `raters` may be names of agents. Accomplices that are not given are all the
-            providers that attack, and the length of the game is the scenario's, where an attack asks for them.
-        scenario: whose agents they are.
+        texts: Texts. AGENT may be a pattern such as `sr_*` or `sr_[0-2]`, NAME may be `package.module:Class`, and
+            `targets`, `accomplices` and `raters` may hold names of agents. An attack that needs accomplices or the
+            length of the game gets all attacking providers, and the length from the scenario.
+        scenario: Scenario with the agents.
 
     Raises:
-        ValueError: a text is not of that form, names no agent or an agent again, or the attacker cannot be made.
+        ValueError: A text has another form, names no agent or names an agent twice, or the attack cannot be made.
     """
     roster, seated = Roster.of(scenario), []
     for text in texts:
@@ -113,14 +113,14 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
 
 
 def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, ...]:
-    """`NAME` or `NAME:key=value,...` texts as kinds of attack whose other parameters are searched.
+    """Return the kinds of attack of texts of the form `NAME[:key=value,...]`; their other parameters are searched.
 
     Args:
-        texts: as behind the = of `parse_attacks`.
-        scenario: whose agents `targets` and `accomplices` may name.
+        texts: Texts as behind the `=` of `parse_attacks`.
+        scenario: Scenario with the agents that `targets` and `accomplices` may name.
 
     Raises:
-        ValueError: a text is not of that form, or the attack has no such parameter.
+        ValueError: A text has another form, or the attack has no such parameter.
     """
     kinds, roster = [], Roster.of(scenario)
     for text in texts:
@@ -135,7 +135,7 @@ def parse_kinds(texts: Sequence[str], scenario: Scenario) -> tuple[AttackKind, .
 
 
 def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None) -> TrustModel[Any]:
-    """`NAME` or `NAME:key=value,...` as a trust model. Arguments and errors as for `read_trust_model`."""
+    """Return the trust model of a text `NAME[:key=value,...]`. Arguments and errors as for `read_trust_model`."""
     registry, name, parameters = read_trust_model(text, scenario, settings)
     model: TrustModel[Any] = _made(registry, name, parameters, text)
     return model
@@ -144,15 +144,17 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
 def read_trust_model(
     text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
 ) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """Where a trust model is found, its name there and its parameters, the scenario's own where they are not given.
+    """Return the registry of a trust model, its name there and its parameters.
+
+    Parameters that are not given come from the scenario.
 
     Args:
-        text: NAME may be `package.module:Class`.
-        scenario: that it is for, as changed by the settings.
-        settings: what `--set` says.
+        text: Text `NAME[:key=value,...]`; NAME may be `package.module:Class`.
+        scenario: Scenario of the model, with the settings.
+        settings: Fields that `--set` changes.
 
     Raises:
-        ValueError: the name is unknown, the model does not take these parameters, or the settings contradict them.
+        ValueError: The name is unknown, the model has no such parameter, or the settings contradict the parameters.
     """
     registry, name, parameters = _parsed(trust_models, text)
     for key, field in _SHARED.items():
@@ -163,20 +165,20 @@ def read_trust_model(
 
 
 def parse_named(registry: Registry[T], text: str) -> T:
-    """The thing of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+    """Return the entry of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
-        ValueError: the name is unknown, what it names is not of the registry's kind, or it cannot be made so.
+        ValueError: The name is unknown, it names something of another kind, or the entry cannot be made.
     """
     made: T = _made(*_parsed(registry, text), text)
     return made
 
 
 def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
-    """What makes the thing that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+    """Return the factory of the entry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
 
     Raises:
-        ValueError: the name is unknown, or what it names is not of the registry's kind.
+        ValueError: The name is unknown, or it names something of another kind.
     """
     found, name, _ = _parsed(registry, text)
     factory: Callable[..., T] = found.factory(name)
@@ -184,14 +186,14 @@ def named_factory(registry: Registry[T], text: str) -> Callable[..., T]:
 
 
 def check_installed(registry: Registry[Any], texts: Sequence[str] | str) -> None:
-    """See that names from a file are those of what is installed: nothing else is imported for a file's sake.
+    """Refuse names from a file that are not installed, so that a file cannot make Python import a module.
 
     Args:
-        registry: of the things that are named.
-        texts: their names, with parameters; a single word, such as `all`, names nothing.
+        registry: Registry of the names.
+        texts: Names with parameters; a single word such as `all` names nothing.
 
     Raises:
-        ValueError: a name is none of the registry's.
+        ValueError: A name is not in the registry.
     """
     for text in () if isinstance(texts, str) else texts:
         if text.strip().partition(":")[0] not in registry.names():
@@ -220,7 +222,7 @@ def _parameters(rest: str, text: str) -> dict[str, Any]:
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """Where a thing is found, its name there and its parameters, from `NAME:...` or `package.module:Class:...`."""
+    """Return the registry, the name and the parameters of `NAME:...` or `package.module:Class:...`."""
     name, _, rest = text.strip().partition(":")
     owner, _, after = rest.partition(":")
     if name not in registry:
@@ -232,7 +234,7 @@ def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dic
 
 
 def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """The same of an attack, with its places by number."""
+    """Return the same for an attack, with names of agents replaced by indices."""
     registry, name, parameters = _parsed(attackers, text)
     axes = ((_PROVIDERS, "providers", roster.provider_names), (_RATERS, "raters", roster.rater_names))
     for keys, who, names in axes:
@@ -253,7 +255,7 @@ def _explain_unknown(registry: Registry[Any], name: str) -> None:
 
 
 def _own(registry: Registry[Any], module: str, name: str) -> Registry[Any]:
-    """A registry of the one class `name` in a module that can be imported, also from the folder we are in."""
+    """Return a registry of one class in a module, which may lie in the current folder."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     return registry.for_class(module, name)
@@ -279,7 +281,7 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
 
 
 def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
-    """Places with the names among them, such as `[sp_1,sp_2]` or `sp_1`, as places on the axis of the names."""
+    """Return indices, with the names of agents among them replaced, such as `[sp_1,sp_2]` or `sp_1`."""
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
     if isinstance(given, int) and not isinstance(given, bool):
@@ -293,7 +295,7 @@ def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
 
 
 def _agents(pattern: str, names: Sequence[str]) -> list[str]:
-    """The agents that a pattern names; the game itself checks a plain name."""
+    """Return the agents that match a pattern; a plain name is checked by the game."""
     if not any(character in pattern for character in "*?["):
         return [pattern]
     found = [name for name in names if fnmatchcase(name, pattern)]
@@ -303,7 +305,7 @@ def _agents(pattern: str, names: Sequence[str]) -> list[str]:
 
 
 def _frozen(value: Any) -> Any:
-    """Lists as tuples, so that a policy that holds them can be hashed."""
+    """Return lists as tuples, so that a policy that holds them can be hashed."""
     if isinstance(value, list):
         return tuple(_frozen(item) for item in value)
     return {key: _frozen(item) for key, item in value.items()} if isinstance(value, dict) else value

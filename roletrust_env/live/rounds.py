@@ -12,7 +12,7 @@ _Named = list[tuple[str, Message[Item]]]
 
 @dataclass(frozen=True)
 class RoundTiming:
-    """How long to wait for a round.
+    """The waiting times of a round.
 
     Attributes:
         period: Time between rounds, nanoseconds.

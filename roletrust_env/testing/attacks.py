@@ -149,18 +149,18 @@ def _game(attack: Policy, like: Array) -> Game:
 
 
 def _rounds(attack: Policy) -> int:
-    """The length of the game: 25 rounds, or as long as the attack is told."""
+    """Return the length of the game: 25 rounds, or the length that the attack has as a parameter."""
     return int(getattr(attack, "length", None) or 25)
 
 
 def _seated(game: Game, attack: Policy) -> JointPolicy:
-    """The attack at two agents with each of its channels; everybody else plays honestly."""
+    """Return the attack at two agents with each of its channels; everybody else plays honestly."""
     seats = dict.fromkeys(name for channel in sorted(attack.attacks) for name in _SEATS[channel])
     return JointPolicy(game, dict.fromkeys(seats, attack))
 
 
 def _played(attack: Policy, like: Array, batch: tuple[int, ...], chance: int = 4, honest: bool = False) -> list[Any]:
-    """The qualities, the ratings and the trust of every round."""
+    """Return the qualities, the ratings and the trust of every round."""
     game = _game(attack, like)
     players = JointPolicy(game, {}) if honest else _seated(game, attack)
     rounds: list[Round] = list(rollout(players, game.random(3), game.random(chance), batch))

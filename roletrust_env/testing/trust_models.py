@@ -256,7 +256,7 @@ def _tensors() -> list[Any]:
 
 
 def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape, Any]]:
-    """The shape and the dtype of each array of a state, each with the batch on its last axes."""
+    """Return the shape and the dtype of each array of a state, each with the batch on its last axes."""
     found = []
     for leaf in leaves(state):
         is_array = hasattr(leaf, "shape") and hasattr(leaf, "dtype")
@@ -268,7 +268,7 @@ def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape
 
 
 def _moved(n: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
-    """An order of n agents in which each has another position than before."""
+    """Return an order of n agents in which each has another position than before."""
     while True:
         order = rng.permutation(n)
         if not (order == np.arange(n)).any():

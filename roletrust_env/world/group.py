@@ -63,11 +63,11 @@ class AgentGroup(FrozenModel):
 
     @property
     def subjective(self) -> bool:
-        """Whether the raters of the group have a bias or a scale."""
+        """True if the raters of the group have a bias or a scale."""
         return self.bias != 0 or self.scale != 1
 
     @property
     def open(self) -> bool:
-        """Whether agents of the group join or leave during the game."""
+        """True if agents of the group join or leave during the game."""
         late = self.joins > 0 or self.join_rate < 1
         return late or self.leaves is not None or self.leave_rate > 0 or self.reserve > 0

@@ -37,7 +37,7 @@ class Presence:
     def __init__(self, scenario: Scenario, roster: Roster, like: Array) -> None:
         self._admission = scenario.admission
         self.changes = scenario.admission is not None or any(group.open for group in scenario.agents)
-        """Whether agents can join, leave or be cut off. If not, all agents are present in every round."""
+        """True if agents can join, leave or be cut off. If not, all agents are present in every round."""
 
         def column(values: list[Any]) -> Array:
             return namespace(like).asarray(np.asarray(values, float), dtype=like.dtype, device=like.device)

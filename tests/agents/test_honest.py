@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_agents import Honest
 
+from roletrust_agents import Honest
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView, RaterView
 

@@ -6,7 +6,6 @@ import warnings
 import numpy as np
 import pytest
 import torch
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, record
@@ -15,6 +14,7 @@ from roletrust_env.game.policy import policy_name
 from roletrust_env.game.policy_registry import registry
 from roletrust_env.testing import check_attack
 from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
+from roletrust_experiments.cli import app
 
 SMALL = Scenario(
     agents=(

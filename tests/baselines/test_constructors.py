@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
+
 import roletrust_agents
 import roletrust_baselines
-from pydantic import ValidationError
+import roletrust_env.world
 from roletrust_agents.honest import Honest
 from roletrust_agents.learned.methods import Learned
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-
-import roletrust_env.world
 from roletrust_env import attackers, make_attacker, trust_models
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import registry as attacker_registry

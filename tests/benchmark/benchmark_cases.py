@@ -1,4 +1,4 @@
-"""A tiny suite, models and attackers that misbehave, and a run that can be killed: `python benchmark_cases.py FILE`."""
+"""A tiny suite, faulty models and attackers, and a run that tests can kill: `python benchmark_cases.py FILE`."""
 
 import os
 import signal
@@ -33,13 +33,13 @@ def tiny(**changes):
     return Suite.model_validate({**TINY, **changes})
 
 
-def results(kept):
-    """All but seconds, which differ from run to run."""
-    return {cell.key: done._replace(seconds=0.0) for cell, done in kept}
+def results(stored):
+    """Return the results by key, without the seconds, which differ between runs."""
+    return {cell.key: result._replace(seconds=0.0) for cell, result in stored}
 
 
-class _Bad(Mean):
-    """The mean, but for what it does from the second round on."""
+class _Faulty(Mean):
+    """Mean that misbehaves from the second round on."""
 
     def update(self, state, ratings, mask=None):
         self.misbehave()
@@ -49,22 +49,22 @@ class _Bad(Mean):
         pass
 
 
-class Hanging(_Bad):
+class Hanging(_Faulty):
     def misbehave(self):
         time.sleep(1000)
 
 
-class Raising(_Bad):
+class Raising(_Faulty):
     def misbehave(self):
         raise RuntimeError("two\nlines")
 
 
-class Leaving(_Bad):
+class Leaving(_Faulty):
     def misbehave(self):
         sys.exit(3)
 
 
-class Dying(_Bad):
+class Dying(_Faulty):
     def misbehave(self):
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -97,12 +97,12 @@ class BrokenRater(WildRater):
 
 
 def run(path):
-    """What a run does: play what is not there yet, and keep it."""
+    """Play the cells that are not stored yet, and store them."""
     suite = tiny(seeds=[0, 1])
     with Store(path, suite) as store:
-        left = [cell for cell in cells(suite) if cell.key not in store.finished()]
-        for cell, done in LocalPool(2).play(suite, left):
-            store.add(cell, done)
+        remaining = [cell for cell in cells(suite) if cell.key not in store.finished_keys()]
+        for cell, result in LocalPool(2).play(suite, remaining):
+            store.add(cell, result)
         return store.all()
 
 

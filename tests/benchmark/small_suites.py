@@ -1,4 +1,4 @@
-"""Suites that are played in a second or two."""
+"""Suites that take a second or two."""
 
 from typing import Any
 
@@ -20,12 +20,12 @@ TRACKS: dict[str, Any] = {
 
 
 def small(**fields: Any) -> Suite:
-    """A market of four raters and three providers."""
-    usual = {
+    """Return a suite on a market of four raters and three providers."""
+    defaults = {
         "models": ["mean", "constant"],
         "scenarios": {"market": MARKET},
         "tracks": TRACKS,
         "rungs": ["scripted"],
         "games": 4,
     }
-    return read_suite(usual | fields, "small")
+    return read_suite(defaults | fields, "small")

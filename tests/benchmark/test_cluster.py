@@ -19,7 +19,7 @@ pytestmark = pytest.mark.extras
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """Of a cluster with two workers, which ends with the tests."""
+    """Address of a cluster with two workers, which stops after the tests."""
     port = 20_000 + os.getpid() % 10_000
     folder = Path(sys.executable).parent
     options = [f"--port={port}", "--num-cpus=2", "--include-dashboard=false", "--disable-usage-stats", "--block"]
@@ -41,31 +41,31 @@ def cluster(address):
     until = time.monotonic() + 120
     while True:
         try:
-            found = Cluster(address)
+            connection = Cluster(address)
             break
-        except ValueError:  # it is not there yet
+        except ValueError:  # it has not started yet
             assert time.monotonic() < until
             time.sleep(1)
-    yield found
-    found.close()
+    yield connection
+    connection.close()
 
 
-def test_two_workers_of_ray_bring_what_one_process_brings(cluster):
+def test_two_ray_workers_give_the_results_of_one_process(cluster):
     suite = tiny()
     assert results(cluster.play(suite, cells(suite))) == results(LocalPool(1).play(suite, cells(suite)))
 
 
-def test_cells_that_hang_or_kill_their_process_harm_no_others(cluster):
+def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):
     names = [f"benchmark_cases:{name}" for name in ("Hanging", "Dying", "Raising")]
     suite = tiny(models=[*names, "mean"], tracks={"honest": {}}, limit_s=3.0)
-    found = {cell.model: done for cell, done in cluster.play(suite, cells(suite))}
+    by_model = {cell.model: result for cell, result in cluster.play(suite, cells(suite))}
     words = ("given up after 3 seconds", "died 3 times", "RuntimeError: two lines")
-    for name, said in zip(names, words, strict=True):
-        assert said in found[name].failed
-    assert found["mean"].rows
+    for name, message in zip(names, words, strict=True):
+        assert message in by_model[name].failed
+    assert by_model["mean"].rows
 
 
-def test_cells_that_nobody_waits_for_are_stopped(cluster):
+def test_closing_the_generator_stops_the_cells(cluster):
     suite = tiny(models=["mean", "benchmark_cases:Hanging"], tracks={"honest": {}})
     playing = cluster.play(suite, cells(suite))
     cell, _ = next(playing)
@@ -73,7 +73,7 @@ def test_cells_that_nobody_waits_for_are_stopped(cluster):
     playing.close()
 
 
-def test_nobody_there_is_one_line():
+def test_a_missing_cluster_is_a_one_line_error():
     from roletrust_env.benchmark.cluster import Cluster
 
     with pytest.raises(ValueError, match="no Ray cluster answers there") as error:

@@ -1,4 +1,4 @@
-"""The cost of a run before it starts, also where nobody is called sr_0."""
+"""Estimated cost of a run, also in scenarios without an agent of the name sr_0."""
 
 import pytest
 from small_suites import small
@@ -9,7 +9,7 @@ from roletrust_env.benchmark.run_cell import play_cell
 
 
 @pytest.mark.parametrize("tracks", [{"honest": {}}, {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}])
-def test_what_can_be_played_can_be_estimated(tracks: dict) -> None:
+def test_the_estimate_is_an_upper_bound_of_the_rounds(tracks: dict) -> None:
     scenario = {"preset": "peers" if len(tracks) == 1 else "paper-3x3", "set": {"max_cycles": 5}}
     suite = small(models=["mean"], scenarios={"world": scenario}, tracks=tracks, rungs=["scripted"], games=2)
     (cost,) = estimate_cost(suite, cells(suite)).values()

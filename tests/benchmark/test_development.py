@@ -1,10 +1,10 @@
-"""The page on wary role-trust says what the leaderboard beside it says, of the models of the development suite."""
+"""The page on wary role-trust agrees with its leaderboard of the development suite."""
 
 import csv
 import re
 from pathlib import Path
 
-from roletrust_env.benchmark.cells import models
+from roletrust_env.benchmark.cells import model_names
 from roletrust_env.benchmark.suite import load_suite, suites
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -13,32 +13,32 @@ DOCS = Path(__file__).parents[2] / "docs"
 def test_the_table_is_the_leaderboard_of_the_development_suite() -> None:
     with (DOCS / "better-model.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert sorted(row["model"] for row in rows) == sorted(models(load_suite("development")))
-    shown = [
+    assert sorted(row["model"] for row in rows) == sorted(model_names(load_suite("development")))
+    expected = [
         f"| {row['model']} | {float(row['worst']):.3f} ± {float(row['worst_half_95']):.3f} "
         f"| {float(row['clean']):.3f} ± {float(row['clean_half_95']):.3f} | {float(row['false_alarms']):.3f} |"
         for row in rows
     ]
     page = (DOCS / "better-model.md").read_text(encoding="utf-8")
-    assert [line for line in page.splitlines() if line.startswith("| ")][2:] == shown  # below the header
+    assert [line for line in page.splitlines() if line.startswith("| ")][2:] == expected  # below the header
 
 
 def test_no_other_suite_has_its_seeds() -> None:
-    taken = {seed for name in suites() if name != "development" for seed in load_suite(name).seeds}
-    assert not {*taken, *range(10)} & {*load_suite("development").seeds}
+    seeds = {seed for name in suites() if name != "development" for seed in load_suite(name).seeds}
+    assert not {*seeds, *range(10)} & {*load_suite("development").seeds}
 
 
-def test_what_is_said_of_the_standard_suite_is_its_leaderboard() -> None:
+def test_the_page_agrees_with_the_leaderboard_of_the_standard_suite() -> None:
     page = (DOCS / "better-model.md").read_text(encoding="utf-8")
     section = page.partition("## In the standard suite")[2].partition("\n\nTried")[0]
     with (DOCS / "leaderboard.csv").open(encoding="utf-8") as file:
         rows = {row["model"]: row for row in csv.DictReader(file)}
-    said = re.findall(r"0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
-    ours = [rows[model] for model in ("wary-role-trust", "role-trust", "qor")]
-    assert said == [
+    numbers = re.findall(r"0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
+    selected = [rows[model] for model in ("wary-role-trust", "role-trust", "qor")]
+    assert numbers == [
         f"{float(row[name]):.3f} ± {float(row[name + '_half_95']):.3f}"
         for name in ("worst", "false_alarms")
-        for row in ours
+        for row in selected
     ]
-    assert f"{float(ours[0]['holds']):.0%}" in section
+    assert f"{float(selected[0]['holds']):.0%}" in section
     assert f"{len(rows)} models" in section

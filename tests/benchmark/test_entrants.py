@@ -14,7 +14,7 @@ import pytest
 from small_suites import small
 
 from roletrust_env.benchmark import benchmark
-from roletrust_env.benchmark.entrants import enter_packed, name_entrants, pack
+from roletrust_env.benchmark.entrants import name_entrants, pack, register_packed
 from roletrust_env.benchmark.fingerprint import fingerprint
 from roletrust_env.benchmark.sources import hashes
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -153,7 +153,7 @@ def test_a_model_that_cannot_be_sent_is_named() -> None:
 
 def test_a_model_that_cannot_be_loaded_affects_no_other() -> None:
     _, instances = name_entrants([Broken(), Slow(0.5)])
-    enter_packed(pack(instances))
+    register_packed(pack(instances))
     try:
         assert parse_trust_model("Slow", make_scenario("paper-3x3")).weight == 0.5  # type: ignore[attr-defined]
         with pytest.raises(ValueError, match="division by zero"):

@@ -1,4 +1,4 @@
-"""A run that is killed goes on where it was: no cell is lost, and none is counted twice."""
+"""A killed run continues where it stopped. No cell is lost, and none is counted twice."""
 
 import os
 import random
@@ -25,73 +25,73 @@ OFTEN = pytest.mark.parametrize(
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
-    """The results, and seconds that the run took."""
+    """Results of an uninterrupted run, and its duration in seconds."""
     began = time.monotonic()
     whole = results(run(tmp_path_factory.mktemp("whole") / "results.sqlite"))
     assert len(whole) == len(cells(tiny(seeds=[0, 1])))
     return whole, time.monotonic() - began
 
 
-def begun(path):
+def start_run(path):
     return subprocess.Popen([sys.executable, benchmark_cases.__file__, path], env=ENVIRONMENT)
 
 
 def workers(process):
-    """Processes that a run has started to play, by their ids."""
-    found = []
+    """Return the ids of the worker processes of a run."""
+    pids = []
     for pid in children(process.pid):
         with suppress(OSError):
-            if "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text():  # of multiprocessing
-                found.append(pid)
-    return found
+            if "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text():  # a helper of multiprocessing
+                pids.append(pid)
+    return pids
 
 
-def kept(path):
-    """How many cells a file holds; none, as long as it has no tables."""
+def count_cells(path):
+    """Return the number of stored cells, which is 0 before the tables exist."""
     with suppress(ValueError), Store(path) as store:
-        return len(store.finished())
+        return len(store.finished_keys())
     return 0
 
 
-def goes(pid):
+def is_running(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
 
 
-def kill_runs(path, times, seconds, luck):
-    """Begin a run so many times and kill it at a random moment; the number of cells that each left behind."""
-    found = []
+def kill_runs(path, times, seconds, random_source):
+    """Start and kill a run several times at random moments. Return the number of stored cells after each kill."""
+    counts = []
     for _ in range(times):
-        process = begun(path)
-        time.sleep(luck.uniform(0.1, 1.0) * seconds)
-        theirs = workers(process)
+        process = start_run(path)
+        time.sleep(random_source.uniform(0.1, 1.0) * seconds)
+        pids = workers(process)
         process.kill()
         process.wait()
         until = time.monotonic() + 300
-        while any(map(goes, theirs)):  # they end by themselves
+        while any(map(is_running, pids)):  # workers exit after their parent
             assert time.monotonic() < until
             time.sleep(0.05)
-        found.append(kept(path))
-    return found
+        counts.append(count_cells(path))
+    return counts
 
 
-def kill_workers(process, path, times, pause, luck):
-    """Kill a worker at random so many times, as long as the run goes on; how often that was.
+def kill_workers(process, path, times, pause, random_source):
+    """Kill random workers of a run, at most `times`, and return the number of kills.
 
-    Between two of them a cell at least is played: workers of which many in a row end before they can work are not
-    started again, and on a busy machine that start takes long.
+    At least one cell is played between two kills. The pool gives up if many workers in a row end before they can work,
+    and their start takes long on a busy machine.
     """
     killed, before = 0, 0
     while killed < times and process.poll() is None:
-        time.sleep(luck.uniform(0, 2 * pause))
-        if kept(path) == before:
+        time.sleep(random_source.uniform(0, 2 * pause))
+        if count_cells(path) == before:
             continue
-        before = kept(path)
-        if theirs := workers(process):
+        before = count_cells(path)
+        if pids := workers(process):
             with suppress(ProcessLookupError):
-                os.kill(luck.choice(theirs), signal.SIGKILL)
+                os.kill(random_source.choice(pids), signal.SIGKILL)
                 killed += 1
     return killed
 
@@ -102,18 +102,18 @@ class TestKilled:
     def test_whole_runs(self, tmp_path, uninterrupted, times):
         expected, seconds = uninterrupted
         path = tmp_path / "results.sqlite"
-        left = kill_runs(path, times, seconds / 2, random.Random(times))
-        assert left == sorted(left)  # nothing that was kept is lost
+        counts = kill_runs(path, times, seconds / 2, random.Random(times))
+        assert counts == sorted(counts)  # no stored cell is lost
         assert results(run(path)) == expected
 
     @OFTEN
     def test_workers(self, tmp_path, uninterrupted, times):
         expected, seconds = uninterrupted
-        path, killed, luck = tmp_path / "results.sqlite", 0, random.Random(times)
+        path, killed, random_source = tmp_path / "results.sqlite", 0, random.Random(times)
         while killed < times:
             path.unlink(missing_ok=True)
-            process = begun(path)
-            killed += kill_workers(process, path, times - killed, seconds / times / 2, luck)
+            process = start_run(path)
+            killed += kill_workers(process, path, times - killed, seconds / times / 2, random_source)
             assert process.wait(timeout=600) == 0
             with Store(path) as store:
                 assert results(store.all()) == expected

@@ -1,12 +1,12 @@
-"""The worst case, its intervals and the ranking, by hand and on games."""
+"""The worst case, its intervals and the ranking, checked by hand and on games."""
 
 import numpy as np
 import pytest
 from small_suites import small
 
 from roletrust_env.benchmark.caveats import caveats
-from roletrust_env.benchmark.cells import Cell, cells, models
-from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst
+from roletrust_env.benchmark.cells import Cell, cells, model_names
+from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst_cases
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import StoredCell
@@ -31,28 +31,30 @@ def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0
     return AttackResult(attack, attack, 0, {"utility": chosen}, measured)
 
 
-def kept(model: str, *rows: AttackResult, track: str = "raters", rung: str = "scripted") -> StoredCell:
+def stored(model: str, *rows: AttackResult, track: str = "raters", rung: str = "scripted") -> StoredCell:
     cell = Cell(model, "market", track, 0.5 if track == "raters" else 0.0, rung, 0)
     return StoredCell(cell, CellResult(rows, 1.0))
 
 
 RUN = [
-    kept("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", rung="nobody"),
-    kept("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
-    kept("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), rung="white-box planner"),
-    kept("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", rung="nobody"),
-    kept("median", row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5), row("silence", [0.6, 0.7], [0.1, 0.1])),
+    stored("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", rung="nobody"),
+    stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
+    stored("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), rung="white-box planner"),
+    stored("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", rung="nobody"),
+    stored("median", row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5), row("silence", [0.6, 0.7], [0.1, 0.1])),
 ]
 
 
 def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
-    found = {model: one.attack for (model, where), one in worst(attack_scores(RUN)).items() if where.track == "raters"}
-    assert found == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
+    cases = {
+        model: one.attack for (model, where), one in worst_cases(attack_scores(RUN)).items() if where.track == "raters"
+    }
+    assert cases == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
 
 
 def test_an_attack_without_a_score_is_never_the_worst_case() -> None:
     nothing = row("nothing", [None, None], [0.9, 0.7])  # type: ignore[list-item]
-    found = worst(attack_scores([kept("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
+    found = worst_cases(attack_scores([stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
     assert [one.attack for one in found.values()] == ["lies"]
 
 
@@ -67,22 +69,22 @@ def test_the_leaderboard_by_hand() -> None:
     first, second = leaderboard_rows(SUITE, RUN, ["mean", "median"], 3)
     assert (first.rank, first.model, first.missing) == (1, "mean", 0)
     assert first.clean.mean == pytest.approx(0.9)
-    assert first.worst.mean == pytest.approx(0.8)  # 0.9 and 0.7: never that of the planner, who knows more
+    assert first.worst.mean == pytest.approx(0.8)  # mean of 0.9 and 0.7, without the planner
     assert first.worst.half == pytest.approx(12.706 * 0.1, abs=1e-3)  # Student's t of two games
     assert first.open_worst.mean == pytest.approx(0.3)
     assert first.damage.mean == pytest.approx(0.3)
-    assert first.detection.mean == 1  # of the game in which it is defined
-    assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust: whoever goes blindly gets 0.5
-    assert second.missing == 1  # nobody has planned against it
+    assert first.detection.mean == 1  # only of the game in which it is defined
+    assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust, but 0.5 by a blind choice
+    assert second.missing == 1  # the planner has not attacked it
 
 
 def test_a_rank_holds_as_often_as_new_games_confirm_it() -> None:
-    sure = [kept("mean", row("a", [0.5] * 2, [0.9, 0.8])), kept("median", row("a", [0.5] * 2, [0.3, 0.2]))]
+    sure = [stored("mean", row("a", [0.5] * 2, [0.9, 0.8])), stored("median", row("a", [0.5] * 2, [0.3, 0.2]))]
     assert [line.holds for line in leaderboard_rows(SUITE, sure, ["mean", "median"], 1)] == [1, 1]
-    even = [kept("mean", row("a", [0.5] * 2, [0.9, 0.2])), kept("median", row("a", [0.5] * 2, [0.3, 0.7]))]
+    even = [stored("mean", row("a", [0.5] * 2, [0.9, 0.2])), stored("median", row("a", [0.5] * 2, [0.3, 0.7]))]
     assert (
         0.4 < leaderboard_rows(SUITE, even, ["mean", "median"], 1)[0].holds < 0.8
-    )  # of four resamples one is the other way
+    )  # one of four resamples has the other order
 
 
 @pytest.fixture(scope="module")
@@ -92,9 +94,9 @@ def played() -> list[StoredCell]:
 
 
 def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
-    """It takes no damage, and whoever goes by it goes blindly."""
+    """It takes no damage, and a choice by its trust is a blind choice."""
     suite = small(models=["constant", "mean", "role-trust"], games=16)
-    rows = leaderboard_rows(suite, played, models(suite), len(played) // 3)
+    rows = leaderboard_rows(suite, played, model_names(suite), len(played) // 3)
     last = rows[-1]
     assert last.model == "constant"
     assert last.damage.mean == 0
@@ -103,27 +105,28 @@ def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
             assert one.measured["utility"] == pytest.approx(one.measured["blind"], abs=1e-12)
     assert rows[-2].worst.mean > last.worst.mean
     assert any(
-        "constant: whoever goes by it" in line for line in caveats(suite, played, attack_scores(played), ["constant"])
+        "constant: choosing by its trust is no better" in line
+        for line in caveats(suite, played, attack_scores(played), ["constant"])
     )
 
 
 class Moody(Mean):
-    """Draws from a source of its own, so little that a game lets it pass."""
+    """Mean with random noise that is too small for the checks of a game."""
 
     def provider_trust(self, state: object) -> object:
         return super().provider_trust(state) * (1 - 1e-8 * np.random.default_rng().random())
 
 
-def test_what_plays_at_random_is_told() -> None:
+def test_a_random_model_is_a_caveat() -> None:
     register_trust_model("moody", Moody)
-    run = [kept(model, row("lies", [0.5] * 2, [0.5] * 2)) for model in ("moody", "mean")]
-    told = caveats(small(), run, attack_scores(run), ["moody", "mean"])
-    assert [line for line in told if "at random" in line] == [
-        "moody: it plays at random, so that other runs find other numbers"
+    run = [stored(model, row("lies", [0.5] * 2, [0.5] * 2)) for model in ("moody", "mean")]
+    lines = caveats(small(), run, attack_scores(run), ["moody", "mean"])
+    assert [line for line in lines if "random" in line] == [
+        "moody: its trust is random, so other runs give other numbers"
     ]
 
 
-def test_a_model_that_has_never_played_is_not_played_for_a_warning() -> None:
+def test_a_model_without_a_played_cell_is_not_run_for_a_caveat() -> None:
     class Bomb(Mean):
         def update(self, state: object, ratings: object, mask: object = None) -> object:
             raise SystemExit(3)
@@ -133,30 +136,33 @@ def test_a_model_that_has_never_played_is_not_played_for_a_warning() -> None:
     assert caveats(small(), [failed], [], ["bomb"]) == ["bomb, market, raters 0.5, scripted: given up"]
 
 
-def test_a_cell_of_which_a_part_failed_is_told_and_not_whole() -> None:
-    partly = RUN[1]._replace(done=RUN[1].done._replace(failed="attack noise: it broke"))
+def test_a_partly_failed_cell_is_a_caveat_and_missing() -> None:
+    partly = RUN[1]._replace(result=RUN[1].result._replace(failed="attack noise: it broke"))
     line = leaderboard_rows(SUITE, [RUN[0], partly, RUN[2]], ["mean"], 3)[0]
     assert line.missing == 1
     assert line.worst.mean == pytest.approx(0.8)
-    (told,) = caveats(SUITE, [partly], attack_scores([partly]), [])
-    assert told == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
+    (line,) = caveats(SUITE, [partly], attack_scores([partly]), [])
+    assert line == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
 
 
-def test_nothing_is_said_of_a_planner_that_the_suite_has_not() -> None:
-    run = [kept("median", row("lies", [0.5] * 2, [0.5] * 2))]
+def test_there_is_no_caveat_about_a_planner_outside_the_suite() -> None:
+    run = [stored("median", row("lies", [0.5] * 2, [0.5] * 2))]
     jumps = "median: trust jumps, so the white-box planner could not attack it"
-    for rungs, said in ((["scripted"], False), (["scripted", "white-box planner"], True)):
-        assert (jumps in caveats(small(rungs=rungs), run, attack_scores(run), ["median"])) == said
+    for rungs, expected in ((["scripted"], False), (["scripted", "white-box planner"], True)):
+        assert (jumps in caveats(small(rungs=rungs), run, attack_scores(run), ["median"])) == expected
 
 
-def test_searches_that_never_beat_the_scripts_are_told() -> None:
-    weak = [kept("mean", row("lies", [0.5] * 2, [0.5] * 2)), kept("mean", row("PPO", [0.6] * 2, [0.5] * 2), rung="PPO")]
+def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
+    weak = [
+        stored("mean", row("lies", [0.5] * 2, [0.5] * 2)),
+        stored("mean", row("PPO", [0.6] * 2, [0.5] * 2), rung="PPO"),
+    ]
     assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(weak), []))
-    strong = [weak[0], kept("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
+    strong = [weak[0], stored("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
     assert not caveats(SUITE, strong, attack_scores(strong), [])
 
 
-def test_searches_that_could_not_play_and_conditions_without_attack_are_told() -> None:
+def test_unsuitable_searches_and_conditions_without_attacks_are_caveats() -> None:
     idle = StoredCell(
         Cell("mean", "market", "raters", 0.5, "random search", 0), CellResult((), 1.0, unsuitable="too few rounds")
     )
@@ -164,8 +170,8 @@ def test_searches_that_could_not_play_and_conditions_without_attack_are_told() -
         SUITE, [RUN[1], idle], attack_scores([RUN[1]]), []
     )
     assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(RUN), []))
-    (told,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(RUN[:1]), []) if "no attack" in line)
-    assert told == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
+    (line,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(RUN[:1]), []) if "no attack" in line)
+    assert line == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
 
 
 def test_cells_that_fail_alike_are_one_line() -> None:
@@ -173,23 +179,23 @@ def test_cells_that_fail_alike_are_one_line() -> None:
         StoredCell(Cell("mine", "market", "raters", share, "scripted", 0), CellResult((), 1.0, failed="NaN"))
         for share in (0.1, 0.3, 0.5)
     ]
-    assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 cells more: NaN"]
+    assert caveats(SUITE, bad, [], []) == ["mine, market, raters 0.1, scripted and 2 more cells: NaN"]
 
 
-def test_models_that_tie_share_a_rank_and_rounding_makes_no_other() -> None:
+def test_models_that_tie_up_to_rounding_share_a_rank() -> None:
     names = ["mean", "median", "constant", "beta"]
     values = [0.8, 0.8 + 1e-13, 0.8 - 1e-6, 0.5]
-    run = [kept(name, row("lies", [0.5] * 2, [value] * 2)) for name, value in zip(names, values, strict=True)]
-    found = {line.model: (line.rank, line.holds) for line in leaderboard_rows(SUITE, run, names, 1)}
-    assert found == {"mean": (1, 1.0), "median": (1, 1.0), "constant": (3, 1.0), "beta": (4, 1.0)}
+    run = [stored(name, row("lies", [0.5] * 2, [value] * 2)) for name, value in zip(names, values, strict=True)]
+    ranks = {line.model: (line.rank, line.holds) for line in leaderboard_rows(SUITE, run, names, 1)}
+    assert ranks == {"mean": (1, 1.0), "median": (1, 1.0), "constant": (3, 1.0), "beta": (4, 1.0)}
 
 
 def test_a_rank_holds_with_the_probability_of_resampled_games() -> None:
-    """Of four games one is better by .5 and three are worse by .1: better in the mean if that one is drawn at all."""
+    """One of four games is better by 0.5, the others are worse by 0.1. The mean is better if that game is drawn."""
     run = []
     for name, values in (("mean", [0.9, 0.4, 0.4, 0.4]), ("median", [0.4, 0.5, 0.5, 0.5])):
         scores = {"utility": values, "blind": [0.1] * 4, "damage": [0.0] * 4, "false_alarms": [0] * 4, "auc": [1] * 4}
-        run.append(kept(name, AttackResult("lies", "lies", 0, {"utility": [0.5] * 4}, scores)))
+        run.append(stored(name, AttackResult("lies", "lies", 0, {"utility": [0.5] * 4}, scores)))
     first = leaderboard_rows(SUITE, run, ["mean", "median"], 1)[0]
     assert (first.model, first.rank) == ("mean", 1)
     assert first.holds == pytest.approx(1 - 0.75**4, abs=0.04)
@@ -197,7 +203,7 @@ def test_a_rank_holds_with_the_probability_of_resampled_games() -> None:
 
 def test_the_worst_attack_is_that_of_the_worst_condition() -> None:
     run = [
-        kept("mean", row("lies", [0.5] * 2, [0.6] * 2)),
+        stored("mean", row("lies", [0.5] * 2, [0.6] * 2)),
         StoredCell(
             Cell("mean", "market", "raters", 0.3, "scripted", 0),
             CellResult((row("silence", [0.4] * 2, [0.3] * 2),), 1.0),
@@ -207,8 +213,8 @@ def test_the_worst_attack_is_that_of_the_worst_condition() -> None:
     assert (line.worst_attack, line.worst_condition) == ("silence", "market, raters 30%")
 
 
-def test_where_all_providers_are_equally_good_no_model_is_said_to_ignore_ratings() -> None:
-    equal = [kept("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", rung="nobody")]
+def test_equal_providers_do_not_show_that_a_model_ignores_ratings() -> None:
+    equal = [stored("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", rung="nobody")]
     assert not any("ignores ratings" in line for line in caveats(SUITE, equal, attack_scores(equal), ["mean"]))
-    unequal = [kept("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", rung="nobody")]
+    unequal = [stored("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", rung="nobody")]
     assert any("ignores ratings" in line for line in caveats(SUITE, unequal, attack_scores(unequal), ["mean"]))

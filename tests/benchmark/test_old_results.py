@@ -1,4 +1,4 @@
-"""A file of results from before the benchmark moved into the library can still be read."""
+"""Results files that were written before the benchmark moved into the library can still be read."""
 
 import sqlite3
 from pathlib import Path
@@ -16,9 +16,9 @@ def test_results_of_format_2_have_the_same_leaderboard(tmp_path: Path) -> None:
     file.executescript(DUMP.read_text(encoding="utf-8"))
     file.close()
     with Store(tmp_path / "results.sqlite") as store:
-        found = Leaderboard.of(store.suite, store.all())
-    first, second = found.rows
+        leaderboard = Leaderboard.of(store.suite, store.all())
+    first, second = leaderboard.rows
     assert (first.model, second.model) == ("mean", "role-trust")
     assert (first.worst.mean, second.worst.mean) == pytest.approx((0.9458, 0.9319), abs=1e-3)
     assert (first.worst_attack, second.worst_attack) == ("bad-mouthing", "bad-mouthing")
-    assert found.caveats == []
+    assert leaderboard.caveats == []

@@ -1,4 +1,4 @@
-"""Processes that play cells: cells that hang or kill their process harm no others."""
+"""Worker processes: cells that hang or kill their process do not affect others."""
 
 import pytest
 from benchmark_cases import results, tiny
@@ -9,24 +9,24 @@ from roletrust_env.benchmark.run_cell import play_cell
 
 
 @pytest.mark.parametrize(("model", "words"), [("Hanging", "given up after 10 seconds"), ("Dying", "died 3 times")])
-def test_a_cell_that_hangs_or_kills_its_process_is_one_line(model, words):
+def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error(model, words):
     suite = tiny(
         models=[f"benchmark_cases:{model}", "mean"],
-        limit_s=10.0,  # far more than the mean takes on a busy machine
+        limit_s=10.0,  # far more than the other cells take on a busy machine
         tracks={"honest": {}},
     )
-    found = dict(LocalPool(2).play(suite, cells(suite)))
-    assert found.keys() == set(cells(suite))
-    bad = {cell: done for cell, done in found.items() if cell.model != "mean"}
-    assert all(words in done.failed and "\n" not in done.failed for done in bad.values())
-    good = [cell for cell in found if cell not in bad]
-    assert results((cell, found[cell]) for cell in good) == results((cell, play_cell(suite, cell)) for cell in good)
+    played = dict(LocalPool(2).play(suite, cells(suite)))
+    assert played.keys() == set(cells(suite))
+    bad = {cell: result for cell, result in played.items() if cell.model != "mean"}
+    assert all(words in result.failed and "\n" not in result.failed for result in bad.values())
+    good = [cell for cell in played if cell not in bad]
+    assert results((cell, played[cell]) for cell in good) == results((cell, play_cell(suite, cell)) for cell in good)
 
 
-def test_cells_that_nobody_waits_for_are_stopped():
+def test_closing_the_generator_stops_the_cells():
     suite = tiny(models=["benchmark_cases:Hanging", "mean"], limit_s=600.0)
     playing = LocalPool(2).play(suite, [*cells(suite)[:1], *cells(suite)[-2:]])
-    cell, done = next(playing)
+    cell, result = next(playing)
     assert cell.model == "mean"
-    assert not done.failed
+    assert not result.failed
     playing.close()

@@ -1,4 +1,4 @@
-"""Cells: what is measured depends on the cell alone."""
+"""The result of a cell depends on the cell alone."""
 
 import random
 
@@ -10,16 +10,16 @@ from roletrust_env.benchmark.pool import LocalPool, play_safely
 from roletrust_env.benchmark.run_cell import play_cell
 
 
-def alone(suite):
+def play_all(suite):
     return results((cell, play_cell(suite, cell)) for cell in cells(suite))
 
 
 @pytest.fixture(scope="module")
 def expected():
-    return alone(tiny())
+    return play_all(tiny())
 
 
-def test_a_cell_is_the_same_again_and_in_any_order(expected):
+def test_a_cell_is_the_same_in_any_order(expected):
     suite = tiny()
     shuffled = random.Random(0).sample(cells(suite), len(cells(suite)))
     assert results((cell, play_cell(suite, cell)) for cell in shuffled) == expected
@@ -28,35 +28,35 @@ def test_a_cell_is_the_same_again_and_in_any_order(expected):
 def test_a_cell_is_the_same_in_processes(expected):
     suite = tiny()
     for workers in (1, 2):
-        found = list(LocalPool(workers).play(suite, cells(suite)))
-        assert results(found) == expected
-        assert len(found) == len(expected)
+        played = list(LocalPool(workers).play(suite, cells(suite)))
+        assert results(played) == expected
+        assert len(played) == len(expected)
 
 
 def test_a_cell_does_not_depend_on_the_other_cells_of_its_suite(expected):
     small = tiny(models=["role-trust"], tracks={"raters": {"roles": ["SR"], "shares": [0.5]}})
-    assert alone(small).items() <= expected.items()
+    assert play_all(small).items() <= expected.items()
 
 
 def test_the_worst_case_is_chosen_in_other_games_than_it_is_measured_in(expected):
-    for key, done in expected.items():
-        assert not done.failed
-        for row in done.rows:
+    for key, result in expected.items():
+        assert not result.failed
+        for row in result.rows:
             assert len(row.chosen["utility"]) == len(row.measured["utility"]) == 3
             assert row.chosen["utility"] != row.measured["utility"], key
 
 
-def test_another_seed_brings_other_numbers(expected):
+def test_another_seed_gives_other_numbers(expected):
     assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in cells(tiny(seeds=[7]))).items() & (
         expected.items()
     )
 
 
-def test_all_that_was_played_is_counted():
+def test_all_rounds_are_counted():
     suite = tiny(models=["mean"], rungs=["scripted"])
     honest, attacked, _ = (play_cell(suite, cell) for cell in cells(suite))
     assert honest.env_steps == 5 * 2 * 3  # rounds x two kinds of games x games
-    assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the twin
+    assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the honest twin
 
 
 @pytest.mark.parametrize(
@@ -69,23 +69,23 @@ def test_all_that_was_played_is_counted():
         ("NoSuchModel", "NoSuchModel"),
     ],
 )
-def test_a_model_that_misbehaves_is_one_line(model, words):
+def test_a_faulty_model_is_a_one_line_error(model, words):
     suite = tiny(models=[f"benchmark_cases:{model}"])
-    done = play_safely(suite, cells(suite)[1])
-    assert words in done.failed
-    assert "\n" not in done.failed
-    assert not done.rows
+    result = play_safely(suite, cells(suite)[1])
+    assert words in result.failed
+    assert "\n" not in result.failed
+    assert not result.rows
 
 
 @pytest.mark.parametrize(
     ("attack", "words"), [("WildRater", "[0, 1]"), ("NanRater", "NaN"), ("BrokenRater", "ZeroDivisionError")]
 )
-def test_an_attacker_that_misbehaves_takes_no_other_along(attack, words, expected):
+def test_a_faulty_attacker_does_not_affect_others(attack, words, expected):
     suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
     cell = cells(suite)[1]
-    done = play_safely(suite, cell)
-    assert words in done.failed
-    assert f"attack benchmark_cases:{attack}: " in done.failed
-    assert "\n" not in done.failed
-    assert [row.attack for row in done.rows] == ["bad-mouthing"]
-    assert done.rows[0] in expected[cell.key].rows  # as if the other were not there
+    result = play_safely(suite, cell)
+    assert words in result.failed
+    assert f"attack benchmark_cases:{attack}: " in result.failed
+    assert "\n" not in result.failed
+    assert [row.attack for row in result.rows] == ["bad-mouthing"]
+    assert result.rows[0] in expected[cell.key].rows  # the same as without the faulty attacker

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import BadMouthing
 from task_cases import EVERY_TASK, RATER, acts, make, same
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario
 from roletrust_env.envs.attack_env import AttackEnv
 

@@ -8,9 +8,9 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from roletrust_baselines import BadMouthing, OnOff
 from task_cases import CASES, COLLUSION, DUAL, EVERY_TASK, PROVIDER, RATER, acts, crew, make, same
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, parallel_env
 from roletrust_env.envs.attack_env import AttackEnv
 

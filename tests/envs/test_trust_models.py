@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, parallel_env, record, trust_models
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
-from roletrust_baselines import OnOff
 
+from roletrust_baselines import OnOff
 from roletrust_env import Scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.envs.vector import AttackVectorEnv

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Literal
 import pytest
 from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass as checked
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST, Mixture, Space, as_spec
 from roletrust_env.ranges import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims

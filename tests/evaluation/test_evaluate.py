@@ -3,8 +3,8 @@
 from typing import Any
 
 import pytest
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env.evaluation import evaluate
 from roletrust_env.evaluation.search import Budget
 from roletrust_env.trust.models.central.mean import Mean

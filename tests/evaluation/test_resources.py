@@ -6,17 +6,17 @@ import tracemalloc
 import numpy as np
 import pytest
 from rich.progress import Progress
-from roletrust_agents.learned.saved import ZOO
-from roletrust_baselines import BadMouthing
-from roletrust_experiments.cli import app
-from roletrust_experiments.commands import play
-from roletrust_experiments.playing.games import foresee, play_games, task_memory
 from typer.testing import CliRunner
 
+from roletrust_agents.learned.saved import ZOO
+from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation import resources
 from roletrust_env.metrics.confidence import over_games, student_95
 from roletrust_env.world.presets import scenarios
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands import play
+from roletrust_experiments.playing.games import foresee, play_games, task_memory
 
 
 def run(*arguments):

@@ -2,8 +2,9 @@
 
 import json
 
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
+
+from roletrust_experiments.cli import app
 
 TINY = ["--set", "max_cycles=12"]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
 from roletrust_experiments.clients.__main__ import CLIENTS, main, read, try_client
 from roletrust_experiments.clients.inside import main as inside
 

@@ -18,7 +18,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip(f"no package index can be reached to install from: {error}")
     for name in PACKAGES:
         shutil.copytree(HOUSE / name, here / "house" / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(HOUSE / name, here / "house" / name)
     pip("wheel", "--no-deps", "--wheel-dir", here, here / "house")
     (built,) = here.glob("roletrust_env-*.whl")

@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 from fresh_environments import HELPS, HOUSE, Environment
@@ -118,3 +119,14 @@ def test_a_package_of_plug_ins_is_listed_plays_and_enters_the_benchmark(
     assert {row["worst_attack"] for row in board.values()} == {"gossip"}
     shares = {row["learner"]: row for row in rows(user.folder / "learners" / "learners.csv")}
     assert float(shares["steady"]["share"]) > 0
+    called = """
+from roletrust_env.benchmark import benchmark
+board = benchmark(["mean", "grudge"], "models.toml", attacks=["gossip"], workers=1, progress=False)
+print(sorted(row.model for row in board.rows), {row.worst_attack for row in board.rows})
+"""
+    script = user.folder / "three_lines.py"
+    script.write_text(f"if __name__ == '__main__':\n{indent(called, '    ')}", encoding="utf-8")
+    assert (
+        user.python(f"import runpy; runpy.run_path({str(script)!r}, run_name='__main__')")
+        == "['grudge', 'mean'] {'gossip'}\n"
+    )

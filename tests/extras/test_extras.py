@@ -107,6 +107,17 @@ print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
     assert fresh("torch").python(tensors) == "3 3 2\n"
 
 
+def test_notebook(fresh: Callable[..., Environment]) -> None:
+    lines = """
+from roletrust_env.benchmark import Suite, benchmark
+tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
+market = {"preset": "market", "set": {"max_cycles": 5}}
+suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=2)
+print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
+"""
+    assert fresh("notebook").python(lines) == "bad-mouthing\n"
+
+
 def test_train(fresh: Callable[..., Environment]) -> None:
     train = fresh("train")
     certain = (*SHORT, "--set", "noise=0", "--set", "perturbations=[]")

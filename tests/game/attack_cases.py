@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, Random, Scenario
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.stealth import Stealth

@@ -5,10 +5,10 @@ machines may differ by.
 """
 
 import pytest
+
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import load_attacker
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env import Game, JointPolicy, make_scenario, record
 
 FIGURES = {

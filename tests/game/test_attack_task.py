@@ -18,9 +18,9 @@ from attack_cases import (
     play,
     rng,
 )
+
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env import Actions, Game, Scenario, make_scenario
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.stealth import Stealth

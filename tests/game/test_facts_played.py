@@ -5,9 +5,9 @@ from math import pi, sin, sqrt
 
 import numpy as np
 import pytest
+
 from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.game.rollout import record
 

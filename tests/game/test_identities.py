@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
 
+from roletrust_baselines import BadMouthing, OnOff, Sybil, Whitewashing
 from roletrust_env import Actions, Game, JointPolicy, Player, Policy, Random, Scenario, make_task, parallel_env, record
 from roletrust_env.game.rollout import rollout
 from roletrust_env.world.presence import LEFT, PRESENT, WAITING

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+
 from roletrust_agents import Honest
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env import Game, JointPolicy, Player, Policy, Random, Scenario, make_scenario, parallel_env
 from roletrust_env.game.rollout import record, rollout
 

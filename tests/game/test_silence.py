@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import BadMouthing, OnOff, Silent
 
+from roletrust_baselines import BadMouthing, OnOff, Silent
 from roletrust_env import (
     Actions,
     Game,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from recorded_games import PERIOD, spoken
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.identification.perception_estimates import estimate_perception
 from roletrust_env.identification.scenario_inference import infer_scenario

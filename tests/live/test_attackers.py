@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from roletrust_agents.learned import learned
 from roletrust_baselines import BadMouthing
-
 from roletrust_env import Game, JointPolicy, Policy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy_registry import registry as attackers

@@ -8,13 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 import imageio.v2 as imageio
 import numpy as np
 import pytest
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import replay_journal
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
+from roletrust_experiments.cli import app
 
 pytestmark = pytest.mark.live
 

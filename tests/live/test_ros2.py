@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from roletrust_baselines import BadMouthing
-from roletrust_experiments.commands.live.processes import NodeProcesses
 from ros2_environment import ros2_environment
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.camera_node import run_camera_node
@@ -24,6 +23,7 @@ from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.roster import Roster
+from roletrust_experiments.commands.live.processes import NodeProcesses
 
 pytestmark = pytest.mark.ros2
 

@@ -11,8 +11,6 @@ from itertools import pairwise
 
 import pytest
 from light_team import run_robots, started
-from roletrust_experiments.timing.live_load import cpu_s
-from roletrust_experiments.view.server import run_view_server
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.manager_node import run_manager_node
@@ -21,6 +19,8 @@ from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
+from roletrust_experiments.timing.live_load import cpu_s
+from roletrust_experiments.view.server import run_view_server
 
 pytestmark = pytest.mark.live
 

@@ -10,8 +10,8 @@ from gymnasium.error import DependencyNotInstalled
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from pettingzoo.test.render_test import render_test
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Player, Policy, Scenario, env, parallel_env, scenarios
 from roletrust_env.rendering.drawing import Canvas, Picture
 from roletrust_env.rendering.renderer import Renderer

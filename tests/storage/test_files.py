@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env.storage import files
+from roletrust_experiments.cli import app
 
 WRITER = """
 import sys, time

@@ -112,7 +112,7 @@ class Decider(Protocol):
 
     @property
     def has_memory(self) -> bool:
-        """Whether it remembers anything from round to round."""
+        """True if there is a memory from round to round."""
         ...
 
     def begin(self, like: Array) -> Any:
@@ -160,7 +160,7 @@ class Network:
 
     @property
     def has_memory(self) -> bool:
-        """Whether there is an LSTM."""
+        """True if there is an LSTM."""
         return self.architecture.lstm > 0
 
     def begin(self, like: Array) -> Array | None:

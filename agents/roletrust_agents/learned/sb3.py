@@ -99,7 +99,7 @@ class SB3Decider:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the model is recurrent."""
+        """True if the model is recurrent."""
         return bool(self._memory)
 
     def begin(self, like: Array) -> Array | None:
@@ -131,7 +131,7 @@ class SB3Decider:
 
 
 def _rows(array: Array) -> Floats:
-    """The entries of each game as a row, in NumPy, (games, K)."""
+    """Return the entries of each game as a row, in NumPy, (games, K)."""
     flat: Any = array.reshape(array.shape[0], -1)
     if not isinstance(flat, np.ndarray):
         flat = flat.detach().cpu().numpy()
@@ -145,6 +145,6 @@ def _as(xp: Any, like: Array, values: Floats, shape: tuple[int, ...]) -> Array:
 
 
 def _described(model: Any, task: AttackTask) -> str:
-    """The algorithm, the training steps and the task, in a few words."""
+    """Return the algorithm, the training steps and the task, in a few words."""
     steps = getattr(model, "num_timesteps", 0)
     return f"{type(model).__name__} after {steps} steps, {task.compromised[0]} in {task.game.scenario.name}"

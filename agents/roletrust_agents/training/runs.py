@@ -94,7 +94,7 @@ class RunFolder:
         return next((found for path in self._found() if (found := _read(path)) is not None), None)
 
     def _found(self) -> list[Path]:
-        """The folders of checkpoints, the newest first."""
+        """Return the folders of checkpoints, the newest first."""
         return sorted((path for path in self._checkpoints.glob("[0-9]*") if path.is_dir()), reverse=True)
 
 
@@ -105,7 +105,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def _read(path: Path) -> Checkpoint | None:
-    """A checkpoint; None if a file is missing or is not what it was when it was written."""
+    """Return a checkpoint; None if a file is missing or has changed since it was written."""
     try:
         about = json.loads((path / "about.json").read_bytes())
         files = {name: (path / name).read_bytes() for name in about["sha256"]}

@@ -19,7 +19,7 @@ class RoleTrustTask(PettingZooClass):
     def get_env_fun(
         self, num_envs: int, continuous_actions: bool, seed: int | None, device: Any
     ) -> Callable[[], PettingZooWrapper]:
-        """What makes the environment."""
+        """Return the factory of the environment."""
 
         def make() -> PettingZooWrapper:
             env = roletrust_env.Everybody(roletrust_env.parallel_env(**self.config))
@@ -30,24 +30,24 @@ class RoleTrustTask(PettingZooClass):
         return make
 
     def supports_continuous_actions(self) -> bool:
-        """It does."""
+        """Return that continuous actions are supported."""
         return True
 
     def supports_discrete_actions(self) -> bool:
-        """It does."""
+        """Return that discrete actions are supported."""
         return True
 
     def has_state(self) -> bool:
-        """It has."""
+        """Return that the environment has a state."""
         return True
 
     def has_render(self, env: Any) -> bool:
-        """Not here."""
+        """Return that the environment has no rendering."""
         return False
 
     @staticmethod
     def env_name() -> str:
-        """What it is called."""
+        """Return the name of the environment."""
         return "roletrust"
 
 

@@ -1,4 +1,4 @@
-"""What the clients play."""
+"""Scenarios and tasks for the clients."""
 
 from roletrust_env import make_scenario, scenarios
 from roletrust_env.envs import tasks
@@ -14,6 +14,6 @@ OPEN = "open-system"
 
 
 def closed() -> list[str]:
-    """The scenarios in which everybody is there from the first round to the last."""
+    """Return the scenarios in which all agents are present from the first round to the last."""
     found = {name: make_scenario(name) for name in scenarios()}
     return [name for name, it in found.items() if it.admission is None and not any(group.open for group in it.agents)]

@@ -20,7 +20,7 @@ def batches() -> None:
 
 
 def workers() -> None:
-    """A rollout of 100 rounds in two other processes."""
+    """Play a rollout of 100 rounds in two other processes."""
     env = ParallelEnv(2, EnvCreator(lambda: GymEnv(TASK)))
     assert env.rollout(100).shape == (2, 100)
     env.close()

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmark.cells import attacks, cells, models
-from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.cells import attack_names, cells, model_names
+from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.cost_estimate import estimate_cost
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.pool import LocalPool, Pool, cores
@@ -169,7 +169,9 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
     """Write and print the leaderboard."""
     leaderboard = Leaderboard.of(suite, cells)
     leaderboard.to_csv(out / "leaderboard.csv")
-    write_text(out / "leaderboard.md", leaderboard_markdown(leaderboard, command(suite, out / "results.sqlite")))
+    write_text(
+        out / "leaderboard.md", leaderboard_markdown(leaderboard, reproduction_command(suite, out / "results.sqlite"))
+    )
     console.print(leaderboard_table(leaderboard))
     for line in leaderboard.caveats:
         console.print(f"[dim]{escape(line)}[/]", soft_wrap=True)
@@ -178,7 +180,7 @@ def _show(suite: Suite, cells: Sequence[StoredCell], out: Path) -> None:
 
 @contextmanager
 def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
-    """Who plays the cells; a cluster is left at the end."""
+    """Yield the pool that plays the cells; a cluster is left at the end."""
     if ray is None:
         yield LocalPool(workers)
         return
@@ -195,7 +197,7 @@ def _asked(
     learner: Sequence[str] | None,
     allow_code: bool,
 ) -> AnySuite:
-    """The suite with what was asked for by name, all of which can be made.
+    """Return the suite with the models, attacks or learners of the options, once all of them can be made.
 
     Raises:
         ValueError: a name is unknown, what it names cannot be made or is not for such a suite, or a file names what is
@@ -211,7 +213,7 @@ def _asked(
         check_installed(trust_models, suite.models)
         check_installed(attackers, suite.attacks)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
-    return with_names(suite, _expanded(model, models(everything)), _expanded(attack, attacks(everything)))
+    return with_names(suite, _expanded(model, model_names(everything)), _expanded(attack, attack_names(everything)))
 
 
 def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:

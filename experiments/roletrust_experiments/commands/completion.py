@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import typer
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmark.attackers import SEARCHING
+from roletrust_env.benchmark.attackers import SEARCH_RUNGS
 from roletrust_env.benchmark.learners.learner import registry as learner_registry
 from roletrust_env.benchmark.suite import suites as benchmark_suites
 from roletrust_env.envs.tasks import TASKS
@@ -50,4 +50,4 @@ named_attacks = _completer(attackers.describe)
 scenario_names = _completer(scenarios.describe)
 tasks = _completer(task_names)
 suites = _completer(benchmark_suites)
-learners = _completer(lambda: dict.fromkeys(SEARCHING, "") | learner_registry.describe())
+learners = _completer(lambda: dict.fromkeys(SEARCH_RUNGS, "") | learner_registry.describe())

@@ -10,8 +10,8 @@ import numpy as np
 import typer
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 
+from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task

@@ -3,7 +3,7 @@
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.result import CAPTION, COLUMNS, Leaderboard, words_of
+from roletrust_env.benchmark.result import CAPTION, COLUMNS, Leaderboard, row_texts
 from roletrust_experiments.commands.console import number_table
 
 _SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms", "AUC", "holds")]
@@ -14,7 +14,7 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
     title = f"Leaderboard, suite {leaderboard.suite.name}"
     table = number_table(title, CAPTION, *(COLUMNS[k] for k in _SHOWN))
     for row in leaderboard.rows:
-        cells = words_of(row, "±")
+        cells = row_texts(row, "±")
         table.add_row(f"{row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))
     return table
 

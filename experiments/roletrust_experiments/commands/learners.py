@@ -1,4 +1,4 @@
-"""What `roletrust benchmark` asks and tells of a suite for learners."""
+"""Options and output of `roletrust benchmark` for a suite of learners."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,11 +6,11 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.attackers import SEARCHING
-from roletrust_env.benchmark.learners.contestants import contestant
-from roletrust_env.benchmark.learners.leaderboard import standings, title
+from roletrust_env.benchmark.attackers import SEARCH_RUNGS
+from roletrust_env.benchmark.learners.leaderboard import learner_results, title
 from roletrust_env.benchmark.learners.learner import registry
-from roletrust_env.benchmark.learners.shares import EVERY, HEADER, Result, Scale, lines, ranked
+from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, HEADER, LearnerResult, Scale, ranking, table_rows
+from roletrust_env.benchmark.learners.search_methods import make_search_method
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.evaluation.specs import check_installed
@@ -21,7 +21,7 @@ from roletrust_experiments.plots.figure_files import write_figure
 
 
 def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
-    """The suite with the learners that were asked for, all of which can be made.
+    """Return the suite with the learners of the options, once all of them can be made.
 
     Args:
         suite: as it is in its file.
@@ -32,11 +32,11 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
         ValueError: nobody has a name, a learner cannot be made, or a file names what is not installed.
     """
     if not allow_code:
-        check_installed(registry, [name for name in suite.learners if name not in SEARCHING])
+        check_installed(registry, [name for name in suite.learners if name not in SEARCH_RUNGS])
     asked = [part for name in named or ["all"] for part in (suite.learners if name == "all" else [name])]
     found = suite.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
     for name in found.learners:
-        contestant(name, next(iter(suite.tasks.values())).id)
+        make_search_method(name, next(iter(suite.tasks.values())).id)
     return found
 
 
@@ -44,12 +44,14 @@ def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -
     """Write the table and the picture, and print who is where."""
     from roletrust_experiments.plots.learners import learners_figure
 
-    scales, found = standings(suite, kept)
-    write_csv(out / "learners.csv", HEADER, lines(found))
+    scales, found = learner_results(suite, kept)
+    write_csv(out / "learners.csv", HEADER, table_rows(found))
     write_figure(out / "learners.png", learners_figure(title(suite), found, scales))
     console.print(_table(suite, found, scales))
     for task, scale in scales.items():
-        console.print(f"[dim]{escape(task)}: 1 is {escape(scale.words)}, {scale.top:.4f}[/]", soft_wrap=True)
+        console.print(
+            f"[dim]{escape(task)}: 1 is {escape(scale.description)}, {scale.top_score:.4f}[/]", soft_wrap=True
+        )
     for trial, done in kept:
         if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
             console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
@@ -66,17 +68,17 @@ def tell_learners_cost(suite: LearnersSuite) -> None:
     console.print(table)
 
 
-def _table(suite: LearnersSuite, found: Sequence[Result], scales: dict[str, Scale]) -> Table:
+def _table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, Scale]) -> Table:
     largest = suite.budgets[-1]
     caption = (
         f"share with {largest:,} rounds: 0 is honest play; interquartile mean of the runs, with its 95% interval by "
         "stratified bootstrap"
     )
     title = f"Learners, suite {suite.name}"
-    table = number_table(title, caption, *(escape(task) for task in (EVERY, *scales)))
+    table = number_table(title, caption, *(escape(task) for task in (ALL_TASKS, *scales)))
     shares = {(one.learner, one.task): one.share for one in found if one.budget == largest}
-    for name in ranked(found):
-        table.add_row(escape(name), *(_words(shares.get((name, task))) for task in (EVERY, *scales)))
+    for name in ranking(found):
+        table.add_row(escape(name), *(_words(shares.get((name, task))) for task in (ALL_TASKS, *scales)))
     return table
 
 

@@ -12,18 +12,18 @@ from rich.table import Table
 
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.submission import CellClaim, submitted
+from roletrust_env.benchmark.submission import CellClaim, make_submission
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.benchmark.verification import (
     LONGEST_S,
     Check,
-    check_all,
     check_cell,
     check_claims,
     check_names,
+    check_scores,
+    is_same_platform,
     read_submission,
-    same_here,
-    sample,
+    sample_claims,
 )
 from roletrust_env.storage.files import write_json
 from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
@@ -58,11 +58,11 @@ def submit(
     """
     require("a submission", "train", "scipy", "cma")  # as the benchmark whose suite it reads
     with Store(results) as store:
-        found = submitted(store, model or (), allow_code=allow_code)
+        found = make_submission(store, model or (), allow_code=allow_code)
     write_json(out, found.model_dump(mode="json"))
     table = number_table(f"Submission, suite {escape(str(found.suite['name']))}", "± half the 95% interval", "worst")
     for name, standing in found.standings.items():
-        table.add_row(escape(name), standing.worst.words)
+        table.add_row(escape(name), standing.worst.text)
     console.print(table)
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
     print_next("verify", out)
@@ -105,13 +105,13 @@ def verify(
         check_names(suite)
     checks = check_claims(found, suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
-    claims, same = sample(found, number, seed), same_here(found)
+    claims, same = sample_claims(found, number, seed), is_same_platform(found)
     kept = []
     for claim, again in _played(suite, claims, workers):
         kept.append(again)
-        checks.append(check_cell(claim, again.done, same))
-    if len(kept) == len(found.cells) and not any(again.done.failed for again in kept):
-        checks += check_all(found, suite, kept, same)
+        checks.append(check_cell(claim, again.result, same))
+    if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
+        checks += check_scores(found, suite, kept, same)
     console.print(_table(file, checks))
     console.print(f"{len(kept)} of {len(found.cells):,} cells played again; --seed {seed} chooses the same ones")
     if len(kept) < len(found.cells):
@@ -138,5 +138,7 @@ def _table(file: Path, checks: Sequence[Check]) -> Table:
     for heading in ("", "what", "found"):
         table.add_column(heading, overflow="fold")
     for check in checks:
-        table.add_row("[green]ok[/]" if check.ok else "[bold red]not ok[/]", escape(check.what), escape(check.words))
+        table.add_row(
+            "[green]ok[/]" if check.ok else "[bold red]not ok[/]", escape(check.subject), escape(check.message)
+        )
     return table

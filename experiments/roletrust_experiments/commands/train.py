@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from roletrust_agents.training.runs import RunFolder, write_bytes
 
+from roletrust_agents.training.runs import RunFolder, write_bytes
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.resources import check_memory
@@ -141,6 +141,7 @@ def train(
     """
     require("training", "train", "torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard")
     import torch
+
     from roletrust_agents.learned.cards import Price, TaskCard
     from roletrust_agents.training.loop import Run
     from roletrust_agents.training.settings import make_settings
@@ -278,7 +279,6 @@ def _show(progress: Progress, job: Any, report: "Report") -> None:
 
 def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> None:
     from roletrust_agents.learned import save_attacker
-
     from roletrust_experiments.plots.learning import learning_figure
 
     write_csv(out / "curve.csv", ("steps", "seconds", "score", "half_95"), curve)

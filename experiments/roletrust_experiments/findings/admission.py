@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy, Scenario, make_scenario
 from roletrust_env.evaluation.measurement import Watched
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate

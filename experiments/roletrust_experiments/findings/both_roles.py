@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
 from roletrust_env.evaluation.composite import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate

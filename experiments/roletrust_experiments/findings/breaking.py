@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmark.cells import models
-from roletrust_env.benchmark.leaderboard import AttackScores, attack_scores, worst
+from roletrust_env.benchmark.cells import model_names
+from roletrust_env.benchmark.leaderboard import AttackScores, attack_scores, worst_cases
 from roletrust_env.benchmark.suite import Stage, Suite, Track, load_suite
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_experiments.findings.finding import Finding, sign
@@ -45,9 +45,9 @@ def answer(effort: Effort) -> Finding:
     """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
     suite = _suite(effort)
     kept = play_suite(effort, suite, "liars")
-    cases = worst(attack_scores(kept))
+    cases = worst_cases(attack_scores(kept))
     left: dict[str, dict[float, Estimate]] = {}
-    for model in models(suite):
+    for model in model_names(suite):
         by_share = {where.share: case for (name, where), case in cases.items() if name == model}
         if set(by_share) == {0.0, *suite.tracks["liars"].shares}:
             left[model] = {share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())}
@@ -124,4 +124,4 @@ def _suite(effort: Effort) -> Suite:
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,
     )
-    return suite.model_copy(update={"models": effort.some(models(suite))})
+    return suite.model_copy(update={"models": effort.some(model_names(suite))})

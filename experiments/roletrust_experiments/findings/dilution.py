@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, amount, exact, in_words, interval

@@ -1,7 +1,6 @@
 """The effect of movement: each rater sees only some providers."""
 
 from roletrust_baselines import BadMouthing
-
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, interval, listed

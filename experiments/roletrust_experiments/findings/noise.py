@@ -3,8 +3,8 @@
 from math import sqrt
 
 import numpy as np
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env import Policy
 from roletrust_experiments.paper import claims
 

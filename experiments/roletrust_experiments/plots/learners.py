@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmark.learners.shares import EVERY, Result, Scale, ranked
+from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, LearnerResult, Scale, ranking
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
 
 _COLUMNS = 4
@@ -18,15 +18,15 @@ _LOWEST = -0.5
 """Lowest share to draw; lower shares, far below honest play, are drawn here."""
 
 
-def learners_figure(about: str, found: Sequence[Result], scales: Mapping[str, Scale]) -> Figure:
+def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, Scale]) -> Figure:
     """Return the figure of a suite for learners.
 
     Args:
         about: Title.
-        found: Results of the learners, see `roletrust_env.benchmark.learners.shares.results`.
+        found: Results of the learners, see `roletrust_env.benchmark.learners.optimum_share.aggregate`.
         scales: Scales of the tasks.
     """
-    names = ranked(found)
+    names = ranking(found)
     colours = [*HONEST, *ATTACKERS]
     looks = {
         name: {"color": colours[k % len(colours)], "linestyle": DASHES[k // len(colours) % len(DASHES)]}
@@ -38,21 +38,23 @@ def learners_figure(about: str, found: Sequence[Result], scales: Mapping[str, Sc
     halves: Any = figure.subfigures(2, 1, height_ratios=[above, below], hspace=0.04)
     bars, curve = halves[0].subplots(1, 2)
     halves[0].suptitle(about, x=0.012, ha="left", fontsize=13, fontweight="bold", color=INK)
-    _bars(bars, [one for one in found if one.task == EVERY], names, looks)
-    _curves(curve, [one for one in found if one.task == EVERY], looks)
-    curve.set_title(EVERY, loc="left", fontsize=10, color=INK)
+    _bars(bars, [one for one in found if one.task == ALL_TASKS], names, looks)
+    _curves(curve, [one for one in found if one.task == ALL_TASKS], looks)
+    curve.set_title(ALL_TASKS, loc="left", fontsize=10, color=INK)
     grid = halves[1].subplots(rows, min(_COLUMNS, len(scales)), squeeze=False, sharey=True)
     for axes in grid.flat[len(scales) :]:
         axes.set_visible(False)
     for axes, (task, scale) in zip(grid.flat, scales.items(), strict=False):
         _curves(axes, [one for one in found if one.task == task], looks)
-        axes.set_title(f"{task}\n{fill('1 is ' + scale.words, 38)}", loc="left", fontsize=9, color=INK)
+        axes.set_title(f"{task}\n{fill('1 is ' + scale.description, 38)}", loc="left", fontsize=9, color=INK)
     for axes in [curve, *grid[:, 0]]:
         axes.set_ylabel("share, interquartile mean", color=INK)
     return figure
 
 
-def _bars(axes: Axes, found: Sequence[Result], names: Sequence[str], looks: Mapping[str, dict[str, Any]]) -> None:
+def _bars(
+    axes: Axes, found: Sequence[LearnerResult], names: Sequence[str], looks: Mapping[str, dict[str, Any]]
+) -> None:
     """Draw the share of each learner with the largest budget and its interval, the best on top."""
     largest = max((one.budget for one in found), default=0)
     mine = {one.learner: one.share for one in found if one.budget == largest}
@@ -74,8 +76,8 @@ def _bars(axes: Axes, found: Sequence[Result], names: Sequence[str], looks: Mapp
     _quiet(axes)
 
 
-def _curves(axes: Axes, found: Sequence[Result], looks: Mapping[str, dict[str, Any]]) -> None:
-    """A line for each learner: its share by the rounds that it could play."""
+def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict[str, Any]]) -> None:
+    """Draw a line for each learner: its share by the number of rounds that it may play."""
     for name, look in looks.items():
         mine = sorted((one for one in found if one.learner == name), key=lambda one: one.budget)
         budgets = [one.budget for one in mine]

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from roletrust_agents.learned import SavedAttacker
 
+from roletrust_agents.learned import SavedAttacker
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
 
 
 def learning_figure(algo: str, attacker: SavedAttacker, curve: Sequence[Sequence[float]]) -> Figure:
-    """The learning curve, between honest play and what was reached."""
+    """Return the figure of a learning curve, between honest play and the best score."""
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes, card = figure.subplots(), attacker.card
     steps, _, score, half = np.asarray(curve, float).T

@@ -58,7 +58,7 @@ def play_panel(joint_policy: JointPolicy, seed: int, progress: Progress, label: 
 def mean_lines(
     roster: Roster, curves: Curves, attackers: Sequence[str], rates_raters: bool
 ) -> dict[tuple[str, str], Floats]:
-    """The lines of a panel.
+    """Return the lines of a panel.
 
     Args:
         roster: who is who.
@@ -151,7 +151,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
 
 
 def _keys(panels: Iterable[Panel]) -> list[Line2D]:
-    """A line for each kind of line that there is."""
+    """Return an entry of the legend for each kind of line."""
     shown = {key for panel in panels for key in panel.lines}
     return [
         Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{_WORDS[trust, whose]}, {trust}")

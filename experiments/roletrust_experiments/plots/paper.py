@@ -19,7 +19,7 @@ from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST
 
 
 class Still(NamedTuple):
-    """What the cameras delivered in one round.
+    """The images of the cameras in one round.
 
     Attributes:
         what: was going on.
@@ -51,7 +51,7 @@ def write_paper(
 
 
 def paper_figure(paper: Paper, runs: Mapping[str, Curves], scenario: Scenario, note: str | None = None) -> Figure:
-    """The trust of raters above that of providers, against seconds, and one run beside the other.
+    """Return a figure with trust of raters above trust of providers, over time, and the runs side by side.
 
     Args:
         paper: which of the figures.
@@ -105,7 +105,7 @@ def _draw(column: tuple[Axes, Axes], paper: Paper, curves: Curves, scenario: Sce
 
 
 def montage_figure(stills: Sequence[Still]) -> Figure:
-    """What every camera (column) saw at some moments (row), and how sure the detector was of a person."""
+    """Return the images of each camera (column) at some times (row), with the probability of a person."""
     columns = len(stills[0].frames)
     layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.01, hspace=0.01)
     figure = Figure(figsize=(3.1 * columns + 0.4, 2.45 * len(stills) + 0.3), layout=layout)

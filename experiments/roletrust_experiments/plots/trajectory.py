@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What T rounds of one held-out game left behind.
+    """The record of T rounds of one held-out game.
 
     Attributes:
         name: of the rung.
@@ -45,7 +45,7 @@ class Trajectory:
     header: ClassVar[tuple[str, ...]] = ("attack", "round", "quantity", "value")
 
     def lines(self) -> Iterator[tuple[str, int, str, float]]:
-        """The rows of a table, one for each round and quantity; of ratings the mean over the honest providers."""
+        """Yield the rows of a table, one for each round and quantity; ratings are means over the honest providers."""
         columns = {
             **{f"quality of {name}": values for name, values in self.quality.items()},
             **{f"mean rating by {name}": values.mean(axis=1) for name, values in self.ratings.items()},

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.benchmark.command_line import command
-from roletrust_env.benchmark.learners.leaderboard import standings
-from roletrust_env.benchmark.learners.shares import EVERY, HEADER, Result, Scale, lines, ranked
+from roletrust_env.benchmark.command_line import reproduction_command
+from roletrust_env.benchmark.learners.leaderboard import learner_results
+from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, HEADER, LearnerResult, Scale, ranking, table_rows
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.metrics.confidence import Interval
@@ -29,7 +29,7 @@ class Learners(NamedTuple):
     software: dict[str, Any]
     command: str
     scales: dict[str, Scale]
-    found: list[Result]
+    found: list[LearnerResult]
     warnings: list[str]
 
     @classmethod
@@ -45,25 +45,25 @@ class Learners(NamedTuple):
         Raises:
             ValueError: No learner has been played.
         """
-        scales, found = standings(suite, kept)
+        scales, found = learner_results(suite, kept)
         if not found:
             raise ValueError(f"{path} holds no learner that was played; let `roletrust benchmark` go on first")
         warnings = [f"{trial.key}: {done.failed}" for trial, done in kept if done.failed]
         unfit = {f"{trial.learner} on {trial.task}": done.unsuitable for trial, done in kept if done.unsuitable}
         warnings += [f"{who}: {why}" for who, why in unfit.items() if who.partition(" on ")[0] in suite.learners]
-        return cls(suite, software, command(suite, path), scales, found, warnings)
+        return cls(suite, software, reproduction_command(suite, path), scales, found, warnings)
 
     @property
     def order(self) -> list[str]:
         """Learners, the best first."""
-        return ranked(self.found)
+        return ranking(self.found)
 
     @property
     def tables(self) -> dict[str, Table]:
         """The table by the name of its figure."""
-        tasks, names = [EVERY, *self.scales], self.order
+        tasks, names = [ALL_TASKS, *self.scales], self.order
         found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
-        return {"learners": Table(HEADER, lines(found))}
+        return {"learners": Table(HEADER, table_rows(found))}
 
     @property
     def shares(self) -> dict[str, dict[str, Interval]]:
@@ -71,5 +71,5 @@ class Learners(NamedTuple):
         largest = self.suite.budgets[-1]
         mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
         nothing = Interval(float("nan"), float("nan"), float("nan"))
-        tasks = (EVERY, *self.scales)
+        tasks = (ALL_TASKS, *self.scales)
         return {name: {task: mine.get((name, task), nothing) for task in tasks} for name in self.order}

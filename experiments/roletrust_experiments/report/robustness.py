@@ -1,4 +1,4 @@
-"""What a suite for trust models found, as tables: the page shows them, and each is a CSV file beside it."""
+"""Results of a suite for trust models as tables: the page shows them, and each is also a CSV file."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -7,12 +7,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmark.command_line import command
+from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.leaderboard import (
     HEADER,
     AttackScores,
     Condition,
-    worst,
+    worst_cases,
 )
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
@@ -22,7 +22,7 @@ from roletrust_env.metrics.score import ratio
 from roletrust_experiments.report.table import Table
 
 _POINTS = 40
-"""Of a curve at the most; the rounds of longer games are averaged a few at a time."""
+"""Maximum number of points of a curve; the rounds of longer games are averaged a few at a time."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Robustness(NamedTuple):
 
     @classmethod
     def of(cls, suite: Suite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
-        """What a run found. Arguments as for `roletrust_experiments.report.learners.Learners.of`.
+        """Return the results of a run. Arguments as for `roletrust_experiments.report.learners.Learners.of`.
 
         Raises:
             ValueError: not one attack of it has been played.
@@ -65,7 +65,7 @@ class Robustness(NamedTuple):
         places = _places(suite, [row.model for row in rows])
         for some in (attacks, struck):
             some.sort(key=places)
-        cases = worst(attacks)
+        cases = worst_cases(attacks)
         tables = {
             "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
             "heatmap": _heatmap(struck, cases),
@@ -75,8 +75,8 @@ class Robustness(NamedTuple):
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
-        where = list(dict.fromkeys(one.condition.words for one in struck))
-        return cls(suite, software, command(suite, path), path, leaderboard, blind, where, tables)
+        where = list(dict.fromkeys(one.condition.description for one in struck))
+        return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
     @property
     def warnings(self) -> list[str]:
@@ -109,7 +109,7 @@ def _is_worst(one: AttackScores, cases: _Worst) -> bool:
 
 
 def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
-    """Utility under each attack; in each condition those first that do most harm to all models."""
+    """Return utility under each attack; in each condition the attack with the most harm to all models comes first."""
     harm: dict[tuple[Condition, str], list[float]] = {}
     for one in struck:
         harm.setdefault((one.condition, one.attack), []).append(_mean(one.measured["utility"])[0])
@@ -121,7 +121,7 @@ def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
 
 
 def _name(one: AttackScores) -> tuple[str, str, str]:
-    return one.condition.words, one.attack, one.model
+    return one.condition.description, one.attack, one.model
 
 
 def _utility(one: AttackScores) -> tuple[float, float, float]:
@@ -129,7 +129,7 @@ def _utility(one: AttackScores) -> tuple[float, float, float]:
 
 
 def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Table:
-    """Utility from round to round; the conditions in which all are honest come last."""
+    """Return utility from round to round; conditions with everybody honest come last."""
     header = ("condition", "attack", "model", "worst", "rounds", "utility")
     rows = []
     for one in sorted(attacks, key=lambda one: not suite.tracks[one.condition.track].roles):
@@ -140,7 +140,7 @@ def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Tab
 
 
 def _few(by_round: Floats) -> tuple[list[float], list[float]]:
-    """A curve with not too many points, and the rounds, counted from 1, in the middle of which each stands."""
+    """Return a curve of at most `_POINTS` points, and for each point the middle of its rounds, counted from 1."""
     many = -(-len(by_round) // _POINTS)
     starts, there = np.arange(0, len(by_round), many), ~np.isnan(by_round)
     rounds = np.add.reduceat(np.arange(len(by_round)) + 2.0, starts) / np.diff([*starts, len(by_round)])
@@ -150,7 +150,7 @@ def _few(by_round: Floats) -> tuple[list[float], list[float]]:
 
 
 def _breakdown(suite: Suite, cases: _Worst) -> Table:
-    """Utility in the worst case by the share of the compromised, from 0 where everybody is honest in the same world."""
+    """Return worst-case utility by the share of compromised agents, from 0, where everybody is honest."""
     header = ("where", "share", "model", "attack", "utility", "utility_half_95")
     rows = []
     for (model, where), one in cases.items():
@@ -163,7 +163,7 @@ def _breakdown(suite: Suite, cases: _Worst) -> Table:
 
 
 def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
-    """The tracks of which a condition is a point: its own; if all are honest there, those that change the same."""
+    """Return the tracks that a condition belongs to: its own; without attackers, those with the same changes."""
     mine = suite.tracks[where.track]
     for name, track in suite.tracks.items():
         if track.roles and (name == where.track or (not mine.roles and track.set == mine.set)):
@@ -182,6 +182,6 @@ def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
 
 
 def _mean(values: Floats) -> tuple[float, float]:
-    """A mean and half its interval; over games."""
+    """Return the mean over games and half its interval."""
     mean, half, _ = over_games(values)
     return float(mean), float(half)

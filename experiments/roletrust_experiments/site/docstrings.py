@@ -1,4 +1,4 @@
-"""How docstrings become pages: formulas are typeset or stay as they are, names in backticks become links.
+"""Docstrings as pages: formulas are typeset or stay as they are, names in backticks become links.
 
 Autodoc calls these functions; their arguments are those of its events.
 """

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Player, Policy, make_scenario, parallel_env
 from roletrust_env.storage.files import replacing
 

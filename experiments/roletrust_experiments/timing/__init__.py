@@ -1,1 +1,1 @@
-"""What is timed, and how."""
+"""Measurements of speed and of costs."""

@@ -44,10 +44,10 @@ def compile_ahead(
     undone: dict[Key, str] = {}
     crew: WorkerPool[Key] = WorkerPool(partial(_compile, work), _WORKERS, _ENVIRONMENT, partial(_load_torch, threads))
     with crew, suppress(ChildProcessError):
-        for key, answer in crew.do(sent, limit_s, advance=advance):
-            if answer.late:
+        for key, answer in crew.run(sent, limit_s, advance=advance):
+            if answer.timed_out:
                 undone[key] = f"compiling takes more than {in_time(limit_s)}"
-            elif answer.died is not None:
+            elif answer.exit_code is not None:
                 undone[key] = "the compiling process crashed"
     return undone
 

@@ -4,12 +4,12 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from roletrust_agents.training.learners import make_model
-from roletrust_agents.training.settings import PPOSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from roletrust_agents.training.learners import make_model
+from roletrust_agents.training.settings import PPOSettings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.vec_env_base import Flags, Floats, Slots, Step
 from roletrust_env.game.attack_task import make_task

@@ -5,7 +5,7 @@ from time import process_time
 from typing import NamedTuple
 
 from roletrust_env import Game, JointPolicy
-from roletrust_env.benchmark.cells import Cell, cells, place
+from roletrust_env.benchmark.cells import Cell, attacked_scenario, cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -44,7 +44,7 @@ def _turn(suite: Suite, cell: Cell) -> Throughput:
     began = process_time()
     done = play_cell(suite, cell)
     between = process_time()
-    scenario = place(suite, cell).scenario
+    scenario = attacked_scenario(suite, cell).scenario
     game, batch = Game(scenario, parse_trust_model(cell.model, scenario)), (len(done.rows), 2 * suite.games)
     noise = game.random(cell.seed)
     steps = batch[0] * batch[1] * sum(1 for _ in rollout(JointPolicy(game, {}), noise, noise, batch))

@@ -1,1 +1,1 @@
-"""The learners' benchmark: who finds the best attack on the four tasks, and with how many rounds of play."""
+"""Benchmark of learners: how strong the attacks are that they find on the attack tasks, and with which budget."""

@@ -1,41 +1,47 @@
-"""The results of a learners' suite, from what its trials came to."""
+"""Results of a learners' suite, computed from its trials."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from roletrust_env.benchmark.learners.shares import Result, Run, Scale, results, scale
-from roletrust_env.benchmark.learners.suite import FOOT, TOPS, LearnersSuite, Trial
+from roletrust_env.benchmark.learners.optimum_share import LearnerResult, LearnerRun, Scale, aggregate, make_scale
+from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial
 from roletrust_env.benchmark.schema import CellResult
 
-_WORDS = dict(zip(TOPS, ("the exact optimum", "a bound that is proven"), strict=True))
+_BOUND_DESCRIPTIONS = dict(zip(BOUNDS, ("the exact optimum", "a bound that is proven"), strict=True))
 
 
 def title(suite: LearnersSuite) -> str:
-    """Of a picture of the results."""
+    """Return the title of a figure of the results.
+
+    Args:
+        suite: Suite of the run.
+    """
     return f"Learners, suite {suite.name}, {len(suite.seeds)} seeds"
 
 
-def standings(suite: LearnersSuite, kept: Sequence[tuple[Trial, CellResult]]) -> tuple[dict[str, Scale], list[Result]]:
-    """What share 0 and 1 are on each task that has been played, and what each learner reaches.
+def learner_results(
+    suite: LearnersSuite, stored: Sequence[tuple[Trial, CellResult]]
+) -> tuple[dict[str, Scale], list[LearnerResult]]:
+    """Return the scale of each task that has been played, and the results of the learners.
 
     Args:
-        suite: of the run.
-        kept: its trials, with what became of them.
+        suite: Suite of the run.
+        stored: Trials of the run with their results.
     """
-    runs: list[Run] = []
+    runs: list[LearnerRun] = []
     bounds: dict[str, dict[str, float]] = {task: {} for task in suite.tasks}
-    for trial, done in kept:
-        for row in done.rows:
-            runs.append(Run(*trial, float(np.mean(np.array(row.measured["score"], np.float64)))))
+    for trial, result in stored:
+        for row in result.rows:
+            runs.append(LearnerRun(*trial, float(np.mean(np.array(row.measured["score"], np.float64)))))
             if bound := row.measured.get("bound"):
-                bounds[trial.task][_WORDS[trial.learner]] = float(bound[0] or 0.0)
-    foot = {task: [run for run in runs if (run.task, run.learner) == (task, FOOT)] for task in suite.tasks}
-    seeds = {task: {run.seed for run in some} for task, some in foot.items()}
-    learners = [run for run in runs if run.learner not in (FOOT, *TOPS) and run.seed in seeds[run.task]]
+                bounds[trial.task][_BOUND_DESCRIPTIONS[trial.learner]] = float(bound[0] or 0.0)
+    honest = {task: [run for run in runs if (run.task, run.learner) == (task, HONEST_PLAY)] for task in suite.tasks}
+    seeds = {task: {run.seed for run in some} for task, some in honest.items()}
+    learners = [run for run in runs if run.learner not in (HONEST_PLAY, *BOUNDS) and run.seed in seeds[run.task]]
     scales = {
-        task: scale(foot[task], bounds[task], [run for run in learners if run.task == task])
+        task: make_scale(honest[task], bounds[task], [run for run in learners if run.task == task])
         for task in suite.tasks
-        if foot[task]
+        if honest[task]
     }
-    return scales, results(scales, learners)
+    return scales, aggregate(scales, learners)

@@ -1,6 +1,6 @@
-"""Learners that others write: what they are given, what they give back, and how that plays in the game.
+"""Interface of plug-in learners, and the attackers that they train.
 
-A learner is a class that needs no more than this file's `Learner` says; it is named as `package.module:Class`.
+A learner is a class that implements `Learner`. Its spec is a registered name or `package.module:Class`.
 """
 
 from collections.abc import Callable
@@ -22,35 +22,35 @@ from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
 
 GAMES = 32
-"""Games side by side, for a learner that does not say how many."""
+"""Default number of parallel games of a learner."""
 
 Floats = npt.NDArray[np.float32]
-Play = Callable[[Floats], Floats]
-"""A policy: observations (G, K) to actions (G, A), in [0, 1], as Gymnasium has them.
+PolicyFunction = Callable[[Floats], Floats]
+"""Policy that maps observations (G, K) to actions (G, A) in [0, 1], in the layout of Gymnasium.
 
-One that remembers is an object with a method `begin(games)` besides, which is called before the first round of a batch
-of games and must forget all that was before.
+A policy with a memory is an object with an additional method `begin(games)`. It is called before the first round of a
+batch of games and must reset the memory.
 """
 
 
 @runtime_checkable
 class Learner(Protocol):
-    """What learns to attack. One object learns once.
+    """Learner of an attack. Each object learns once.
 
-    An attribute `games`, where there is one, is the number of games that it wants side by side; else there are `GAMES`.
+    The optional attribute `games` is the number of parallel games. The default is `GAMES`.
     """
 
-    def learn(self, env: VectorEnv[Any, Any, Any], budget: int, seed: int) -> Play:
-        """Learn.
+    def learn(self, env: VectorEnv[Any, Any, Any], budget: int, seed: int) -> PolicyFunction:
+        """Learn a policy.
 
         Args:
-            env: games of a task, which begin anew in the same step in which they end. Every step is a round of each of
-                its E games, and takes E rounds of the budget.
-            budget: rounds x games that may be played; a step beyond it raises `SpentError`.
-            seed: of all that the learner draws itself; the games have theirs already.
+            env: Parallel games of a task. A game restarts in the same step in which it ends. A step plays one round of
+                each of the E games and uses E rounds of the budget.
+            budget: Budget in game rounds (rounds x games). A step beyond it raises `BudgetSpentError`.
+            seed: Random seed of the learner. The games are seeded already.
 
         Returns:
-            What it plays at last, without exploring.
+            Final policy without exploration.
         """
         ...
 
@@ -71,15 +71,15 @@ def register_learner(name: str, factory: Callable[..., Learner]) -> None:
     registry.register(name, factory)
 
 
-class SpentError(ValueError):
-    """A step was asked for beyond the budget."""
+class BudgetSpentError(ValueError):
+    """A step exceeds the budget."""
 
 
 class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
-    """Games that count their rounds, and refuse those beyond a budget.
+    """Parallel games that count their rounds and raise an error beyond a budget.
 
     Args:
-        env: games that begin anew in the step in which they end.
+        env: Parallel games. A game restarts in the same step in which it ends.
         budget: Budget in game rounds.
     """
 
@@ -91,10 +91,10 @@ class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
         """Play one round of all games. See `gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            SpentError: the budget does not hold so many more rounds. Nothing has changed then.
+            BudgetSpentError: The step needs more rounds than the budget has left. The games are unchanged.
         """
         if self.num_envs > self._budget.left:
-            raise SpentError(
+            raise BudgetSpentError(
                 f"{self._budget.left} of {self._budget.rounds} rounds are left, and a step of {self.num_envs} games "
                 "needs more"
             )
@@ -104,13 +104,13 @@ class CountedGames(VectorWrapper[Any, Any, Any, Any, Any]):
 
 
 @dataclass(frozen=True)
-class Entered:
-    """A learner of somebody's own as a rung of the ladder.
+class LearnerSearch:
+    """Search method that trains a learner.
 
     Attributes:
-        learner: that learns.
-        name: in tables.
-        task_id: that it learns on, one of `TASKS`.
+        learner: Learner to train.
+        name: Name of the learner in tables.
+        task_id: Gymnasium id of the task, one of `TASKS`.
     """
 
     learner: Learner
@@ -121,18 +121,18 @@ class Entered:
         """See `SearchMethod.search`."""
         number = getattr(self.learner, "games", GAMES)
         games = AttackVectorEnv(self.task_id, number, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
-        games.reset(seed=seed)  # a later reset without a seed goes on from here
+        games.reset(seed=seed)  # later resets without a seed continue this random stream
         play = self.learner.learn(CountedGames(games, budget), budget.rounds, seed)
         if not callable(play):
-            raise ValueError(f"learn() of {self.name} gave {play!r}; it must give what plays, see Learner")
-        return SearchResult(Taught(play), budget.spent, f"{self.name} in {budget.spent} rounds")
+            raise ValueError(f"learn() of {self.name} returned {play!r}; it must return a policy, see Learner")
+        return SearchResult(LearnedAttacker(play), budget.spent, f"{self.name} in {budget.spent} rounds")
 
 
 @dataclass(frozen=True, eq=False)
-class Taught:
-    """What a learner came up with, as an attacker. It sees what it saw while it learned."""
+class LearnedAttacker:
+    """Attacker that plays the policy of a learner, with the same observations as in training."""
 
-    play: Play
+    play: PolicyFunction
 
     def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> None:
         """See `Attacker.begin`."""
@@ -141,8 +141,8 @@ class Taught:
 
     def act(self, task: AttackTask, state: TaskState, memory: None, random: Random) -> tuple[Array, None]:
         """See `Attacker.act`."""
-        seen = task.observe(state)
-        batch = seen.shape[1:]
-        rows = np.ascontiguousarray(seen.reshape(len(seen), -1).T, np.float32)
+        observations = task.observe(state)
+        batch = observations.shape[1:]
+        rows = np.ascontiguousarray(observations.reshape(len(observations), -1).T, np.float32)
         actions = check_action(self.play(rows), (len(rows), task.action_size))
-        return actions.T.reshape(task.action_size, *batch).astype(seen.dtype), None
+        return actions.T.reshape(task.action_size, *batch).astype(observations.dtype), None

@@ -1,32 +1,32 @@
-"""A suite for learners, and its trials: what one of them learns on one task with one budget and one seed."""
+"""Suites for learners and their trials. A trial is one learner on one task with one budget and one seed."""
 
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmark.schema import SuiteSchema, Text, check_unique
+from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.game.attack_task import make_task
 from roletrust_env.world.base_model import FrozenModel
 
-FOOT = "honest play"
-"""Where every share is 0."""
+HONEST_PLAY = "honest play"
+"""Name of the reference whose share of the optimum is 0."""
 
-TOPS = ("exact", "best known")
-"""The optimum or a proven bound, where every share is 1; each is known on some tasks only."""
+BOUNDS = ("exact", "best known")
+"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
 
 
 class Task(FrozenModel):
-    """One of the tasks that Gymnasium knows."""
+    """Attack task with changes of its scenario."""
 
     task: Literal["ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"]
-    """Its name there, `RoleTrust/NAME-v0`."""
+    """Name of the task, whose Gymnasium id is `RoleTrust/NAME-v0`."""
     set: dict[str, Any] = Field(default_factory=dict)
-    """Fields of its scenario that are changed."""
+    """Changed fields of the scenario."""
     stealth: dict[str, float] = Field(default_factory=dict)
-    """`weight` and `tolerance`: the price of being told apart; none is free."""
+    """`weight` and `tolerance` of the penalty for detection. Empty means no penalty."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -35,11 +35,11 @@ class Task(FrozenModel):
 
     @property
     def id(self) -> str:
-        """By which Gymnasium finds it."""
+        """Gymnasium id of the task."""
         return f"RoleTrust/{self.task}-v0"
 
     def arguments(self) -> TaskArguments:
-        """All that makes it, see `roletrust_env.make_task`."""
+        """Return the arguments of the task, see `roletrust_env.make_task`."""
         defaults = TASKS[self.id].defaults
         scenario = make_scenario(defaults["scenario"])
         scenario = scenario.change(**self.set) if self.set else scenario
@@ -47,39 +47,39 @@ class Task(FrozenModel):
 
 
 class LearnersSuite(SuiteSchema):
-    """A benchmark of learners: tasks x learners x budgets x seeds.
+    """Benchmark of learners: tasks x learners x budgets x seeds.
 
-    Each learns anew for each budget, so that a learner may plan for what it has; what it then plays in games that it
-    has not seen, without exploring, is its score.
+    A learner learns from scratch for each budget, so it can plan for the budget. Its score is that of the final policy,
+    without exploration, in held-out games.
     """
 
     kind: Literal["learners"] = "learners"
-    """Of suite."""
-    tasks: Annotated[dict[Text, Task], Field(min_length=1)]
-    """By the name that they have in the suite."""
-    learners: Annotated[tuple[Text, ...], Field(min_length=1)]
-    """Names of `contestants.BUILT_IN`, of installed packages, or `package.module:Class`."""
+    """Type of the suite."""
+    tasks: Annotated[dict[Label, Task], Field(min_length=1)]
+    """Tasks by their name in the suite."""
+    learners: Annotated[tuple[Label, ...], Field(min_length=1)]
+    """Names of search rungs or installed learners, or `package.module:Class`."""
     budgets: Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = (25_000, 50_000, 100_000)
-    """Game rounds, rounds x games, that each learner may play; the last one is the headline's."""
+    """Budgets of each learner in game rounds (rounds x games). The last one is used for the ranking."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         check_unique(learners=self.learners)
         if list(self.budgets) != sorted(set(self.budgets)):
-            raise ValueError(f"budgets must rise; they are {self.budgets}")
-        if known := {FOOT, *TOPS} & {*self.learners}:
-            raise ValueError(f"learners has {known.pop()!r}, which is played anyway")
+            raise ValueError(f"budgets must be increasing, not {self.budgets}")
+        if references := {HONEST_PLAY, *BOUNDS} & {*self.learners}:
+            raise ValueError(f"learners must not contain {references.pop()!r}, which is always played")
         return self
 
 
 class Trial(NamedTuple):
-    """What can be played apart from all else, and anywhere.
+    """Smallest unit of a benchmark of learners, independent of all other trials.
 
     Attributes:
-        task: its name in the suite.
-        learner: its name in the suite; or `FOOT` or one of `TOPS`, which play no games.
-        budget: game rounds that it may play.
-        seed: of all luck.
+        task: Name of the task in the suite.
+        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have no budget.
+        budget: Budget in game rounds.
+        seed: Random seed.
     """
 
     task: str
@@ -89,18 +89,22 @@ class Trial(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What tells it from all others of its suite."""
+        """Unique key of the trial in its suite."""
         return "|".join(map(str, self))
 
 
 def trials(suite: LearnersSuite) -> list[Trial]:
-    """All trials of a suite, the longest first: at the end no worker is left alone with one."""
-    found = [
+    """Return all trials of a suite. The longest come first, so that all workers end at about the same time.
+
+    Args:
+        suite: Suite of the trials.
+    """
+    result = [
         Trial(task, learner, budget, seed)
         for budget in reversed(suite.budgets)
         for seed in suite.seeds
         for learner in suite.learners
         for task in suite.tasks
     ]
-    found += [Trial(task, FOOT, 0, seed) for task in suite.tasks for seed in suite.seeds]
-    return found + [Trial(task, top, 0, suite.seeds[0]) for task in suite.tasks for top in TOPS]
+    result += [Trial(task, HONEST_PLAY, 0, seed) for task in suite.tasks for seed in suite.seeds]
+    return result + [Trial(task, bound, 0, suite.seeds[0]) for task in suite.tasks for bound in BOUNDS]

@@ -141,7 +141,7 @@ class _ManagerPublisher:
 
     @property
     def is_second(self) -> bool:
-        """Whether another manager publishes trust as well and has precedence.
+        """True if another manager publishes trust as well and has precedence.
 
         If two managers start at the same time, exactly one of them has precedence.
         """

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+
 from roletrust_agents.learned.cards import (
     Card,
     InputCard,
@@ -15,7 +16,6 @@ from roletrust_agents.learned.cards import (
 )
 from roletrust_agents.learned.network import Architecture, Network
 from roletrust_agents.learned.saved import SavedAttacker, digest, save_attacker, task_from_card, weights_bytes
-
 from roletrust_env import Random, make_scenario
 from roletrust_env.game.attack_task import AttackTask
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
+
 from roletrust_agents.learned.network import Head
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import parse_attacker

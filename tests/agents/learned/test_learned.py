@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from attackers import attacker_of, changed, files_of
+
 from roletrust_agents.learned.cards import (
     Card,
 )
@@ -15,7 +16,6 @@ from roletrust_agents.learned.saved import (
     parse_attacker,
     save_attacker,
 )
-
 from roletrust_env import Game, JointPolicy, Player, Policy, Random, make_scenario, parallel_env
 from roletrust_env.game.rollout import record
 from roletrust_env.game.views import AgentView

@@ -5,11 +5,11 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from roletrust_agents.learned import attacker_of, policy_of
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
+from roletrust_agents.learned import attacker_of, policy_of
 from roletrust_env import AttackVecEnv, Game, JointPolicy, Player, Policy, make_task, parallel_env, record
 from roletrust_env.evaluation.attacked_games import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from certain_worlds import certain, damage, every_sequence
+
 from roletrust_agents.planning.bracket import bracket_rater
 from roletrust_agents.planning.exact import optimal_rater
 

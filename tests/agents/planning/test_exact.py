@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 from certain_worlds import certain, damage, every_sequence, exploit
+
 from roletrust_agents.planning import exact, grid
 from roletrust_agents.planning.exact import Damage, Exploit, optimal_provider, optimal_rater
-
 from roletrust_env import make_scenario
 
 QUICK = {"levels": 48, "points": 48}

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_agents.planning.planner import Planner
 
+from roletrust_agents.planning.planner import Planner
 from roletrust_env import make_trust_model, trust_models
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
+
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import SOFT, Planner, SmoothRoleTrust
 from roletrust_baselines import BadMouthing, OnOff
-
 from roletrust_env.evaluation.attacked_games import (
     HELD_OUT,
     SEARCHED,

@@ -11,7 +11,6 @@ from roletrust_agents.training.experience import StaggeredGames
 from roletrust_agents.training.heads import heads_of
 from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from roletrust_agents.training.settings import make_settings
-
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.game.attack_task import make_task
 

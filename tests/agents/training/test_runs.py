@@ -5,8 +5,8 @@ import subprocess
 import sys
 
 import pytest
-from roletrust_agents.training.runs import Checkpoint, RunFolder
 
+from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_env.storage.files import unfinished_path
 
 

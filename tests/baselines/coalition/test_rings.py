@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+
 from roletrust_baselines import Collusion, Orchestrated, SelfPromotion
 from roletrust_baselines.search import PaperAttacks
-
 from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import find

@@ -1,8 +1,8 @@
 """A wave of fresh liars: strangers who join at once, as in the preset, or one mind under many names."""
 
 import pytest
-from roletrust_baselines import BadMouthing, Sybil
 
+from roletrust_baselines import BadMouthing, Sybil
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 

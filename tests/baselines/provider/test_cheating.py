@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_baselines import Camouflage, Exit, Opportunistic, ReputationLag, ThresholdSurfing, ValueImbalance
 
+from roletrust_baselines import Camouflage, Exit, Opportunistic, ReputationLag, ThresholdSurfing, ValueImbalance
 from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
 from roletrust_env.game.views import ProviderView
 

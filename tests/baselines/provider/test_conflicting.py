@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_baselines import Conflicting
 
+from roletrust_baselines import Conflicting
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.views import ProviderView

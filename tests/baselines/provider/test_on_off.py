@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from roletrust_baselines import OnOff
 
+from roletrust_baselines import OnOff
 from roletrust_env import make_attacker
 from roletrust_env.game.views import ProviderView
 from roletrust_env.randomness import Random

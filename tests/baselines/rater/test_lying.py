@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from roletrust_baselines import (
     BallotStuffing,
     CamouflageRating,
@@ -15,7 +16,6 @@ from roletrust_baselines import (
     RepTrap,
     TransitiveLying,
 )
-
 from roletrust_env import Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_baselines import OnOff, Silent
 
+from roletrust_baselines import OnOff, Silent
 from roletrust_env import Game, JointPolicy, Scenario, make_attacker, record, trust_models
 from roletrust_env.game.rollout import History
 from roletrust_env.trust import Traits

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
-from roletrust_experiments.plots.trajectory import watch
-
 from roletrust_env import JointPolicy, record
 from roletrust_env.evaluation.attacked_games import (
     HELD_OUT,
@@ -23,6 +22,7 @@ from roletrust_env.evaluation.composite import Both, side_by_side
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import MeasuredSearch, find
 from roletrust_env.world.presence import LEFT, PRESENT
+from roletrust_experiments.plots.trajectory import watch
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
 SELLER: dict[str, Any] = {

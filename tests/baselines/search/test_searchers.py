@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
+
 from roletrust_baselines import BadMouthing, OnOff, Whitewashing
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, searchers
-
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards

@@ -1,10 +1,10 @@
-"""Learners of one's own: their games, what they give back, and what they cannot do."""
+"""Plug-in learners: their games, their policies and their limits."""
 
 import numpy as np
 import pytest
 
-from roletrust_env.benchmark.learners.contestants import contestant
-from roletrust_env.benchmark.learners.learner import CountedGames, Entered, SpentError, Taught
+from roletrust_env.benchmark.learners.learner import BudgetSpentError, CountedGames, LearnedAttacker, LearnerSearch
+from roletrust_env.benchmark.learners.search_methods import make_search_method
 from roletrust_env.benchmark.learners.suite import Task
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.evaluation.search import Budget, find
@@ -13,8 +13,8 @@ PROVIDER = Task(task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "per
 DUAL = Task(task="DualAttack", set={"max_cycles": 12})
 
 
-class Stubborn:
-    """Plays all its rounds, and then the same quality and ratings for ever."""
+class Constant:
+    """PlayedCells all its rounds, and then the same quality and ratings for ever."""
 
     games = 4
 
@@ -22,34 +22,36 @@ class Stubborn:
         self.quality = quality
 
     def learn(self, env, budget, seed):
-        seen, _ = env.reset()
-        assert seen.shape == (4, *env.single_observation_space.shape)
+        observations, _ = env.reset()
+        assert observations.shape == (4, *env.single_observation_space.shape)
         for _ in range(budget // env.num_envs):
             env.step(np.full(env.action_space.shape, self.quality, np.float32))
-        return lambda seen: np.full((len(seen), *env.single_action_space.shape), self.quality, np.float32)
+        return lambda observations: np.full(
+            (len(observations), *env.single_action_space.shape), self.quality, np.float32
+        )
 
 
-def entered(learner, task=PROVIDER, budget=100, games=3, seed=0):
-    return find(Entered(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
+def trained(learner, task=PROVIDER, budget=100, games=3, seed=0):
+    return find(LearnerSearch(learner, "mine", task.id), task.arguments(), budget=budget, seed=seed, games=games)
 
 
-def test_what_is_learned_is_played_in_games_of_its_own():
-    found = entered(Stubborn(0.25), DUAL)
-    assert found.rounds == 100
-    assert found.description == "mine in 100 rounds"
-    assert found.scores.shape == (3,)
-    assert len(set(found.scores)) == 3  # each with luck of its own
-    same = entered(Stubborn(0.25), DUAL, budget=8)
-    np.testing.assert_array_equal(found.scores, same.scores)  # which learning does not touch
+def test_the_policy_is_measured_in_held_out_games():
+    result = trained(Constant(0.25), DUAL)
+    assert result.rounds == 100
+    assert result.description == "mine in 100 rounds"
+    assert result.scores.shape == (3,)
+    assert len(set(result.scores)) == 3  # each game has its own random numbers
+    same = trained(Constant(0.25), DUAL, budget=8)
+    np.testing.assert_array_equal(result.scores, same.scores)  # learning does not change them
 
 
-def test_selling_bad_service_pays_as_the_reward_says():
-    """Honest play earns 0; half a service sold on trust that follows it earns trust x 1/2 from the second round on."""
-    assert entered(Stubborn(1.0)).scores.max() == 0
-    assert 0.1 < entered(Stubborn(0.5)).scores.mean() < 0.5
+def test_the_reward_for_bad_service():
+    """Honest play earns 0. Quality 0.5 earns half the trust from the second round on, and trust follows quality."""
+    assert trained(Constant(1.0)).scores.max() == 0
+    assert 0.1 < trained(Constant(0.5)).scores.mean() < 0.5
 
 
-def test_no_round_is_played_beyond_the_budget():
+def test_a_step_beyond_the_budget_is_refused():
     budget = Budget(10)
     games = CountedGames(AttackVectorEnv(PROVIDER.id, 4, **PROVIDER.arguments()), budget)
     games.reset(seed=0)
@@ -60,90 +62,90 @@ def test_no_round_is_played_beyond_the_budget():
     games.step(quality)
     games.step(quality)
     for _ in range(2):
-        with pytest.raises(SpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
+        with pytest.raises(BudgetSpentError, match="2 of 10 rounds are left, and a step of 4 games needs more"):
             games.step(quality)
     assert budget.spent == 8
-    games.reset(options={"reset_mask": np.ones(4, bool)})  # costs nothing
+    games.reset(options={"reset_mask": np.ones(4, bool)})  # uses no budget
 
 
-def test_the_games_have_the_seed_that_the_learner_has():
-    class Watches(Stubborn):
-        seen = ()
+def test_the_games_have_the_seed_of_the_learner():
+    class Recorder(Constant):
+        observations = ()
 
         def learn(self, env, budget, seed):
-            self.seen = env.reset()[0], env.step(np.ones(env.action_space.shape, np.float32))[0]
+            self.observations = env.reset()[0], env.step(np.ones(env.action_space.shape, np.float32))[0]
             return super().learn(env, budget - 4, seed)
 
-    watched = [Watches() for _ in range(3)]
-    for learner, seed in zip(watched, (0, 0, 1), strict=True):
-        entered(learner, DUAL, seed=seed)
-    np.testing.assert_array_equal(watched[0].seen[1], watched[1].seen[1])
-    assert (watched[0].seen[1] != watched[2].seen[1]).any()
+    recorders = [Recorder() for _ in range(3)]
+    for learner, seed in zip(recorders, (0, 0, 1), strict=True):
+        trained(learner, DUAL, seed=seed)
+    np.testing.assert_array_equal(recorders[0].observations[1], recorders[1].observations[1])
+    assert (recorders[0].observations[1] != recorders[2].observations[1]).any()
 
 
-class Counts:
-    """Serves worse from round to round: 1, 0.9, 0.8 ..."""
+class Decreasing:
+    """Policy whose quality falls in each round: 1, 0.9, 0.8 ..."""
 
     def begin(self, games):
         self.quality = np.ones((games, 1), np.float32)
 
-    def __call__(self, seen):
-        self.quality = self.quality - np.float32(0.1) * (seen[:, :1] >= 0)
+    def __call__(self, observations):
+        self.quality = self.quality - np.float32(0.1) * (observations[:, :1] >= 0)
         return np.clip(self.quality, 0, 1)
 
 
-def test_who_remembers_begins_anew_with_every_batch():
-    class Teaches:
+def test_a_memory_is_reset_for_every_batch():
+    class Learner:
         def learn(self, env, budget, seed):
-            return Counts()
+            return Decreasing()
 
-    first, second = (entered(Teaches()).scores for _ in range(2))
+    first, second = (trained(Learner()).scores for _ in range(2))
     np.testing.assert_array_equal(first, second)
-    taught, task = Taught(Counts()), AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task
+    attacker, task = LearnedAttacker(Decreasing()), AttackVectorEnv(PROVIDER.id, 2, **PROVIDER.arguments()).task
     for _ in range(2):
-        taught.begin(task, task.game.random(0), (1, 3))
-        assert taught.play.quality.shape == (3, 1)
-        assert taught.play.quality.min() == 1
+        attacker.begin(task, task.game.random(0), (1, 3))
+        assert attacker.play.quality.shape == (3, 1)
+        assert attacker.play.quality.min() == 1
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("policy", "message"),
     [
-        (None, "it must give what plays"),
-        (lambda seen: seen, "the action has shape"),
-        (lambda seen: np.full((len(seen), 1), 1.5), "outside"),
-        (lambda seen: np.full((len(seen), 1), np.nan), "nan"),
+        (None, "it must return a policy"),
+        (lambda observations: observations, "the action has shape"),
+        (lambda observations: np.full((len(observations), 1), 1.5), "outside"),
+        (lambda observations: np.full((len(observations), 1), np.nan), "nan"),
     ],
 )
-def test_what_does_not_play_is_refused(given, message):
+def test_an_invalid_policy_is_refused(policy, message):
     class Bad:
         def learn(self, env, budget, seed):
-            return given
+            return policy
 
     with pytest.raises(ValueError, match=message):
-        entered(Bad())
+        trained(Bad())
 
 
-def test_nothing_but_a_class_of_learners_is_called(tmp_path, monkeypatch):
+def test_only_classes_of_learners_are_called(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "somebodys.py").write_text(
+    (tmp_path / "plugin.py").write_text(
         "called = []\ndef function(**k):\n    called.append(k)\nclass Other:\n    def __init__(self):\n"
         "        called.append(1)\nclass Fine:\n    def __init__(self, rate=1):\n        self.rate = rate\n"
         "    def learn(self, env, budget, seed):\n        return None\n"
     )
     for name in ("function", "Other"):
-        with pytest.raises(ValueError, match=f"learner 'somebodys:{name}' must make a Learner"):
-            contestant(f"somebodys:{name}", PROVIDER.id)
-    import somebodys
+        with pytest.raises(ValueError, match=f"learner 'plugin:{name}' must make a Learner"):
+            make_search_method(f"plugin:{name}", PROVIDER.id)
+    import plugin
 
-    assert somebodys.called == []
-    found = contestant("somebodys:Fine:rate=3", PROVIDER.id)
-    assert (found.learner.rate, found.name) == (3, "somebodys:Fine:rate=3")
+    assert plugin.called == []
+    method = make_search_method("plugin:Fine:rate=3", PROVIDER.id)
+    assert (method.learner.rate, method.name) == (3, "plugin:Fine:rate=3")
     for name, message in (
         ("os:system:command=true", "must make a Learner"),
-        ("somebodys:Fine:speed=3", "It takes rate"),
+        ("plugin:Fine:speed=3", "It takes rate"),
         ("nowhere:Fine", "cannot be loaded"),
         ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: PPO, recurrent PPO, SAC"),
     ):
         with pytest.raises(ValueError, match=message):
-            contestant(name, PROVIDER.id)
+            make_search_method(name, PROVIDER.id)

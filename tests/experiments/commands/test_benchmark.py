@@ -119,7 +119,8 @@ def truncate(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words"), [(truncate, "or it is damaged"), (other_version, "has the format 99; this version reads")]
+    ("spoil", "words"),
+    [(truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version reads")],
 )
 def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, spoil: object, words: str) -> None:
     benchmark()
@@ -160,9 +161,9 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     assert "Traceback" not in full.stderr
     (line,) = full.stderr.splitlines()
     assert "results.sqlite cannot be written" in line
-    assert "make room and go on" in line
+    assert "free some space and run the command again" in line
     with Store(here / "out" / "results.sqlite") as store:
-        there = len(store.finished())
+        there = len(store.finished_keys())
     code, lines = benchmark()
     assert code == 0, lines
     assert not there or any(f"{there} of 4 cells are there already" in line for line in lines)
@@ -185,7 +186,7 @@ def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
         time.sleep(0.2)
         try:
             with Store(path) as store:
-                if len(store.finished()) == 2:
+                if len(store.finished_keys()) == 2:
                     break
         except ValueError:
             continue

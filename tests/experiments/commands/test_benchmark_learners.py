@@ -3,8 +3,9 @@
 import csv
 
 import pytest
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
+
+from roletrust_experiments.cli import app
 
 SUITE = """
 kind = "learners"

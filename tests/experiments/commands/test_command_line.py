@@ -8,15 +8,15 @@ import pytest
 import typer
 from pages import refused
 from rich.console import Console
-from roletrust_experiments.cli import app
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import FittedTable, claims_table, number_table, option, print_next
-from roletrust_experiments.paper.claims import Claim
 from typer.testing import CliRunner
 
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import FittedTable, claims_table, number_table, option, print_next
+from roletrust_experiments.paper.claims import Claim
 
 LONG = "a-trust-model-with-quite-a-long-name:parameter=0.123456789,another=true"
 

@@ -4,6 +4,7 @@ import io
 
 import pytest
 from rich.console import Console
+
 from roletrust_experiments.commands.console import progress_bar
 
 

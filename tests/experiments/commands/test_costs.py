@@ -3,13 +3,13 @@ from functools import partial
 from math import inf
 
 import pytest
+from typer.testing import CliRunner
+
+from roletrust_env.trust import trust_models
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands import costs as costs_module
 from roletrust_experiments.timing import models as timing_models
 from roletrust_experiments.timing.models import Limits, measure_models
-from typer.testing import CliRunner
-
-from roletrust_env.trust import trust_models
 
 
 def run(*arguments):

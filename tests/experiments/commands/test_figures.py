@@ -4,14 +4,14 @@ import json
 import imageio.v2 as imageio
 import numpy as np
 import pytest
-from roletrust_experiments.cli import app
-from roletrust_experiments.paper import claims
-from roletrust_experiments.plots import paper
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.vision import HogService
+from roletrust_experiments.cli import app
+from roletrust_experiments.paper import claims
+from roletrust_experiments.plots import paper
 
 HEADER = ["time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3"]
 

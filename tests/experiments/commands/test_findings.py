@@ -8,9 +8,10 @@ import pytest
 pytest.importorskip("cma")
 pytest.importorskip("stable_baselines3")
 
+from typer.testing import CliRunner
+
 from roletrust_experiments.cli import app
 from roletrust_experiments.findings.questions import QUESTIONS
-from typer.testing import CliRunner
 
 QUICK = ["--quick", "--games", "3"]
 

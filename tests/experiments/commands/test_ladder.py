@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from roletrust_agents.learned.methods import Learned, learned_methods
 from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_agents.training.runs import write_bytes
 from roletrust_baselines.search import PaperAttacks
-from roletrust_experiments.cli import app
-from roletrust_experiments.commands.options import find_task
-from roletrust_experiments.plots.trajectory import watch
-from typer.testing import CliRunner
-
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.search import UnsuitableError, find
+from roletrust_experiments.cli import app
+from roletrust_experiments.commands.options import find_task
+from roletrust_experiments.plots.trajectory import watch
 
 CERTAIN = ["--set", "noise=0", "--set", "perturbations=[]", "--set", "max_cycles=15"]
 

@@ -9,8 +9,8 @@ import pytest
 from command_line import run
 from manager_cases import TEAM, manager
 from recorded_games import PERIOD, spoken
-from roletrust_baselines import BadMouthing
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
 from roletrust_env.identification.scenario_files import write_scenario
 from roletrust_env.live.nodes.manager_node import replay_recording

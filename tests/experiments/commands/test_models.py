@@ -3,13 +3,13 @@ import json
 
 import numpy as np
 import pytest
-from roletrust_experiments.cli import app
-from roletrust_experiments.plots.models import Panel, mean_lines, models_figure
 from typer.testing import CliRunner
 
 from roletrust_env import make_scenario, trust_models
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.roster import Roster
+from roletrust_experiments.cli import app
+from roletrust_experiments.plots.models import Panel, mean_lines, models_figure
 
 
 def run(out, *arguments):

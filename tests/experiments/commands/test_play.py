@@ -4,14 +4,14 @@ import json
 import numpy as np
 import pytest
 from command_line import TINY, play, run
-from roletrust_baselines import BadMouthing
-from roletrust_experiments.playing.group_measures import MEASURES, damage, measured_since
-from roletrust_experiments.plots.curves import curve_figure
 
+from roletrust_baselines import BadMouthing
 from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import over_games, student_95
 from roletrust_env.world.roster import Roster
+from roletrust_experiments.playing.group_measures import MEASURES, damage, measured_since
+from roletrust_experiments.plots.curves import curve_figure
 
 
 def test_one_game_with_two_attackers(tmp_path):

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env import Game, JointPolicy, make_attacker, make_scenario
+from roletrust_experiments.cli import app
 
 
 def agents(sp: str = "", sr: str = "") -> str:

@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for cell in cells(suite):
             store.add(cell, play_cell(suite, cell))
     with Store(here / "learners.sqlite", large_run.learners()) as store:
-        for trial, done in large_run.kept_of_learners(large_run.learners()):
+        for trial, done in large_run.stored_trials(large_run.learners()):
             store.add(trial, done)
     made = run(
         "report", *(str(here / f"{name}.sqlite") for name in ("results", "learners")), "--out", str(here / "out")

@@ -4,11 +4,12 @@ from functools import partial
 
 import pytest
 import typer
+from typer.testing import CliRunner
+
 from roletrust_experiments.commands import speed as speed_module
 from roletrust_experiments.commands.speed import Plan, Target, speed
 from roletrust_experiments.timing import contestants as timing
 from roletrust_experiments.timing.contestants import Contestant, Spread, Timing, measure
-from typer.testing import CliRunner
 
 TINY = Plan(batches=(4,), compiled=(), sides=(3, 5), repeats=3, slice_s=0.001)
 

@@ -15,7 +15,7 @@ from roletrust_env.benchmark import verification
 from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.submission import Measures, fingerprint
+from roletrust_env.benchmark.submission import ClaimedMetrics, fingerprint
 from roletrust_env.benchmark.suite import load_suite
 from roletrust_env.benchmark.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
@@ -68,18 +68,18 @@ def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -
     (tmp_path / "true.json").write_text(text)
     found, suite = read_submission(tmp_path / "true.json")
     kept = [StoredCell(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
-    assert all(check.ok for check in verification.check_all(found, suite, kept, same=True))
+    assert all(check.ok for check in verification.check_scores(found, suite, kept, same=True))
 
 
 def test_a_seed_draws_the_same_cells(tmp_path: Path, text: str) -> None:
     (tmp_path / "true.json").write_text(text)
     found, _ = read_submission(tmp_path / "true.json")
-    assert verification.sample(found, 2, 7) == verification.sample(found, 2, 7)
-    assert len({tuple(claim.cell for claim in verification.sample(found, 2, seed)) for seed in range(20)}) > 5
+    assert verification.sample_claims(found, 2, 7) == verification.sample_claims(found, 2, 7)
+    assert len({tuple(claim.cell for claim in verification.sample_claims(found, 2, seed)) for seed in range(20)}) > 5
 
 
 def test_all_that_is_measured_is_claimed() -> None:
-    assert tuple(Measures.model_fields) == MEASURED
+    assert tuple(ClaimedMetrics.model_fields) == MEASURED
 
 
 def cell(said: Any, track: str = "raters") -> Any:
@@ -103,16 +103,16 @@ def other_versions(said: Any) -> None:
     ("change", "words"),
     [
         (lambda said: said["standings"]["mean"]["worst"].update(mean=0.99), "scores of mean worst: claimed 0.9900"),
-        (lambda said: said.update(suite_sha256="0" * 64), "it has another hash than is said"),
-        (lambda said: said["suite"].update(games=4), "it has another hash than is said"),
+        (lambda said: said.update(suite_sha256="0" * 64), "its hash is not the stated one"),
+        (lambda said: said["suite"].update(games=4), "its hash is not the stated one"),
         (lambda said: said["models"]["mean"].update(sha256="0" * 64), "model mean another source than here"),
-        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, of roletrust-env 9"),
+        (lambda said: said["attacks"]["on-off"].update(version="9"), "other source, from roletrust-env 9"),
     ],
 )
 def test_what_is_not_as_said_is_told_without_playing(verified: Callable, change: Callable, words: str) -> None:
     code, told = verified(change)
     assert words in told
-    assert code == (0 if "of roletrust-env 9" in words else 1)
+    assert code == (0 if "from roletrust-env 9" in words else 1)
 
 
 @pytest.mark.parametrize("forgotten", [False, True])
@@ -125,7 +125,7 @@ def test_numbers_that_were_made_up_are_found(verified: Callable, forgotten: bool
 
     code, told = verified(change, "--cells", "100", "--workers", "1")
     assert code == 1
-    assert ("left out" if forgotten else "other numbers") in told
+    assert ("missing in the claim" if forgotten else "other numbers") in told
     assert "scores of mean worst case 1.0000" in told  # which goes with the rest of the file
 
 
@@ -154,17 +154,17 @@ def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_pa
 
     code, told = verified(change)
     assert code == 1
-    assert "it is called quick, and is not the one" in told
+    assert "its name is quick, but it differs" in told
 
 
 def test_a_run_that_is_not_whole_is_not_submitted(tmp_path: Path) -> None:
     path = played(tmp_path)
     with Store(path, SUITE) as store:
         first = store.all()[0]
-        store.add(first.cell, first.done._replace(failed="attack on-off: it broke"))
+        store.add(first.cell, first.result._replace(failed="attack on-off: it broke"))
     refused = run("submit", str(path), "--out", str(tmp_path / "mine.json"))
     assert refused.exit_code == 2
-    assert "1 of 6 cells failed or are not played" in " ".join(refused.output.split())
+    assert "1 of 6 cells failed or have not been played" in " ".join(refused.output.split())
     wanted = run("submit", str(path), "--model", "median", "--out", str(tmp_path / "mine.json"))
     assert "has no trust model 'median'" in " ".join(wanted.output.split())
     other = run("submit", str(path), "--model", "role-trust", "--out", str(tmp_path / "mine.json"))
@@ -227,13 +227,13 @@ def renamed(name: str) -> Callable[[Any], None]:
         (renamed("mean\x1b[2J"), "String should match pattern"),
         (lambda said: said["suite"]["attacks"].__setitem__(0, "os:system"), "attacks: not those of the suite"),
         (lambda said: said["suite"]["scenarios"]["market"].update(preset="/etc/passwd.toml"), "preset is '/etc/passwd"),
-        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "without files"),
-        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "without files"),
+        (lambda said: said["suite"]["scenarios"]["market"]["set"].update(frames="/dev/video0"), "must not use files"),
+        (lambda said: said["suite"]["tracks"]["honest"].update(set={"frames": 0}), "must not use files"),
         (lambda said: said["suite"]["scenarios"]["market"]["set"].update(max_cycles=10**9), "too many"),
         (lambda said: said["suite"].update(seeds=list(range(1000))), "cells: there are 6; the suite has 6000"),
         (lambda said: said["suite"].update(models="all"), "with its models and attacks by name"),
         (lambda said: said["suite"].update(kind="learners"), "suite: "),
-        (lambda said: said["suite"].update(tracks=[]), "scenarios and tracks must each have one"),
+        (lambda said: said["suite"].update(tracks=[]), "the number of scenarios and that of tracks must be 1 to 100"),
         (lambda said: said["suite"].update(tracks={"a": 1}), "neither a scenario nor a track"),
         (lambda said: said["suite"].update(ghost=1), "there is no field 'ghost'"),
         (lambda said: said.update(ghost=1), "ghost is 1: Extra inputs are not permitted"),
@@ -246,7 +246,7 @@ def renamed(name: str) -> Callable[[Any], None]:
         (lambda said: cell(said)["attacks"][0].update(chosen=float("nan")), "the JSON has NaN"),
         (lambda said: said["standings"]["mean"]["worst"].update(mean=float("inf")), "the JSON has Infinity"),
         (lambda said: cell(said)["attacks"][0]["measured"]["utility"].update(mean=None), "is undefined"),
-        (lambda said: cell(said, "honest").update(attacks=[]), "all are honest there"),
+        (lambda said: cell(said, "honest").update(attacks=[]), "all agents are honest there"),
         (lambda said: said["software"].update(python=["3"] * 10**6), "python is ['3', '3'"),
     ],
 )

@@ -13,18 +13,18 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
+from typer.testing import CliRunner
+
 from roletrust_agents.learned.methods import learned_methods
 from roletrust_agents.learned.policy import play_task
 from roletrust_agents.learned.saved import ZOO, load_attacker
 from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import make_settings
-from roletrust_experiments.cli import app
-from roletrust_experiments.timing.ppo_speed import ppo_speed
-from typer.testing import CliRunner
-
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import make_task
+from roletrust_experiments.cli import app
+from roletrust_experiments.timing.ppo_speed import ppo_speed
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = "games=8,hidden=[8],batch_size=40"

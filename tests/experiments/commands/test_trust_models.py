@@ -6,11 +6,11 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from roletrust_agents.learned.saved import load_attacker
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
+from roletrust_agents.learned.saved import load_attacker
 from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_experiments.cli import app
 
 TASK = ["RaterAttack", "--set", "max_cycles=4"]
 LEARNER = ["--learner", "PPO:games=2,hidden=[4],n_steps=4,n_epochs=1"]

@@ -1,9 +1,9 @@
 """Where a model breaks, read off made-up numbers, and of a model that nothing can break."""
 
 import pytest
-from roletrust_experiments.findings.breaking import Break, breaking, sentence
 
 from roletrust_env.metrics.confidence import Estimate
+from roletrust_experiments.findings.breaking import Break, breaking, sentence
 
 
 def over(*means, half=0.05):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from rich.progress import Progress
+
 from roletrust_baselines import BadMouthing
+from roletrust_env import make_scenario
 from roletrust_experiments.findings import dilution, noise
 from roletrust_experiments.findings.games import Effort, honest, last, lost, play
-
-from roletrust_env import make_scenario
 
 
 @pytest.fixture

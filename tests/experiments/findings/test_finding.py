@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from roletrust_experiments.findings import admission, both_roles, dilution, movement, noise, roles
-from roletrust_experiments.findings.finding import amount, in_words, listed, sign, verdict
 
 from roletrust_env.metrics.confidence import Estimate, estimate
+from roletrust_experiments.findings import admission, both_roles, dilution, movement, noise, roles
+from roletrust_experiments.findings.finding import amount, in_words, listed, sign, verdict
 
 MORE, LESS, OPEN = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from roletrust_experiments.paper.claims import Window, check_bad_mouthing
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
+from roletrust_experiments.paper.claims import Window, check_bad_mouthing
 
 SCENARIO, ATTACK = make_scenario("paper-3x3"), Window(20.0, 45.0)
 

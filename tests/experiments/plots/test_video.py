@@ -2,10 +2,10 @@
 
 import json
 
-from roletrust_experiments.cli import app
 from typer.testing import CliRunner
 
 from roletrust_env.storage import files
+from roletrust_experiments.cli import app
 
 
 def play(out, *arguments):

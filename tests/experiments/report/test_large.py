@@ -8,12 +8,12 @@ from typing import Any
 import large_run
 import numpy as np
 import pytest
+
+from roletrust_env.benchmark.leaderboard import attack_scores
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.learners import Learners
 from roletrust_experiments.report.page import page
 from roletrust_experiments.report.robustness import Robustness
-
-from roletrust_env.benchmark.leaderboard import attack_scores
 
 MEGABYTE = 1_000_000
 SOFTWARE: dict[str, Any] = {"package": {"name": "it", "version": "0"}, "python": "3", "packages": {}}
@@ -24,8 +24,8 @@ def content() -> Content:
     suite, learners = large_run.large(), large_run.learners()
     path = Path("results.sqlite")
     return Content(
-        Robustness.of(suite, large_run.kept(suite), SOFTWARE, path),
-        Learners.of(learners, large_run.kept_of_learners(learners), SOFTWARE, path),
+        Robustness.of(suite, large_run.stored_cells(suite), SOFTWARE, path),
+        Learners.of(learners, large_run.stored_trials(learners), SOFTWARE, path),
     )
 
 
@@ -61,7 +61,7 @@ def test_each_model_and_condition_has_one_worst_case(content: Content) -> None:
 
 def test_a_long_game_is_told_in_few_points_that_keep_its_mean(content: Content) -> None:
     """Points of the two rounds that each stands for; of the last one, alone, if it is."""
-    one = attack_scores(large_run.kept(large_run.large(models=["role-trust"]))[:1])[0]
+    one = attack_scores(large_run.stored_cells(large_run.large(models=["role-trust"]))[:1])[0]
     told = content.tables["curves"].columns()
     place = next(k for k, model in enumerate(told["model"]) if model == one.model and told["attack"][k] == one.attack)
     assert told["rounds"][place] == [2.5 + 2 * k for k in range(29)] + [60.0]

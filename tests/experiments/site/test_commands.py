@@ -1,6 +1,7 @@
 """Help texts of the terminal as Markdown."""
 
 import pytest
+
 from roletrust_experiments.site.commands import everything, markdown, roletrust
 
 

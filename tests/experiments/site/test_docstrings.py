@@ -1,11 +1,11 @@
 """How docstrings become reStructuredText."""
 
 import pytest
-from roletrust_experiments.site.docstrings import as_written, readable
 
 from roletrust_env import Game
 from roletrust_env.metrics import damage
 from roletrust_env.trust.models.personal.travos import Travos
+from roletrust_experiments.site.docstrings import as_written, readable
 
 
 def read(text):

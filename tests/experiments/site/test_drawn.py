@@ -2,12 +2,12 @@
 
 import pytest
 from pages import refused
+
+from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from roletrust_experiments.site import drawn
 from roletrust_experiments.site.drawn import draw
 from roletrust_experiments.site.pictures import how_shown
-
-from roletrust_env.evaluation.specs import parse_attacks
 
 
 def some(entries, *names):

@@ -5,12 +5,12 @@ import re
 
 import pytest
 from latex2mathml.converter import convert
-from roletrust_experiments.site.docstrings import readable
-from roletrust_experiments.site.formulas import formula_of, formulas, typeset
 
 import roletrust_env
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as models
+from roletrust_experiments.site.docstrings import readable
+from roletrust_experiments.site.formulas import formula_of, formulas, typeset
 
 NAMES = [("models", name) for name in roletrust_env.trust_models()]
 NAMES += [("attacks", name) for name in roletrust_env.attackers()]

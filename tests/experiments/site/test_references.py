@@ -6,9 +6,9 @@ import re
 import pytest
 from built import HOUSE
 from pybtex.database import parse_file
-from roletrust_experiments.site.references import cited
 
 from roletrust_env.trust.model import registry as models
+from roletrust_experiments.site.references import cited
 
 BIBLIOGRAPHY = HOUSE / "docs" / "references.bib"
 

@@ -6,10 +6,10 @@ import gymnasium
 import pytest
 import typer
 from built import HOUSE, broken, build_quickly, fetched, pages, parsed, text
-from roletrust_experiments.cli import app
 from sphinx.util.inventory import InventoryFile
 
 import roletrust_env
+from roletrust_experiments.cli import app
 
 pytestmark = pytest.mark.slow
 
@@ -110,6 +110,9 @@ def test_every_command_and_option_is_told(site):
         "roletrust_env.trust",
         "roletrust_env.metrics",
         "roletrust_env.world",
+        "roletrust_env.evaluation",
+        "roletrust_env.benchmark",
+        "roletrust_env.testing",
         "roletrust_agents.learned",
     ],
 )

@@ -1,6 +1,7 @@
 """What a cell printed is shown as it was printed."""
 
 from nbformat.v4 import new_output
+
 from roletrust_experiments.site.streams import whole_streams
 
 

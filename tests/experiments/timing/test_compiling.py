@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from roletrust_experiments.timing.compiling import compile_ahead
-from roletrust_experiments.timing.models import Size, trust_update
 
 from roletrust_env.trust import Mean
+from roletrust_experiments.timing.compiling import compile_ahead
+from roletrust_experiments.timing.models import Size, trust_update
 
 pytestmark = [
     pytest.mark.slow,

@@ -1,9 +1,9 @@
 """Scripted cells play nearly as fast as the bare game does."""
 
 import pytest
-from roletrust_experiments.timing.throughput import throughput
 
 from roletrust_env.benchmark.suite import load_suite
+from roletrust_experiments.timing.throughput import throughput
 
 
 @pytest.mark.slow

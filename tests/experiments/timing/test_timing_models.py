@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from roletrust_env.trust import Mean, RoleTrust
 from roletrust_experiments.timing.contestants import Contestant, Timing
 from roletrust_experiments.timing.models import (
     LIBRARIES,
@@ -20,8 +22,6 @@ from roletrust_experiments.timing.models import (
     trust_update,
 )
 from roletrust_experiments.timing.threads import torch_threads
-
-from roletrust_env.trust import Mean, RoleTrust
 
 quickly = partial(measure_models, repeats=2, slice_s=1e-9)
 

@@ -8,15 +8,15 @@ import pytest
 from bokeh.client import pull_session
 from bokeh.document import Document
 from bokeh.models.widgets.markups import Div
+from tornado.ioloop import IOLoop
+
+from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.nodes.team_listener import MANAGER
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards
 from roletrust_experiments.view.dashboard import Dashboard
 from roletrust_experiments.view.page import Page, make_page
 from roletrust_experiments.view.server import serve
-from tornado.ioloop import IOLoop
-
-from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.nodes.team_listener import MANAGER
 
 PERIOD_S = 0.5
 NOW_S = 1_000_000.0

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from roletrust_baselines import BadMouthing, OnOff
 
+from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.rollout import History
 from roletrust_env.metrics import auc, damage, present_trust, recovery, rounds_to_detection, utility

@@ -85,7 +85,7 @@ class Fire:
     cost = "S^2 P"
 
     def start(self, like: Array) -> FireState:
-        """Initial trust, the default credibility and no experience. See `TrustModel.start`."""
+        """Return initial trust, the default credibility and no experience. See `TrustModel.start`."""
         nothing = nothing_yet(like, _MEMORY)
         credibility = credences(like, self.credibility)
         return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
