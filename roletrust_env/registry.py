@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from threading import get_ident
 from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
@@ -159,14 +160,28 @@ class Registry(Generic[T]):
         return {plugin.name: plugin for plugin in entry_points(group=self.group)}
 
 
+_LOADING: set[int] = set()
+"""Threads that import plug-ins."""
+
+
 @cache
 def load_plugins() -> None:
     """Import the modules of the entry-point group `roletrust_env.plugins`; a broken one is a warning."""
+    if get_ident() in _LOADING:  # a plug-in looks a name up while it is imported
+        return
+    _LOADING.add(get_ident())
+    try:
+        _import_plugins()
+    finally:
+        _LOADING.discard(get_ident())
+
+
+def _import_plugins() -> None:
     for plugin in entry_points(group="roletrust_env.plugins"):
         try:
             plugin.load()
         except (Exception, SystemExit) as error:  # a foreign package can raise anything on import
-            warnings.warn(f"plug-in {plugin.name!r} comes from {_describe_failure(plugin, error)}", stacklevel=2)
+            warnings.warn(f"plug-in {plugin.name!r} comes from {_describe_failure(plugin, error)}", stacklevel=3)
 
 
 def summary(factory: Any) -> str:

@@ -7,6 +7,7 @@ import pickle
 import pydantic.dataclasses
 import pytest
 
+from roletrust_env.game.schedule import WindowedAttack
 from roletrust_env.parameters import UnknownParameterError, checked_dataclass, refuse_unknown, unknown_parameter
 from roletrust_env.ranges import Share
 from roletrust_env.registry import Registry
@@ -97,6 +98,18 @@ def test_a_foreign_heir_refuses_too() -> None:
     assert Foreign(start=2).start == 2
     with pytest.raises((TypeError, ValueError), match="lvl"):
         Foreign(lvl=0.2)  # type: ignore[call-arg]
+
+
+def test_an_attack_of_another_package_refuses_too() -> None:
+    @pydantic.dataclasses.dataclass(frozen=True)
+    class Lies(WindowedAttack):
+        level: float = 0.5
+
+    assert Lies(level=0.2, start=3).start == 3
+    with pytest.raises((TypeError, ValueError), match="lvl"):
+        Lies(lvl=0.2)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"did you mean 'start'\?"):
+        WindowedAttack(strat=3)  # type: ignore[call-arg]
 
 
 def test_a_standard_dataclass_can_refuse() -> None:

@@ -1,6 +1,7 @@
 """Tables of named things: registered here, or brought by installed packages."""
 
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from roletrust_env import (
     register_scenario,
     scenarios,
 )
-from roletrust_env.registry import Registry
+from roletrust_env.registry import Registry, load_plugins
 
 
 def box(size: int = 1) -> tuple[str, int]:
@@ -126,6 +127,20 @@ def test_a_plug_in_may_say_which_extra_brings_what_it_lacks(registry: Registry, 
         registry.make("hungry")
     with pytest.raises(ValueError, match=r"needs no_such_food: pip install 'frugal\[food,drink\]'$"):
         registry.make("frugal")
+
+
+def test_plug_ins_are_imported_once_though_one_of_them_looks_names_up(
+    install: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asking = "from roletrust_env.trust.model import registry\nmade = registry.names()\n"
+    install("broken_module", "roletrust_env.plugins", "raise RuntimeError('broken')")
+    install("asking_module", "roletrust_env.plugins", asking)
+    ours = [one for one in entry_points(group="roletrust_env.plugins") if one.name.endswith("_module")]
+    monkeypatch.setattr("roletrust_env.registry.entry_points", lambda group: ours)
+    load_plugins.cache_clear()
+    with pytest.warns(UserWarning, match="plug-in") as caught:
+        load_plugins()
+    assert [str(one.message).split()[1] for one in caught] == ["'broken_module'"]
 
 
 def test_a_class_named_by_hand_is_one_of_the_kind(registry: Registry) -> None:

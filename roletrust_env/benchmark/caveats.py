@@ -6,6 +6,7 @@ import numpy as np
 
 from roletrust_env import Game
 from roletrust_env.benchmark.leaderboard import AttackScores, Condition
+from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -42,10 +43,15 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
     for name in models:
         if name not in played:
             continue
-        model = parse_trust_model(name, scenario)
-        if "white-box planner" in suite.rungs and not Traits.of(model).differentiable:
+        try:
+            model = parse_trust_model(name, scenario)
+            at_random, jumps = is_random(Game(scenario, model)), not Traits.of(model).differentiable
+        except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
+            yield f"{name}: it failed after the run: {reason(error)}"
+            at_random = jumps = False
+        if "white-box planner" in suite.rungs and jumps:
             discontinuous.append(name)
-        if is_random(Game(scenario, model)):
+        if at_random:
             yield f"{name}: its trust is random, so other runs give other numbers"
         clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
         informative = [one for one in clean if providers_differ(one)]

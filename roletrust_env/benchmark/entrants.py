@@ -7,6 +7,7 @@ from typing import Any
 
 import cloudpickle
 
+from roletrust_env.benchmark.fingerprint import fingerprint
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 
@@ -43,18 +44,33 @@ def name_entrants(models: Sequence[Entrant]) -> tuple[tuple[str, ...], dict[str,
 @contextmanager
 def temporary_registration(instances: Mapping[str, TrustModel[Any]]) -> Iterator[None]:
     """Register trust models under their names until the context ends."""
-    for name, model in instances.items():
-        trust_models.register(name, _factory(model))
+    known: list[str] = []
     try:
+        for name, model in instances.items():
+            trust_models.register(name, _factory(model))
+            known.append(name)
         yield
     finally:
-        for name in instances:
+        for name in known:
             trust_models.unregister(name)
 
 
 def pack(instances: Mapping[str, TrustModel[Any]]) -> bytes:
-    """Serialise trust models for another process. Classes from a notebook or a script are included."""
-    return cloudpickle.dumps(dict(instances)) if instances else b""
+    """Serialise trust models for another process. Classes from a notebook or a script are included.
+
+    Raises:
+        ValueError: One of them cannot be sent to another process.
+    """
+    packed = {}
+    for name, model in instances.items():
+        try:
+            packed[name] = cloudpickle.dumps(model)
+        except Exception as error:  # a class of another package may raise anything
+            raise ValueError(
+                f"trust model {name} cannot be sent to another process ({type(error).__name__}: {error}); "
+                "with workers=0 it plays in this one"
+            ) from error
+    return cloudpickle.dumps(packed) if packed else b""
 
 
 @cache
@@ -62,7 +78,17 @@ def register_packed(packed: bytes) -> None:
     """Register the serialised trust models in a worker process."""
     if packed:
         for name, model in cloudpickle.loads(packed).items():
-            trust_models.register(name, _factory(model))
+            trust_models.register(name, _unpacking(model))
+
+
+def _unpacking(packed: bytes) -> Any:
+    """Return a factory that loads a model when it is played, so that one that fails to load affects no other."""
+
+    @cache
+    def load() -> Any:
+        return cloudpickle.loads(packed)
+
+    return load
 
 
 def _factory(model: TrustModel[Any]) -> Any:
@@ -72,6 +98,9 @@ def _factory(model: TrustModel[Any]) -> Any:
         """Factory of a trust model that was given as an object."""
 
         kind = type(model)
+
+        def __init__(self) -> None:
+            self.fingerprint = fingerprint(model)
 
         def __call__(self) -> TrustModel[Any]:
             return model
@@ -89,6 +118,8 @@ def _instance(model: Any) -> TrustModel[Any]:
             model = model()
         except TypeError as error:
             raise ValueError(f"{model.__name__} needs parameters ({error}); give an instance of it") from None
+        except (Exception, SystemExit) as error:  # a class of another package may raise anything
+            raise ValueError(f"{model.__name__} cannot be made ({type(error).__name__}: {error})") from error
     if not isinstance(model, TrustModel):
         raise ValueError(f"{model!r} is not a trust model: give an instance, a class, or a name such as 'role-trust'")
     return model

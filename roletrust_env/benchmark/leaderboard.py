@@ -161,7 +161,7 @@ def worst_cases(
         if one.rung in WHITE_BOX_RUNGS - included:
             continue
         key = one.model, one.condition
-        if key not in cases or np.nanmean(one.chosen) < np.nanmean(cases[key].chosen):
+        if key not in cases or _least(one.chosen) < _least(cases[key].chosen):
             cases[key] = one
     return cases
 
@@ -195,7 +195,7 @@ def leaderboard_rows(
         ]
         complete = sum(cell.model == model and not result.failed for cell, result in stored)
         games[model] = _over_conditions(one.utility for one in attacked)
-        lowest = min(attacked, key=lambda one: float(np.nanmean(one.utility)), default=None)
+        lowest = min(attacked, key=lambda one: _least(one.utility), default=None)
         rows.append(
             LeaderboardRow(
                 0,
@@ -222,6 +222,12 @@ def leaderboard_rows(
     ]
 
 
+def _least(utility: Floats) -> float:
+    """Return the mean utility by which the worst case is chosen; where it is undefined, any other is worse."""
+    mean = float(mean_or_nan(utility, axis=0))
+    return np.inf if np.isnan(mean) else mean
+
+
 def _shared_ranks(keys: Sequence[Any]) -> list[int]:
     """Return the ranks of sorted keys. Equal keys share the rank of the first one."""
     return [keys.index(key) + 1 for key in keys]
@@ -244,7 +250,8 @@ def _rank_stability(games: Sequence[Floats]) -> list[float]:
     means = np.stack([scores[:, pick].mean(axis=1) for pick in picks]).round(_DIGITS)
     better = (means[:, None, :] > means[:, :, None]).sum(axis=2)  # number of better models for each model
     current = scores.mean(axis=1).round(_DIGITS)
-    return [float(share) for share in (better == (current[None, :] > current[:, None]).sum(axis=1)).mean(axis=0)]
+    shares = (better == (current[None, :] > current[:, None]).sum(axis=1)).mean(axis=0)
+    return [float(share) for share in np.where(np.isnan(current), np.nan, shares)]
 
 
 def _estimate(rows: Iterable[Floats]) -> Estimate:

@@ -163,8 +163,7 @@ class WorkerPool(Generic[Key]):
                     worker.begin(pending.pop(), limit_s)
             if failed_starts >= _MAX_FAILED_STARTS:
                 raise ChildProcessError(
-                    f"{failed_starts} worker processes in a row ended before they could work; in a script, start them "
-                    "under `if __name__ == '__main__':`"
+                    f"{failed_starts} worker processes in a row ended before they could work; see their errors above"
                 )
 
     def _stop(self, worker: _Worker[Key]) -> int:

@@ -1,7 +1,9 @@
 """Benchmark runs from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
 
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmark.result import Leaderboard
-from roletrust_env.benchmark.schema import CellResult
+from roletrust_env.benchmark.schema import CellResult, SuiteSchema
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Suite, load_suite
 from roletrust_env.benchmark.suite_types import AnySuite, suite_type
@@ -27,7 +29,7 @@ def benchmark(
     models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
     suite: str | Path | Suite = "quick",
     *,
-    attacks: Sequence[str] | None = None,
+    attacks: str | Sequence[str] | None = None,
     workers: int | None = None,
     out: str | Path | None = None,
     force: bool = False,
@@ -39,9 +41,9 @@ def benchmark(
         models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these.
             `"all"` means all installed models, and None means the models of the suite.
         suite: Name of a suite, path of a TOML file, or a `Suite`.
-        attacks: Specs of scripted attacks that replace those of the suite.
-        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. In a
-            script, processes need the call under `if __name__ == "__main__":`.
+        attacks: Specs of scripted attacks that replace those of the suite, or one spec.
+        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. A
+            script that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
         out: Folder of the results. A stopped run continues from there. None writes no files.
         force: Start again, and delete earlier results in `out`.
         progress: Show a progress bar.
@@ -52,6 +54,7 @@ def benchmark(
     Raises:
         ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for learners, or `out`
             contains another run.
+        OSError: `out` cannot be written.
 
     Example:
         >>> from roletrust_env.benchmark import Suite, benchmark
@@ -62,6 +65,16 @@ def benchmark(
         >>> [row.model for row in board.rows]
         ['mean', 'constant']
     """
+    if isinstance(attacks, str):
+        attacks = [attacks]
+    for name, chosen in (("models", models), ("attacks", attacks)):
+        if _is_empty(chosen):
+            raise ValueError(f"{name} is empty; None means those of the suite")
+    if workers is not None and (not isinstance(workers, int) or workers < 0):
+        raise ValueError(f"workers is {workers!r}; it must be 0 or more, or None for one for each core")
+    if workers != 0 and getattr(current_process(), "_inheriting", False):
+        # A worker imports the script again, which must not play the benchmark again.
+        sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")
     entrants: list[Entrant] = []
     if isinstance(models, str) and models == "all":
         entrants += model_names(_robustness(suite).model_copy(update={"models": "all"}))
@@ -153,9 +166,15 @@ class InProcess:
             yield cell, play_safely(suite, cell)
 
 
+def _is_empty(chosen: Any) -> bool:
+    return isinstance(chosen, list | tuple) and not chosen
+
+
 def _robustness(suite: str | Path | Suite) -> Suite:
     """Return a robustness suite. Raise an error for another type of suite."""
-    loaded = suite if isinstance(suite, Suite) else load_suite(suite)
+    if not isinstance(suite, str | Path | SuiteSchema):
+        raise ValueError(f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file")
+    loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
     if not isinstance(loaded, Suite):
         raise ValueError(
             f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite {loaded.name}`"

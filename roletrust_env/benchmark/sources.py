@@ -8,10 +8,12 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
+from types import FunctionType
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from roletrust_env.benchmark.fingerprint import fingerprint, has_file
 from roletrust_env.storage.untrusted import UntrustedModel
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -56,7 +58,10 @@ def source_of(factory: Callable[..., Any]) -> Source:
 
 
 def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
-    """Return the source hashes of factories by name. Factories whose source is not in a file are left out.
+    """Return the source hashes of factories by name.
+
+    The hash of a factory that is not a class or a function of a file covers its parameters, too. Examples are a trust
+    model that is given as an object, and a `functools.partial`.
 
     Args:
         factories: Factories by name.
@@ -65,12 +70,16 @@ def hashes(factories: Mapping[str, Callable[..., Any]]) -> dict[str, str]:
     for name, factory in factories.items():
         with suppress(ValueError):
             digests[name] = source_of(factory).sha256
+        in_file = isinstance(factory, type | FunctionType) and has_file(factory.__module__)
+        if not in_file:
+            own = getattr(factory, "fingerprint", None) or fingerprint(factory)
+            digests[name] = hashlib.sha256(f"{digests.get(name)}\n{own}".encode()).hexdigest()
     return digests
 
 
 def _text(module: str) -> bytes:
     file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or not Path(file).is_file():
+    if file is None or not has_file(module):
         raise ValueError(f"{module} is not in a file, so its source could not be compared later")
     return Path(file).read_bytes()
 

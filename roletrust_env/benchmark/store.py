@@ -193,8 +193,8 @@ class Store:
         changed = [name for name, digest in current.items() if self._sources.get(name, digest) != digest]
         if changed:
             raise ValueError(
-                f"{self.path} was played with another source of {', '.join(changed)}; give another --out, or start "
-                "again with --force"
+                f"{self.path} was played with another source of {', '.join(changed)}, or with other parameters; give "
+                "another --out, or start again with --force"
             )
 
     @contextmanager

@@ -91,7 +91,12 @@ class Suite(SuiteSchema):
     def _check(self) -> Self:
         if not self.scenarios or not self.tracks or not self.rungs:
             raise ValueError("scenarios, tracks and rungs must not be empty")
+        if not self.models or not self.attacks:
+            raise ValueError("models and attacks must not be empty")
         check_unique(rungs=self.rungs)
+        for what, names in (("models", self.models), ("attacks", self.attacks)):
+            if not isinstance(names, str):
+                check_unique(**{what: names})
         return self
 
 

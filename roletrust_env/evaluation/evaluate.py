@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import score
@@ -76,10 +78,12 @@ def evaluate(
         >>> evaluate("mean", "sr_2=bad-mouthing:level=0", "paper-3x3", games=2).damage.mean > 0.1
         True
     """
-    if games < 1:
-        raise ValueError(f"games is {games}; it must be 1 or more")
-    if not 0 < share < 1:
-        raise ValueError(f"share is {share}; it must lie between 0 and 1")
+    if not isinstance(games, int | np.integer) or games < 1:
+        raise ValueError(f"games is {games!r}; it must be 1 or more")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed is {seed!r}; it must be 0 or more")
+    if not isinstance(share, float | int) or not 0 < share < 1:
+        raise ValueError(f"share is {share!r}; it must lie between 0 and 1")
     rules = make_scenario(scenario)
     policies = _seated(attack, rules, share)
     task = exact_task(
@@ -90,7 +94,7 @@ def evaluate(
             "objective": "mislead",
         }
     )
-    scored = score(task, Scripted(policies), seed, (1, games))
+    scored = score(task, Scripted(policies), int(seed), (1, int(games)))
     clean = share_of_best(scored.clean.got, scored.clean.best).value
     return Evaluation(clean=estimate(clean[0]), **{name: estimate(values[0]) for name, values in scored.scores.items()})
 
@@ -100,12 +104,23 @@ def _seated(
 ) -> dict[str, Policy]:
     """Return the policies by the name of the agent."""
     if isinstance(attack, Mapping):
+        for name, given in attack.items():
+            if not isinstance(given, str | Policy):
+                raise ValueError(f"attack of {name!r} is {given!r}; it must be a Policy, or the spec of an attack")
         made = {name: policy for name, policy in attack.items() if isinstance(policy, Policy)}
-        texts = [f"{name}={spec}" for name, spec in attack.items() if isinstance(spec, str)]
-        return {**parse_attacks(texts, scenario), **made}
+        parsed = parse_attacks([f"{name}={spec}" for name, spec in attack.items() if isinstance(spec, str)], scenario)
+        if twice := sorted(made.keys() & parsed.keys()):
+            raise ValueError(f"attack gives agent {twice[0]!r} two attacks; an agent has one policy")
+        return {**parsed, **made}
+    if not isinstance(attack, str) and not _is_texts(attack):
+        raise ValueError(f"attack is {attack!r}; name the agents of a policy, such as {{'sr_2': BadMouthing()}}")
     texts = [attack] if isinstance(attack, str) else list(attack)
     seated = [line for text in texts for line in _lines(text, scenario, share)]
     return parse_attacks(list(dict.fromkeys(seated)), scenario)
+
+
+def _is_texts(attack: object) -> bool:
+    return isinstance(attack, Sequence) and all(isinstance(text, str) for text in attack)
 
 
 def _names_agents(text: str) -> bool:

@@ -27,12 +27,17 @@ class Budget:
         rounds: Size of the budget, rounds times games.
         on_spent: Called with each number of rounds that is spent, for example to move a progress bar.
 
+    Raises:
+        ValueError: The size is no number of rounds.
+
     Attributes:
         rounds: Size of the budget.
         spent: Rounds that are spent.
     """
 
     def __init__(self, rounds: int, on_spent: Callable[[int], None] | None = None) -> None:
+        if not isinstance(rounds, int) or rounds < 0:
+            raise ValueError(f"the budget is {rounds!r}; it must be a number of game rounds, 0 or more")
         self.rounds = rounds
         self.spent = 0
         self._on_spent = on_spent
@@ -164,7 +169,7 @@ def find(
         UnsuitableError: The method does not apply to this task, or the budget is too small for it.
     """
     began = perf_counter()
-    result = method.search(arguments, Budget(budget) if isinstance(budget, int) else budget, seed)
+    result = method.search(arguments, budget if isinstance(budget, Budget) else Budget(budget), seed)
     seconds = perf_counter() - began if result.seconds is None else result.seconds
     scores, objective, cost = (
         part[0] for part in mean_rewards(exact_task(arguments), result.attacker, seed, (1, games), HELD_OUT)

@@ -34,7 +34,7 @@ class WindowedAttack(Policy):
 
 
 def wake(now: Array, memory: Any) -> tuple[Array, Array]:
-    """Return whether a sleeper is awake, and its new memory. Once it has wake up, it stays awake.
+    """Return whether a sleeper is awake, and its new memory. Once it has woken up, it stays awake.
 
     Args:
         now: Whether the sleeper wakes up in this round, boolean.

@@ -52,6 +52,19 @@ def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
     assert cases == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
 
 
+def test_an_attack_without_a_score_is_never_the_worst_case() -> None:
+    nothing = row("nothing", [None, None], [0.9, 0.7])  # type: ignore[list-item]
+    found = worst_cases(attack_scores([stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
+    assert [one.attack for one in found.values()] == ["lies"]
+
+
+def test_a_rank_without_an_attack_has_no_probability() -> None:
+    honest = [one for one in RUN if one.cell.track == "honest"]
+    rows = leaderboard_rows(SUITE, honest, ["mean", "median"], 1)
+    assert [one.missing for one in rows] == [0, 0]
+    assert all(np.isnan(one.holds) for one in rows)
+
+
 def test_the_leaderboard_by_hand() -> None:
     first, second = leaderboard_rows(SUITE, RUN, ["mean", "median"], 3)
     assert (first.rank, first.model, first.missing) == (1, "mean", 0)

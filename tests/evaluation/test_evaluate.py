@@ -1,9 +1,12 @@
 """One model under one attack, in numbers."""
 
+from typing import Any
+
 import pytest
 
 from roletrust_baselines import BadMouthing
 from roletrust_env.evaluation import evaluate
+from roletrust_env.evaluation.search import Budget
 from roletrust_env.trust.models.central.mean import Mean
 
 
@@ -51,3 +54,31 @@ def test_an_unknown_name_is_one_line_with_a_suggestion(arguments: tuple[str, ...
 def test_a_value_out_of_range_is_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=name):
         evaluate("mean", "bad-mouthing", **{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("attack", "words"),
+    [
+        ({"sr_2": BadMouthing, "sr_1": BadMouthing()}, "attack of 'sr_2' is <class .*; it must be a Policy"),
+        ({"sr_1": None}, "attack of 'sr_1' is None"),
+        ({"sr_*": "bad-mouthing", "sr_2": BadMouthing()}, "attack gives agent 'sr_2' two attacks"),
+        (BadMouthing(), r"name the agents of a policy, such as \{'sr_2': BadMouthing\(\)\}"),
+        ([BadMouthing()], "name the agents of a policy"),
+    ],
+)
+def test_no_attack_is_left_out_in_silence(attack: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        evaluate("mean", attack, games=2)
+
+
+@pytest.mark.parametrize("odd", [{"games": 2.5}, {"games": "3"}, {"seed": -1}, {"seed": None}, {"share": "x"}])
+def test_numbers_that_make_no_sense_are_refused(odd: dict[str, Any]) -> None:
+    (name,) = odd
+    with pytest.raises(ValueError, match=f"{name} is .*; it must"):
+        evaluate("mean", "bad-mouthing", **odd)
+
+
+@pytest.mark.parametrize("rounds", [-5, "x", None, 2.5])
+def test_a_budget_is_a_number_of_rounds(rounds: Any) -> None:
+    with pytest.raises(ValueError, match="the budget is"):
+        Budget(rounds)
