@@ -12,6 +12,7 @@ from roletrust_env.benchmark.learners.learner import Learner, LearnerSearch
 from roletrust_env.benchmark.learners.suite import Task
 from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
+from roletrust_env.testing import check_trust_model
 
 GUIDE, TUTORIALS = HOUSE / "docs/guide", HOUSE / "docs/tutorials"
 
@@ -78,6 +79,14 @@ def test_your_model_resists_a_liar_better_than_the_mean():
     plays = [Game(make_scenario("crowd-10x10"), kind) for kind in (model(), model(power=0.0))]
     defended, undefended = (record(JointPolicy(game, liar), game.random(seed=0)).top[-1].mean() for game in plays)
     assert defended > undefended + 0.05
+
+
+@pytest.mark.parametrize(
+    ("page", "module", "name"),
+    [("your-model.md", "mymodel", "WeightedMean"), ("notebook.md", "pessimist", "Pessimist")],
+)
+def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, name):
+    check_trust_model(vars(imported(page, module))[name]())
 
 
 def test_your_learner_learns():
