@@ -121,7 +121,7 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
 def test_train(fresh: Callable[..., Environment]) -> None:
     train = fresh("train")
     certain = (*SHORT, "--set", "noise=0", "--set", "perturbations=[]")
-    small = [f"--learner={setting}" for setting in ("games=8", "n_steps=8", "batch_size=32", "n_epochs=1")]
+    small = ["--learner=PPO:games=8,n_steps=8,batch_size=32,n_epochs=1"]
     assert "Written to mine" in train.roletrust(
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )

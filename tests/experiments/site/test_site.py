@@ -64,7 +64,7 @@ def test_no_description_of_a_picture_has_a_number_that_is_none(site):
 
 def test_every_source_has_its_page(site):
     said = text(site / "references.html")
-    for part in ("The Sybil Attack", "10.1145/775152.775242", "Iterative Filtering in Reputation Systems"):
+    for part in ("The Sybil attack", "10.1145/775152.775242", "Iterative filtering in reputation systems"):
         assert part in said
 
 
