@@ -149,7 +149,7 @@ def _read(seen: Watched, honest: list[int]) -> Scores:
 
 
 def _told_apart(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floats:
-    """Return the AUC of mean trust, averaged over the roles with attackers and trust."""
+    """Return the AUC of mean trust, averaged over the roles that have attackers and a trust."""
     mean, roster = mean_or_nan(trust, axis=0), task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):

@@ -3,7 +3,7 @@
 The scenarios are those of `roletrust_agents.planning.exact`, but the lies can differ between providers.
 
 Lower bound: the providers are divided into two groups, with one lie about each group in a round. A local search
-improves the best sequences that repeat a few bits, and the best single lie.
+improves the best periodic sequences of 0 and 1, and the best single lie.
 
 Upper bound, for one compromised rater: with the symbols of `Damage`, N = T - 1 rounds of ratings, s = sinc, and the
 contribution g(x, l) = x s(1 - x) s(x - l) of a rating x after the rating l,
@@ -108,7 +108,7 @@ def _total(task: Damage, shares: Array, moves: Array) -> Array:
 
 
 def _best_bits(task: Damage, providers: int) -> tuple[int, Array]:
-    """Return the number of providers in the first group and the best two sequences, (D, 2), that repeat a few bits."""
+    """Return the number of providers in the first group and the best two periodic sequences of 0 and 1, (D, 2)."""
     best, result = -np.inf, (0, np.zeros((task.decisions, 2)))
     for bits in range(2, _MAX_BITS + 1):
         words = np.array(list(product((0.0, 1.0), repeat=2 * bits))).T.reshape(2, bits, -1)
