@@ -9,6 +9,7 @@ import numpy as np
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.scripts import RATING_CHANNELS, SERVING_CHANNELS
 from roletrust_env.evaluation.specs import named_factory, parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.policy_registry import registry as attackers
@@ -17,9 +18,6 @@ from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.roster import Roster
-
-_RATING: frozenset[Channel] = frozenset({"ratings", "silence"})
-_SERVING: frozenset[Channel] = frozenset({"quality", "treatment"})
 
 
 class Evaluation(NamedTuple):
@@ -135,7 +133,7 @@ def _lines(text: str, scenario: Scenario, share: float) -> list[str]:
         return [text]
     channels: frozenset[Channel] = getattr(named_factory(attackers, text), "attacks", frozenset())
     roster, lines = Roster.of(scenario), []
-    for names, decided in ((roster.rater_names, _RATING), (roster.provider_names, _SERVING)):
+    for names, decided in ((roster.rater_names, RATING_CHANNELS), (roster.provider_names, SERVING_CHANNELS)):
         first = [name for name in names if name in roster.owner_names]
         if channels & decided:
             lines += [f"{name}={text}" for name in first[-max(1, round(share * len(first))) :]]

@@ -13,8 +13,8 @@ from roletrust_env.game.policy_registry import registry as attackers
 
 _PAPER_ATTACKS = ("on-off", "bad-mouthing")
 
-_SERVING: frozenset[Channel] = frozenset({"quality", "treatment"})
-_RATING: frozenset[Channel] = frozenset({"ratings", "silence"})
+SERVING_CHANNELS: frozenset[Channel] = frozenset({"quality", "treatment"})
+RATING_CHANNELS: frozenset[Channel] = frozenset({"ratings", "silence"})
 
 
 def paper_attacks() -> tuple[AttackKind, ...]:
@@ -58,7 +58,7 @@ class Scripts:
         reserve = min(owners.count(name) - 1 for name in task.compromised)
         facts = victims, accomplices, task.game.scenario.max_cycles, reserve
         spaces = [Space(kind, *facts) for kind in (paper_attacks() if attacks is None else attacks)]
-        roles = ((_SERVING, roster.provider_names), (_RATING, roster.rater_names))
+        roles = ((SERVING_CHANNELS, roster.provider_names), (RATING_CHANNELS, roster.rater_names))
         decided = {channel for by, names in roles if not set(names).isdisjoint(task.compromised) for channel in by}
         for space in spaces if attacks is not None else ():
             if space.default.reserve > reserve:
