@@ -14,9 +14,10 @@ from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
 from roletrust_env.envs.wrappers import EachAgent, Everybody, Levels, Scaled
-from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy, Player
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import attackers, make_attacker, register_attacker
 from roletrust_env.game.rollout import History, record

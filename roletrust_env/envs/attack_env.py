@@ -12,7 +12,8 @@ from gymnasium.spaces import Box
 from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
 from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.make_task import make_task
 from roletrust_env.randomness import Random
 
 Vector = npt.NDArray[np.float32]
@@ -22,10 +23,8 @@ def task_spaces(task: AttackTask) -> tuple[Box, Box]:
     """Return the observation space and the action space of one game of a task."""
     trial = TaskBatch(task)
     trial.restart(task.game.random(0))  # the shape does not depend on the seed
-    bound = np.inf if task.knowledge == "white_box" else 1.0
-    low = -np.inf if task.knowledge == "white_box" else 0.0
     seen = trial.observe().shape[0]
-    return Box(low, bound, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
+    return Box(*task.bounds, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
@@ -52,6 +51,10 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     | `black_box` | the observation of each compromised agent in turn, as in `RoleTrustParallelEnv` |
     | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
     | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
+
+    With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (14 P,), float32)` holds 14 features
+    of each provider, feature by feature, and the action has a lie about each provider if the coalition rates, then a
+    quality for each provider if it provides. See `roletrust_env.game.coalition.Coalition`.
 
     ## Rewards
 

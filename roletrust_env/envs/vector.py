@@ -17,7 +17,7 @@ from roletrust_env.envs.spectator import RenderMode, Spectator
 from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.errors import suggest
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 
 class AttackVectorEnv(VectorEnv[Array, Array, Array]):

@@ -7,7 +7,8 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, OpenLoop
-from roletrust_env.game.attack_task import AttackTask, Outcome, make_task
+from roletrust_env.game.attack_task import AttackTask, Outcome
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.rollout import Round, rollout
 from roletrust_env.randomness import Random
 

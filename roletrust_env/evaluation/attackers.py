@@ -92,16 +92,17 @@ class AttackedPlayers:
         return self.task.game
 
     def begin(self, random: Random, batch: tuple[int, ...]) -> Any:
-        """Return the memories of the scripted agents and of the attacker."""
-        return self.task.joint_policy.begin(random, batch), self.attacker.begin(self.task, random, batch)
+        """Return the memories of the scripted agents and of the attacker, and no state of the task yet."""
+        scripted = self.task.joint_policy.begin(random, batch)
+        return scripted, self.attacker.begin(self.task, random, batch), None
 
     def checked_act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
         """See `roletrust_env.game.rollout.Players`."""
         return checked_actions(self.game, state, "the attacker", self._act, memory, random)
 
     def _act(self, state: State, memory: Any, random: Random) -> tuple[Actions, Any]:
-        scripted, own = memory
-        task_state = TaskState(state, scripted)
+        scripted, own, before = memory
+        task_state = self.task.follow(state, scripted, before)
         action, own = self.attacker.act(self.task, task_state, own, random)
         actions, scripted = self.task.joint(task_state, action, random)
-        return actions, (scripted, own)
+        return actions, (scripted, own, task_state)

@@ -5,7 +5,6 @@ stealth and the knowledge of the attacker. It is as pure and as batched as the g
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -14,16 +13,15 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.errors import suggest
 from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
 from roletrust_env.game.brief import game_facts
+from roletrust_env.game.coalition import CoalitionMemory
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
-from roletrust_env.game.stealth import Stealth, make_stealth
+from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
 from roletrust_env.randomness import Random
-from roletrust_env.trust import TrustModel
-from roletrust_env.world import Scenario, make_scenario
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
@@ -35,10 +33,12 @@ class TaskState(NamedTuple):
     Attributes:
         game: State of the game.
         memories: Memories of the scripted agents.
+        coalition: Memory of the coalition in a `CoalitionTask`; None elsewhere.
     """
 
     game: State
     memories: tuple[Any, ...]
+    coalition: CoalitionMemory | None = None
 
 
 class Outcome(NamedTuple):
@@ -134,13 +134,29 @@ class AttackTask:
         return f"{type(self).__name__}({game_facts(self.game)}; {aim})"
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and greatest value of an entry of an observation."""
+        return (-np.inf, np.inf) if self.knowledge == "white_box" else (0.0, 1.0)
+
+    @property
     def action_size(self) -> int:
         """Size A of an action: for each compromised agent quality, if it provides, then P ratings, if it rates."""
         return len(self._providers) + self.game.roster.n_providers * len(self._raters)
 
     def start(self, noise: Noise, random: Random) -> TaskState:
         """Return the state before the first round, for the batch of the noise."""
-        return TaskState(self.game.start(noise), self.joint_policy.begin(random, tuple(noise.perception.shape[2:])))
+        memories = self.joint_policy.begin(random, tuple(noise.perception.shape[2:]))
+        return self.follow(self.game.start(noise), memories, None)
+
+    def follow(self, game: State, memories: tuple[Any, ...], before: TaskState | None) -> TaskState:
+        """Return the state of the task in a state of the game.
+
+        Args:
+            game: State of the game.
+            memories: Memories of the scripted agents.
+            before: State of the task in the round before; None before the first round.
+        """
+        return TaskState(game, memories)
 
     def step(
         self, state: TaskState, action: Array | Actions, noise: Noise, random: Random
@@ -167,7 +183,7 @@ class AttackTask:
     ) -> tuple[TaskState, Outcome]:
         """Play one round with known actions of all agents, see `joint`."""
         after, _ = self.game.step(state.game, actions, noise)
-        return TaskState(after, memories), self.judge(state.game, actions, after)
+        return self.follow(after, memories, state), self.judge(state.game, actions, after)
 
     def judge(self, before: State, actions: Actions, after: State) -> Outcome:
         """Return the outcome of a round for the attacker, by the actions and the states before and after it."""
@@ -262,50 +278,6 @@ class AttackTask:
             quality=_replace(xp, scripted.quality, self._providers, quality),
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
-
-
-def make_task(
-    scenario: str | Path | Scenario,
-    compromised: Sequence[str],
-    *,
-    trust_model: str | TrustModel[Any] = "role-trust",
-    objective: Objective = "damage",
-    stealth: Stealth | Mapping[str, float] | None = None,
-    knowledge: Knowledge = "black_box",
-    others: Mapping[str, Policy] | None = None,
-    accomplices: Sequence[str] = (),
-    like: Array | None = None,
-    **changes: Any,
-) -> AttackTask:
-    """Make an attack task.
-
-    Args:
-        scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`.
-        compromised: Names of the agents that the attacker controls.
-        trust_model: Name of a trust model, or a model.
-        objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
-        stealth: Price of a trust gap, `{"weight": ..., "tolerance": ...}`; None is free.
-        knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
-        others: Policies of further agents by name, which are neither compromised nor honest.
-        accomplices: Names of the providers of `"promote"`.
-        like: Array of the library, dtype and device to play with; by default NumPy's float32.
-        **changes: Other values of fields of the scenario, such as `max_cycles=200` or `noise=0.0`.
-
-    Raises:
-        ValueError: A name is unknown or a value is not allowed.
-    """
-    scenario = make_scenario(scenario)
-    scenario = scenario.change(**changes) if changes else scenario
-    game = Game(scenario, trust_model, np.zeros((), np.float32) if like is None else like)
-    return AttackTask(
-        game,
-        compromised,
-        objective=objective,
-        stealth=make_stealth(stealth),
-        knowledge=knowledge,
-        others=others,
-        accomplices=accomplices,
-    )
 
 
 def leaves(tree: Any) -> list[Array]:

@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMoni
 from roletrust_env import Game, Policy, make_scenario, parallel_env
 from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
 from roletrust_env.envs.tasks import TASKS
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 SHORT = {"scenario": "paper-3x3", "max_cycles": 5}
 

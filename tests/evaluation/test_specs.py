@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.specs import parse_attacks, parse_kinds, parse_settings, parse_trust_model, parse_value
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_experiments.cli import app
 
 PAPER = make_scenario("paper-3x3")

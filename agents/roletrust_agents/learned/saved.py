@@ -15,7 +15,8 @@ from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.cards import Card, ModelCard, TaskCard
 from roletrust_agents.learned.network import MAX_WEIGHTS, Floats, Network
-from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
 from roletrust_env.storage.untrusted import check_scenario_size, parse_json, parse_untrusted, read_limited

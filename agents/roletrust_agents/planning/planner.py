@@ -25,7 +25,8 @@ from roletrust_env.evaluation.attacked_games import (
 )
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.game.attack_task import AttackTask, make_task
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 from roletrust_env.randomness import Random
 from roletrust_env.trust import RoleTrust, Traits

@@ -9,7 +9,7 @@ from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.training.settings import Algo
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm

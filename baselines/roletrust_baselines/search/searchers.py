@@ -14,7 +14,7 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import Policy
 from roletrust_env.parameters import refuse_unknown
 

@@ -12,7 +12,7 @@ from roletrust_agents.training.learners import make_model
 from roletrust_agents.training.settings import PPOSettings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.vec_env_base import Flags, Floats, Slots, Step
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 
 class PPOSpeed(NamedTuple):

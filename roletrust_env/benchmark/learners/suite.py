@@ -8,7 +8,7 @@ from roletrust_env import make_scenario
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_env.world.base_model import FrozenModel
 
 HONEST_PLAY = "honest play"

@@ -20,7 +20,7 @@ from roletrust_env.evaluation.attacked_games import (
 )
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import RoleTrust
 
 

@@ -8,7 +8,7 @@ pytest.importorskip("sb3_contrib")
 from roletrust_agents.training.experience import Narrowing, StaggeredGames
 from roletrust_agents.training.learners import make_model
 from roletrust_agents.training.settings import make_settings
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 
 def task(**arguments):

@@ -12,7 +12,7 @@ from roletrust_agents.training.heads import heads_of
 from roletrust_agents.training.learners import make_model, network_of, parameters_bytes, set_parameters
 from roletrust_agents.training.settings import make_settings
 from roletrust_env.envs.attack_env import task_spaces
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 
 COALITION = ("sr_2", "sp_1", "srsp_0", "sr_0")
 

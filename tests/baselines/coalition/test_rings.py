@@ -9,7 +9,7 @@ from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, recor
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import find
 from roletrust_env.evaluation.specs import parse_attacks
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_env.game.views import ProviderView, RaterView
 
 SERVICE = np.array([0.8, 0.4, 1.0])

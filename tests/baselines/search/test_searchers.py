@@ -17,7 +17,7 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, describe
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_env.ranges import SearchRange
 
 PROVIDER = {

@@ -22,7 +22,7 @@ from roletrust_agents.training.learners import make_model, network_of, parameter
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import make_settings
 from roletrust_env.envs.sb3 import AttackVecEnv
-from roletrust_env.game.attack_task import make_task
+from roletrust_env.game.make_task import make_task
 from roletrust_experiments.cli import app
 from roletrust_experiments.timing.ppo_speed import ppo_speed
 

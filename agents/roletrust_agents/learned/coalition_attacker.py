@@ -1,0 +1,47 @@
+"""A network of a coalition as an attacker: all compromised agents decide as one mind."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from roletrust_agents.learned.deep_set import DeepSet
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.game.attack_task import AttackTask, TaskState
+from roletrust_env.game.coalition import Coalition
+from roletrust_env.game.state import Actions
+from roletrust_env.randomness import Random
+
+
+@dataclass(frozen=True, eq=False)
+class CoalitionAttacker:
+    """A coalition that plays any task by a network that treats providers alike.
+
+    It sees what its agents see, plays every task with any number of agents, and calls identities in reserve.
+
+    Attributes:
+        network: Network, or K networks for a batch of games of shape (K, G).
+    """
+
+    network: DeepSet
+
+    def begin(self, task: AttackTask, random: Random, batch: tuple[int, ...]) -> Any:
+        """See `roletrust_env.evaluation.attackers.Attacker`."""
+        return Coalition(task.game, task.identities), None
+
+    def act(self, task: AttackTask, state: TaskState, memory: Any, random: Random) -> tuple[Actions, Any]:
+        """See `roletrust_env.evaluation.attackers.Attacker`."""
+        coalition, remembered = memory
+        game = state.game
+        remembered = coalition.remember(game, coalition.begin(game) if remembered is None else remembered)
+        actions = coalition.actions(
+            joint_decision(coalition, self.network.decide(coalition.features(game, remembered))), remembered
+        )
+        if coalition.has_reserve:
+            there = self.network.presence(coalition.identity_features(game))
+            actions = actions._replace(presence=coalition.wanted(there))
+        return actions, (coalition, remembered)
+
+
+def joint_decision(coalition: Coalition, decided: Array) -> Array:
+    """Return the decision of a coalition, see `Coalition.actions`, from lies and qualities, shape (2, P, ...)."""
+    parts = [decided[k] for k, there in enumerate((coalition.rates, bool(coalition.providers))) if there]
+    return namespace(decided).concat(parts)

@@ -1,0 +1,69 @@
+"""Attack tasks by the names of their parts."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from roletrust_env.arrays import Array
+from roletrust_env.errors import suggest
+from roletrust_env.game.attack_task import AttackTask, Knowledge, Objective
+from roletrust_env.game.coalition_task import CoalitionTask
+from roletrust_env.game.game import Game
+from roletrust_env.game.policy import Policy
+from roletrust_env.game.stealth import Stealth, make_stealth
+from roletrust_env.trust import TrustModel
+from roletrust_env.world import Scenario, make_scenario
+
+Observation = Literal["agents", "coalition"]
+"""What an attacker observes and decides: agent by agent, or provider by provider for the coalition as one mind."""
+
+
+def make_task(
+    scenario: str | Path | Scenario,
+    compromised: Sequence[str],
+    *,
+    trust_model: str | TrustModel[Any] = "role-trust",
+    objective: Objective = "damage",
+    stealth: Stealth | Mapping[str, float] | None = None,
+    knowledge: Knowledge = "black_box",
+    others: Mapping[str, Policy] | None = None,
+    accomplices: Sequence[str] = (),
+    observation: Observation = "agents",
+    like: Array | None = None,
+    **changes: Any,
+) -> AttackTask:
+    """Make an attack task.
+
+    Args:
+        scenario: Name of a preset, path of a TOML or YAML file, or a `Scenario`.
+        compromised: Names of the agents that the attacker controls.
+        trust_model: Name of a trust model, or a model.
+        objective: `"damage"`, `"exploit"`, `"promote"` or `"mislead"`, see `AttackTask`.
+        stealth: Price of a trust gap, `{"weight": ..., "tolerance": ...}`; None is free.
+        knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
+        others: Policies of further agents by name, which are neither compromised nor honest.
+        accomplices: Names of the providers of `"promote"`.
+        observation: `"agents"`, the observations and actions of the compromised agents one by one, see `AttackTask`; or
+            `"coalition"`, features and a decision for each provider, see `CoalitionTask`.
+        like: Array of the library, dtype and device to play with; by default NumPy's float32.
+        **changes: Other values of fields of the scenario, such as `max_cycles=200` or `noise=0.0`.
+
+    Raises:
+        ValueError: A name is unknown or a value is not allowed.
+    """
+    scenario = make_scenario(scenario)
+    scenario = scenario.change(**changes) if changes else scenario
+    game = Game(scenario, trust_model, np.zeros((), np.float32) if like is None else like)
+    if observation not in get_args(Observation):
+        raise ValueError(f"unknown observation {observation!r}{suggest(observation, get_args(Observation))}")
+    return (AttackTask if observation == "agents" else CoalitionTask)(
+        game,
+        compromised,
+        objective=objective,
+        stealth=make_stealth(stealth),
+        knowledge=knowledge,
+        others=others,
+        accomplices=accomplices,
+    )
