@@ -52,7 +52,7 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     | `grey_box` | in addition the published trust of all raters (S) and of all providers (P) |
     | `white_box` | in addition the whole state, the trust model's memory included; unbounded |
 
-    With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (14 P,), float32)` holds 14 features
+    With `observation="coalition"` the compromised agents are one mind: `Box(-1, 1, (15 P,), float32)` holds 15 features
     of each provider, feature by feature, and the action has a lie about each provider if the coalition rates, then a
     quality for each provider if it provides. See `roletrust_env.game.coalition.Coalition`.
 

@@ -22,7 +22,8 @@ FEATURES = (
     "perceived_rank",
     "published_less_perceived",
     "last_lie",
-    "published_gap",
+    "most_trusted",
+    "lead",
     "perceived_gap",
     "accomplice",
     "served",
@@ -38,7 +39,7 @@ IDENTITY_FEATURES = ("turn", "trust", "present", "succeeds", "provides", "clock"
 REACH = 1.5
 """Largest distance of a lie from the perceived quality, before it is cut to [0, 1]."""
 
-_CHANGES = 5.0  # changes of trust in a round are small; this brings them near the size of the other features
+_CHANGES, _LEADS = 5.0, 10.0  # small differences of trust decide; this brings them near the size of other features
 
 
 class CoalitionMemory(NamedTuple):
@@ -123,7 +124,9 @@ class Coalition:
         - `perceived`, `perceived_rank`: its mean perceived quality, see `perceived`, and the rank of that.
         - `published_less_perceived`: the difference of the two.
         - `last_lie`: mean rating of it by the coalition that arrived in the last round, less the perceived quality.
-        - `published_gap`, `perceived_gap`: distance to the highest published trust and to the best perceived quality.
+        - `most_trusted`: 1 for a provider with the highest published trust, to which consumers go, else 0; `lead`: ten
+          times its published trust less the highest one of the others, cut to [-1, 1].
+        - `perceived_gap`: distance to the best perceived quality.
         - `accomplice`: 1 for a provider of the coalition, else 0.
         - `served`: 1 if its service awaits a rating of the coalition, else 0.
         - `own_trust`: mean published ToR of the raters of the coalition; without any, mean ToP of its providers.
@@ -148,7 +151,8 @@ class Coalition:
             _rank(perceived),
             published - perceived,
             lie,
-            largest(published) - published,
+            cast(published == largest(published), published.dtype),
+            xp.clip(_LEADS * (published - _best_other(published)), -1.0, 1.0),
             largest(perceived) - perceived,
             nothing + accomplice,
             served,
@@ -222,6 +226,17 @@ class Coalition:
         tor, top = self._game.published(state)
         own = tor[self.raters, ...] if self.rates else top[self.providers, ...]
         return own.mean(axis=0)
+
+
+def _best_other(values: Array) -> Array:
+    """Return the highest of the other values for each value along the first axis; the value itself if it is alone."""
+    xp, top = namespace(values), largest(values)
+    highest = values == top
+    if values.shape[0] == 1:
+        return values
+    second = largest(xp.where(highest, xp.min(values, axis=0), values))
+    alone = highest.sum(axis=0) == 1
+    return xp.where(highest & alone, second, top)
 
 
 def _rank(values: Array) -> Array:

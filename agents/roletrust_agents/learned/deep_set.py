@@ -15,6 +15,8 @@ UNITS = 12
 
 _IDENTITY_UNITS = 6
 
+_GAIN = 3.0  # the best lies and qualities are often all or nothing
+
 
 class DeepSetArchitecture(BaseModel):
     """Architecture of a `DeepSet`: two layers for each provider, of which the second sees the mean over providers."""
@@ -44,8 +46,9 @@ class DeepSetArchitecture(BaseModel):
             "layer1.weight": (units, units),
             "layer1.mean": (units, units),
             "layer1.bias": (units,),
-            "layer2.weight": (2, units),
-            "layer2.bias": (2,),
+            "layer2.weight": (3, units),
+            "layer2.skip": (3, seen),
+            "layer2.bias": (3,),
             "presence0.weight": (_IDENTITY_UNITS, known),
             "presence0.bias": (_IDENTITY_UNITS,),
             "presence1.weight": (1, _IDENTITY_UNITS),
@@ -61,9 +64,11 @@ class DeepSetArchitecture(BaseModel):
 class DeepSet:
     """Network from the features of providers to the decision of a coalition, after Zaheer et al. (2017).
 
-    For each provider i with features x_i: u_i = tanh(A x_i + a), v_i = tanh(B u_i + C mean_j u_j + b), and the decision
-    is 0.5 + 0.5 tanh(D v_i + d): the lie about the provider, and the quality if it is an accomplice. A second, smaller
-    network decides for each identity in reserve whether it shall be present.
+    For each provider i with features x_i: u_i = tanh(A x_i + a), v_i = tanh(B u_i + C mean_j u_j + b), and
+    (l_i, q_i, g_i) = 0.5 + 0.5 tanh(3 (D v_i + E x_i + d)). The decision is the lie 0.5 + g_i (l_i - 0.5), of which 0.5
+    is the truth, and the quality q_i if the provider is an accomplice. The gate g_i lets a liar tell the truth most of
+    the time, and so keep its trust. A second, smaller network decides for each identity in reserve whether it shall be
+    present.
 
     K networks of one architecture play side by side in a batch of shape (K, G).
 
@@ -107,14 +112,16 @@ class DeepSet:
 
     def decide(self, features: Array) -> Array:
         """Return lies and qualities, shape (2, P, ...), in [0, 1], from features, shape (F, P, ...)."""
-        x, own = self._rows(features), self._constants(features)
-        xp, (k, _, cells) = namespace(features), x.shape
+        seen, own = self._rows(features), self._constants(features)
+        xp, (k, _, cells) = namespace(features), seen.shape
         p = features.shape[1]
-        x = xp.tanh(own["layer0.weight"] @ x + own["layer0.bias"][..., None])
+        x = xp.tanh(own["layer0.weight"] @ seen + own["layer0.bias"][..., None])
         pooled = own["layer1.mean"] @ x.reshape(k, -1, p, cells // p).mean(axis=2)
         x = (own["layer1.weight"] @ x).reshape(k, -1, p, cells // p) + pooled[:, :, None, :]
         x = xp.tanh(x + own["layer1.bias"][..., None, None]).reshape(k, -1, cells)
-        return self._decisions(own["layer2.weight"] @ x + own["layer2.bias"][..., None], features)
+        x = own["layer2.weight"] @ x + own["layer2.skip"] @ seen + own["layer2.bias"][..., None]
+        lie, quality, gate = self._decisions(_GAIN * x, features)
+        return xp.stack([0.5 + (lie - 0.5) * gate, quality])
 
     def presence(self, features: Array) -> Array:
         """Return whether each identity shall be present, boolean, shape (n, ...), from features, shape (I, n, ...)."""

@@ -38,8 +38,16 @@ def slow(net, features):
             np.tanh(dot(w["layer1.weight"], u, first[i]) + dot(w["layer1.mean"], u, mean) + w["layer1.bias"][u])
             for u in units
         ]
-        for k in range(2):
-            result[k, i] = 0.5 + 0.5 * np.tanh(dot(w["layer2.weight"], k, second) + w["layer2.bias"][k])
+        lie, quality, gate = (
+            0.5
+            + 0.5
+            * np.tanh(
+                3
+                * (dot(w["layer2.weight"], k, second) + dot(w["layer2.skip"], k, features[:, i]) + w["layer2.bias"][k])
+            )
+            for k in range(3)
+        )
+        result[:, i] = 0.5 + gate * (lie - 0.5), quality
     return result
 
 
@@ -129,6 +137,6 @@ def test_it_calls_identities_in_reserve():
     for name, sign in (("calls", 5.0), ("leaves", -5.0)):
         weights = {key: 0 * weight for key, weight in network().weights.items()}
         weights["presence1.bias"] = np.asarray([sign])
-        weights["layer2.bias"] = np.asarray([-5.0, 0.0])  # the worst ratings
+        weights["layer2.bias"] = np.asarray([-5.0, 0.0, 5.0])  # the worst ratings
         vectors[name] = mean_rewards(task, CoalitionAttacker(DeepSet(SMALL, weights)), 0, (1, 4), SEARCHED)[0].mean()
     assert vectors["calls"] > vectors["leaves"]
