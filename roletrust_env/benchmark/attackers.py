@@ -75,7 +75,16 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
         yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0)
 
 
-SEARCH_RUNGS = ("PPO", "recurrent PPO", "SAC", "CMA-ES", "random search", "white-box planner")
+SEARCH_RUNGS = (
+    "evolution",
+    "universal",
+    "PPO",
+    "recurrent PPO",
+    "SAC",
+    "CMA-ES",
+    "random search",
+    "white-box planner",
+)
 """Names of the rungs that search, learn or plan."""
 
 

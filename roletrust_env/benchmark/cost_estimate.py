@@ -71,7 +71,7 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         return 0, each
     if cell.rung == "scripted":
         return 0, each * (len(attack_names(suite)) + 1)
-    return suite.budget, 2 * each
+    return suite.budget_of(cell.rung), 2 * each
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:
@@ -94,7 +94,7 @@ def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
     began = process_time()
     try:
         search = make_search(cell.rung).search(
-            task_arguments(suite, cell), Budget(min(suite.budget, _TRIAL_BUDGET)), cell.seed
+            task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung), _TRIAL_BUDGET)), cell.seed
         )
     except UnsuitableError:
         return 0.0

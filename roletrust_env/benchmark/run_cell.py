@@ -60,7 +60,7 @@ def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArgument
             yield batch, "at its defaults"
         return
     method = make_search(cell.rung, list(kinds.values()))
-    search = method.search(arguments, Budget(suite.budget), cell.seed)
+    search = method.search(arguments, Budget(suite.budget_of(cell.rung)), cell.seed)
     yield AttackBatch((cell.rung,), search.attacker, search.rounds), search.description
 
 

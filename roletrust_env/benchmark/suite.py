@@ -14,7 +14,7 @@ from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.errors import explain, suggest
 from roletrust_env.world.base_model import FrozenModel
 
-Rung = Literal["scripted", "random search", "CMA-ES", "PPO", "white-box planner"]
+Rung = Literal["scripted", "universal", "random search", "CMA-ES", "evolution", "PPO", "white-box planner"]
 """Way to find an attack. The planner has full knowledge, so its result is shown apart and is never the worst case."""
 
 PLANNER = "white-box planner"
@@ -86,6 +86,8 @@ class Suite(SuiteSchema):
     """Ways to find attacks, each with the same budget. Scripted attacks with default parameters need no budget."""
     budget: PositiveInt = 100_000
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
+    budgets: dict[Rung, PositiveInt] = Field(default_factory=dict)
+    """Budgets of single rungs where they differ from `budget`."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -94,10 +96,17 @@ class Suite(SuiteSchema):
         if not self.models or not self.attacks:
             raise ValueError("models and attacks must not be empty")
         check_unique(rungs=self.rungs)
+        for rung in self.budgets:
+            if rung not in self.rungs:
+                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
         for what, names in (("models", self.models), ("attacks", self.attacks)):
             if not isinstance(names, str):
                 check_unique(**{what: names})
         return self
+
+    def budget_of(self, rung: str) -> int:
+        """Return the budget of a rung in a cell, in game rounds."""
+        return {str(name): budget for name, budget in self.budgets.items()}.get(rung, self.budget)
 
 
 def suites() -> dict[str, str]:

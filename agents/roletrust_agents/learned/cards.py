@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from roletrust_agents.learned.deep_set import DeepSetArchitecture
 from roletrust_agents.learned.network import Architecture
 from roletrust_env.game.attack_task import Knowledge, Objective
 from roletrust_env.game.views import AgentView, ProviderView, RaterView
@@ -102,9 +103,12 @@ class Card(UntrustedModel):
     package_version: Annotated[str, Field(max_length=100)]
     task: TaskCard
     trust_model: ModelCard
+    further_models: Annotated[tuple[ModelCard, ...], Field(max_length=100)] = ()
+    """Further trust models that it was trained against in turn."""
     scenario: Scenario
-    observation: InputCard
-    architecture: Architecture
+    observation: InputCard | None = None
+    """Observation of a network; a deep set has the features of its architecture."""
+    architecture: Architecture | DeepSetArchitecture
     training: TrainingCard
     score: ScoreCard
     weights_sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -113,20 +117,30 @@ class Card(UntrustedModel):
     def _check(self) -> Self:
         if sum(group.count for group in self.scenario.agents) > _MAX_AGENTS:
             raise ValueError(f"the scenario has more than {_MAX_AGENTS} agents")
-        roster, task, observation = Roster.of(self.scenario), self.task, self.observation
+        roster, task = Roster.of(self.scenario), self.task
         for names, known in ((task.compromised, roster.names), (task.accomplices, roster.provider_names)):
             if len(set(names)) < len(names) or not set(names) <= set(known):
                 raise ValueError(f"{', '.join(names)} must be different agents of the scenario")
+        if isinstance(self.architecture, DeepSetArchitecture):
+            if self.observation is not None or task.knowledge != "black_box":
+                raise ValueError("a deep set has black_box knowledge, and no observation besides its features")
+        elif self.observation is None:
+            raise ValueError("the observation of the network is missing")
+        else:
+            self._check_network(self.architecture, self.observation)
+        return self
+
+    def _check_network(self, architecture: Architecture, observation: InputCard) -> None:
+        roster, task = Roster.of(self.scenario), self.task
         total = sum(field.size for field in observation.fields)
         if observation.fields != observation_fields(self.scenario, task.compromised, task.knowledge, total):
             raise ValueError("the fields of the observation are not those of the task")
-        if not total == len(observation.mean) == len(observation.variance) == self.architecture.inputs:
+        if not total == len(observation.mean) == len(observation.variance) == architecture.inputs:
             raise ValueError("the observation, its normalisation and the network's inputs differ in size")
         providing = sum(name in roster.provider_names for name in task.compromised)
         rating = sum(name in roster.rater_names for name in task.compromised)
-        if self.architecture.outputs != providing + roster.n_providers * rating:
+        if architecture.outputs != providing + roster.n_providers * rating:
             raise ValueError("the number of outputs of the network must be that of the actions of the agents")
-        return self
 
 
 def observation_fields(

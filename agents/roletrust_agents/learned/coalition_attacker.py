@@ -4,8 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from roletrust_agents.learned.deep_set import DeepSet
+from roletrust_agents.learned.network import Decider
+from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.attack_task import AttackTask, TaskState
+from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
 from roletrust_env.game.coalition import Coalition
 from roletrust_env.game.state import Actions
 from roletrust_env.randomness import Random
@@ -45,3 +48,13 @@ def joint_decision(coalition: Coalition, decided: Array) -> Array:
     """Return the decision of a coalition, see `Coalition.actions`, from lies and qualities, shape (2, P, ...)."""
     parts = [decided[k] for k, there in enumerate((coalition.rates, bool(coalition.providers))) if there]
     return namespace(decided).concat(parts)
+
+
+def attacker_for(network: Decider | DeepSet, knowledge: Knowledge | None = None) -> Attacker:
+    """Return the attacker that a network plays.
+
+    Args:
+        network: Network of any kind.
+        knowledge: Knowledge of an attacker with a `Network`; None is that of the task. A coalition needs none.
+    """
+    return CoalitionAttacker(network) if isinstance(network, DeepSet) else NetworkAttacker(network, knowledge)

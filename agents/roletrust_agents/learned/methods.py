@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roletrust_agents.learned.network_attacker import NetworkAttacker, with_knowledge
+from roletrust_agents.learned.coalition_attacker import attacker_for
+from roletrust_agents.learned.network import Network
+from roletrust_agents.learned.network_attacker import with_knowledge
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
@@ -38,13 +40,15 @@ class Learned:
 
         saved = load_attacker(self.path)
         card, task = saved.card, exact_task(arguments)
-        attacker = NetworkAttacker(saved.network, card.task.knowledge)
-        seen, needed = _observation_size(with_knowledge(task, card.task.knowledge)), card.architecture.inputs
-        if (seen, task.action_size) != (needed, card.architecture.outputs):
-            raise UnsuitableError(
-                f"{self.path} learned with {needed} observations and {card.architecture.outputs} actions; "
-                f"this task has {seen} and {task.action_size}"
-            )
+        if isinstance(saved.network, Network):
+            architecture = saved.network.architecture
+            seen, needed = _observation_size(with_knowledge(task, card.task.knowledge)), architecture.inputs
+            if (seen, task.action_size) != (needed, architecture.outputs):
+                raise UnsuitableError(
+                    f"{self.path} learned with {needed} observations and {architecture.outputs} actions; "
+                    f"this task has {seen} and {task.action_size}"
+                )
+        attacker = attacker_for(saved.network, card.task.knowledge)
         words = f"{card.training.algorithm} on {card.task.id}, {card.task.knowledge}"
         return SearchResult(attacker, card.training.rounds or card.training.steps, words, card.training.seconds)
 

@@ -4,8 +4,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from roletrust_agents.learned.coalition_attacker import attacker_for
+from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Decider, Network
-from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attacked_games import judged
@@ -96,6 +97,11 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
             in their own task, see `play_task`.
     """
     card, task = attacker.card, attacker.card.task
+    if isinstance(attacker.network, DeepSet):
+        raise ValueError(
+            "the attacker is a coalition, which plays all compromised agents of a task as one mind, and no single "
+            "policy; play it as a search method, such as `roletrust ladder --learned`, or see `CoalitionAttacker`"
+        )
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
             f"the attacker controls {', '.join(task.compromised)} with {task.knowledge} knowledge; a policy controls "
@@ -123,7 +129,7 @@ def learned(path: str) -> LearnedPolicy:
     return learned_policy(load_attacker(path))
 
 
-def play_task(task: AttackTask, network: Network | None, *, games: int, seed: int) -> Array:
+def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int, seed: int) -> Array:
     """Return the score of each game, shape (E,): the mean reward per round of the full length, 0 after the end.
 
     Args:
@@ -135,9 +141,9 @@ def play_task(task: AttackTask, network: Network | None, *, games: int, seed: in
     Raises:
         ValueError: The observations or the actions of the network have another size than those of the task.
     """
-    if network is not None and network.architecture.outputs != task.action_size:
+    if isinstance(network, Network) and network.architecture.outputs != task.action_size:
         raise ValueError(f"the network has {network.architecture.outputs} actions, the task {task.action_size}")
-    attacker = Scripted({}) if network is None else NetworkAttacker(network)
+    attacker = Scripted({}) if network is None else attacker_for(network)
     random, score = task.game.random(seed), np.zeros(games)
     for _, outcome in judged(task, rollout(AttackedPlayers(task, attacker), random, random, (games,))):
         score += outcome.reward

@@ -14,6 +14,7 @@ from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.cards import Card, ModelCard, TaskCard
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import MAX_WEIGHTS, Floats, Network
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
@@ -35,7 +36,7 @@ class SavedAttacker:
     """Trained attacker: its card and its network."""
 
     card: Card
-    network: Network
+    network: Network | DeepSet
 
     @property
     def layout(self) -> Layout:
@@ -66,7 +67,7 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def weights_bytes(network: Network) -> bytes:
+def weights_bytes(network: Network | DeepSet) -> bytes:
     """Return the weights as the content of a safetensors file. The same weights give the same bytes."""
     return safetensors.save({name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)})
 
@@ -137,8 +138,12 @@ def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     card = parse_untrusted(Card, text)
     if digest(data) != card.weights_sha256:
         raise ValueError("the digest of the weights differs from the one in the JSON file")
+    weights = read_weights(data)
+    if isinstance(card.architecture, DeepSetArchitecture):
+        return SavedAttacker(card, DeepSet(card.architecture, weights))
+    assert card.observation is not None  # the card has been checked
     mean, variance = (np.asarray(values, np.float32) for values in (card.observation.mean, card.observation.variance))
-    return SavedAttacker(card, Network(card.architecture, mean, variance, read_weights(data)))
+    return SavedAttacker(card, Network(card.architecture, mean, variance, weights))
 
 
 def read_weights(data: bytes) -> dict[str, Floats]:

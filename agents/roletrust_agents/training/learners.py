@@ -16,7 +16,7 @@ from torch import nn
 
 from roletrust_agents.learned.network import Architecture, Floats, Network
 from roletrust_agents.training.heads import HeadsPolicy, heads_of
-from roletrust_agents.training.settings import Algo, RecurrentPPOSettings, SACSettings, Settings
+from roletrust_agents.training.settings import Algo, LearnerSettings, RecurrentPPOSettings, SACSettings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.attack_task import AttackTask
 
@@ -40,7 +40,7 @@ class Normalised(BaseFeaturesExtractor):
         return scaled.clamp(-10.0, 10.0)
 
 
-def make_model(algo: Algo, settings: Settings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
+def make_model(algo: Algo, settings: LearnerSettings, env: AttackVecEnv, seed: int) -> BaseAlgorithm:
     """Return an untrained learner."""
     mean, variance = _statistics(env.task, seed)
     shape: dict[str, Any] = {

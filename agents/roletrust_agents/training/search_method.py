@@ -34,10 +34,10 @@ class Learner:
         """See `SearchMethod.search`."""
         from roletrust_agents.training.experience import StaggeredGames
         from roletrust_agents.training.learners import make_model, network_of, normalising_rounds
-        from roletrust_agents.training.settings import make_settings
+        from roletrust_agents.training.settings import learner_settings
 
         task = make_task(**arguments, like=np.zeros((), np.float32))
-        settings = make_settings("", self.algo, {})
+        settings = learner_settings("", self.algo, {})
         settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
         budget.spend(normalising_rounds(task))
         model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)

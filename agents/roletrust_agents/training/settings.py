@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 
-Algo = Literal["ppo", "sac", "recurrent-ppo"]
+Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 Discount = Annotated[float, Field(ge=0, le=1)]
@@ -76,8 +77,39 @@ class SACSettings(_Settings):
     learning_starts: Natural = 5_000
 
 
-Settings = PPOSettings | RecurrentPPOSettings | SACSettings
-_KINDS: dict[str, type[Settings]] = {"ppo": PPOSettings, "sac": SACSettings, "recurrent-ppo": RecurrentPPOSettings}
+class EvolutionSettings(BaseModel):
+    """Settings of the evolution of a coalition, see `roletrust_agents.training.evolution`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    steps: Natural = 1_000_000
+    """Number of rounds to play, over all games, unless `--steps` is given."""
+    population: Annotated[int, Field(ge=4, le=10_000)] = 32
+    """Number of candidates in a generation."""
+    games: Natural = 8
+    """Number of games in which each candidate plays."""
+    spread: Annotated[float, Field(gt=0, le=100)] = 0.3
+    """Standard deviation of the first generation."""
+    units: Annotated[int, Field(ge=1, le=256)] = UNITS
+    """Number of units of each layer of the network."""
+    start: Literal["universal", "random"] = "universal"
+    """Networks to start from: the universal coalitions and random networks, or only the latter."""
+    candidates: Natural = 64
+    """Number of random networks of which the best is the start, as far as a tenth of the rounds allows."""
+    validation: Natural = 64
+    """Number of games that choose the best mean of a generation."""
+    validate_every: Natural = 10
+    """Number of generations between two validations."""
+
+
+LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
+Settings = LearnerSettings | EvolutionSettings
+_KINDS: dict[str, type[Settings]] = {
+    "ppo": PPOSettings,
+    "sac": SACSettings,
+    "recurrent-ppo": RecurrentPPOSettings,
+    "evolution": EvolutionSettings,
+}
 
 TUNED: dict[tuple[str, str], dict[str, Any]] = {
     # Many actions at once need shared heads and longer training, with fewer and larger passes over each rollout and a
@@ -94,6 +126,14 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
     },
 }
 """Settings that differ from the algorithm's defaults, by task and algorithm."""
+
+
+def learner_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> LearnerSettings:
+    """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for `make_settings`."""
+    settings = make_settings(task_id, algo, changes)
+    if isinstance(settings, EvolutionSettings):
+        raise ValueError(f"{algo} is no learner of Stable-Baselines3")
+    return settings
 
 
 def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Settings:

@@ -34,9 +34,9 @@ from roletrust_experiments.plots.figure_files import write_figure
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.learned.saved import SavedAttacker
-    from roletrust_agents.training.loop import Point, Report, Run
+    from roletrust_agents.training.run import Point, Report, Run
 
-_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
+_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo", "evolution": "evolution"}
 """Names of the learners, and of their algorithms in configurations and saved attackers."""
 
 
@@ -72,13 +72,15 @@ def train(
     scenario: ScenarioOption = None,
     settings: SettingsOption = None,
     model: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help="Trust model; a class of your own needs an entry point.",
+            help="Trust model, role-trust if left out; a class of your own needs an entry point. "
+            "Evolution takes several, and trains against them in turn.",
             autocompletion=completion.models,
+            show_default=False,
         ),
-    ] = "role-trust",
+    ] = None,
     compromised: Compromised = None,
     objective: Annotated[
         str | None,
@@ -112,7 +114,7 @@ def train(
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
 ) -> None:
-    r"""Train [bold]an attacker[/] by reinforcement learning, and save it so that it can be shared and played anywhere.
+    r"""Train [bold]an attacker[/] by reinforcement learning or evolution, and save it so that it can be shared and played anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
     TensorBoard. The score is the mean reward per round in held-out games. An interrupted run continues with
@@ -133,6 +135,9 @@ def train(
     [dim]# another learner, with settings of its own[/]
     [cyan]roletrust train RaterAttack --learner SAC:gamma=0.9,gradient_steps=2 --out results/sac[/]
 
+    [dim]# a coalition that learns by evolution, against two trust models in turn[/]
+    [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
+
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
 
@@ -143,7 +148,7 @@ def train(
     import torch
 
     from roletrust_agents.learned.cards import Price, TaskCard
-    from roletrust_agents.training.loop import Run
+    from roletrust_agents.training.run import Run
     from roletrust_agents.training.settings import make_settings
 
     torch.set_num_threads(threads)
@@ -158,6 +163,11 @@ def train(
         rules = make_scenario(scenario or defaults["scenario"])
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
+        models = [_model_card(one, rules) for one in model or ["role-trust"]]
+        if len(models) > 1 and algo != "evolution":
+            raise ValueError(
+                f"--model is given {len(models)} times; only evolution trains against several trust models"
+            )
         run = Run(
             algo=algo,
             steps=tuned.steps,
@@ -171,7 +181,8 @@ def train(
                 knowledge=check_choice("knowledge", knowledge, get_args(Knowledge)),
                 accomplices=tuple(accomplice or ()),
             ),
-            trust_model=_model_card(model, rules),
+            trust_model=models[0],
+            further_models=tuple(models[1:]),
             scenario=rules,
         )
     planned = [run.model_copy(update={"seed": seed + k}) if run else None for k in range(runs)]
@@ -185,10 +196,12 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
             )
             raise typer.Exit(130) from None
-    if task is None or objective or accomplice or knowledge != "black_box":
+    if task is None or objective or accomplice or knowledge != "black_box" or len(model or ()) > 1:
         print_next("zoo", "--folder", out if runs == 1 else folders[0].path)
     else:
-        shared = task_options(scenario, settings, model, compromised, stealth_weight, stealth_tolerance)
+        shared = task_options(
+            scenario, settings, (model or ["role-trust"])[0], compromised, stealth_weight, stealth_tolerance
+        )
         print_next("ladder", task, shared, option("--seed", seed, 0), option("--runs", runs, 1), "--learned", out)
 
 
@@ -198,7 +211,7 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
     Raises:
         ValueError: There is neither, or the folder holds a run that must not be continued.
     """
-    from roletrust_agents.training.loop import Run
+    from roletrust_agents.training.run import Run
 
     config, out = folder.config(), folder.path
     if config is None:
@@ -218,12 +231,12 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned.saved import task_from_card
-    from roletrust_agents.training.loop import MANY, game_memory, versions
-    from roletrust_agents.training.loop import train as learn
+    from roletrust_agents.training import evolution_loop, loop
+    from roletrust_agents.training.run import versions
 
-    games = run.settings["games"]
-    if games > MANY:
-        check_memory("--learner games", games, game_memory(run))
+    learn, games = loop.train if run.algo != "evolution" else evolution_loop.train, run.settings["games"]
+    if run.algo != "evolution" and games > loop.MANY:
+        check_memory("--learner games", games, loop.game_memory(run))
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()
     if folder.config() is None:

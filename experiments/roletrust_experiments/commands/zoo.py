@@ -52,7 +52,7 @@ def zoo(
     """
     require("a trained attacker", "train", "safetensors")
     from roletrust_agents.learned import saved
-    from roletrust_agents.learned.network_attacker import NetworkAttacker
+    from roletrust_agents.learned.coalition_attacker import attacker_for
 
     folder = folder or saved.ZOO
     known = saved.zoo(folder)
@@ -70,7 +70,7 @@ def zoo(
             errors.print(f"[bold red]refused:[/] {escape(str(error))}", soft_wrap=True)
             well = False
     for attacker in attackers.values():
-        mind = NetworkAttacker(attacker.network, attacker.card.task.knowledge)
+        mind = attacker_for(attacker.network, attacker.card.task.knowledge)
         check_memory("--games", games, task_memory(attacker.task(), mind))
     with progress_bar() as progress:
         for name, attacker in progress.track(attackers.items(), description="Playing"):
@@ -86,7 +86,9 @@ def zoo(
     console.print(table)
     for line in descriptions:
         console.print(line, soft_wrap=True)
-    if playable := [name for name, one in attackers.items() if len(one.card.task.compromised) == 1]:
+    if playable := [
+        name for name, one in attackers.items() if len(one.card.task.compromised) == 1 and one.card.observation
+    ]:
         card = attackers[playable[0]].card
         path = playable[0] if folder == saved.ZOO else folder / playable[0]
         scenario = card.scenario.name if card.scenario.name in scenarios() else None
