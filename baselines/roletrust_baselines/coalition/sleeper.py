@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_baselines.coalition.rank_lies import RankLies
 from roletrust_env.arrays import Array
-from roletrust_env.game.schedule import wake
+from roletrust_env.game.schedule import asleep, wake
 from roletrust_env.game.views import RaterView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -38,8 +38,7 @@ class Sleeper(RankLies):
 
     def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
         """Return a memory without perceptions, asleep. See `Policy.begin`."""
-        estimates = super().begin(random, shape)
-        return estimates, estimates.count[0] > 0
+        return super().begin(random, shape), asleep(random, shape)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return false ratings once it is awake, and its estimates before. See `Policy.ratings`."""

@@ -1,4 +1,4 @@
-"""Means of perceptions and ranks, against slow copies, and memories of which single games begin anew."""
+"""Means of perceptions and ranks, against slow copies."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_baselines import CheatingRing, MilkingRing, RankLies, Sleeper
 from roletrust_baselines.coalition.estimates import Estimates, ranks
-from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.game.attack_task import leaves, make_task
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 
@@ -60,33 +57,3 @@ def test_estimates_are_means_of_what_was_perceived(seed):
     for place in np.ndindex(shape):
         seen = [view.service[place] for view in views if view.awaiting[place]]
         assert means[place] == pytest.approx(np.mean(seen) if seen else views[-1].published[place])
-
-
-@pytest.mark.parametrize("attack", [RankLies(), Sleeper(start=0), CheatingRing(accomplices=(2,))], ids=repr)
-def test_a_game_that_begins_anew_forgets_and_the_others_do_not(attack):
-    task = make_task("paper-3x3", ("sr_0",), others={"sr_1": attack}, max_cycles=20)
-    assert _after_a_reset(task, attack)
-
-
-def test_a_provider_that_begins_anew_forgets_its_highest_trust():
-    attack = MilkingRing(accomplices=(2,))
-    task = make_task("paper-3x3", ("sr_0",), others={"sp_2": attack}, max_cycles=20)
-    assert _after_a_reset(task, attack)
-
-
-def _after_a_reset(task, attack):
-    """Restart the first of two games, and compare the memory of the attack in each with a fresh and the old one."""
-    batch, random = TaskBatch(task, (2,)), task.game.random(0)
-    batch.restart(random)
-    for _ in range(5):
-        batch.step(np.ones((3, 2), np.float32), random)
-    memories = zip(task.joint_policy._groups, batch.state.memories, strict=True)
-    (old,) = [leaves(memory) for group, memory in memories if group.policy == attack]
-    batch.restart(random, np.array([True, False]))
-    memories = zip(task.joint_policy._groups, batch.state.memories, strict=True)
-    (new,) = [leaves(memory) for group, memory in memories if group.policy == attack]
-    assert old
-    assert any(leaf.any() for leaf in old)
-    return all(
-        not now[..., 0].any() and (now[..., 1] == before[..., 1]).all() for now, before in zip(new, old, strict=True)
-    )
