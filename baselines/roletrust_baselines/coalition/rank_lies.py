@@ -9,9 +9,6 @@ from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import GridValues, SearchRange, Share
 
-Bend = Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4)]
-"""Exponent of a rank, in (0, 8]."""
-
 
 @checked_dataclass
 class RankLies(AgreeingRater):
@@ -35,7 +32,7 @@ class RankLies(AgreeingRater):
 
     best: Annotated[Share, GridValues(0.0, 0.3)] = 0.0
     worst: Annotated[Share, GridValues(0.5, 1.0)] = 1.0
-    bend: Annotated[Bend, GridValues(0.25, 1.0, 2.0)] = 2.0
+    bend: Annotated[float, Field(gt=0, le=8), SearchRange(0.25, 4), GridValues(0.25, 1.0, 2.0)] = 2.0
 
     def lies(self, estimates: Array, ranks: Array) -> Array:
         """Return the rating of each rank. See `AgreeingRater.lies`."""
