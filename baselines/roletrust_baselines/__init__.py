@@ -1,10 +1,18 @@
 """Scripted attackers. Importing this package registers them."""
 
+from roletrust_baselines.coalition.cheating_ring import CheatingRing
 from roletrust_baselines.coalition.collusion import Collusion
+from roletrust_baselines.coalition.milking_ring import MilkingRing
 from roletrust_baselines.coalition.orchestrated import Orchestrated
+from roletrust_baselines.coalition.promotion import Promotion
+from roletrust_baselines.coalition.rank_lies import RankLies
+from roletrust_baselines.coalition.review_burst import ReviewBurst
 from roletrust_baselines.coalition.self_promotion import SelfPromotion
+from roletrust_baselines.coalition.sleeper import Sleeper
 from roletrust_baselines.identity.sybil import Sybil
+from roletrust_baselines.identity.sybil_ring import SybilRing
 from roletrust_baselines.identity.whitewashing import Whitewashing
+from roletrust_baselines.identity.whitewashing_ring import WhitewashingRing
 from roletrust_baselines.provider.camouflage import Camouflage
 from roletrust_baselines.provider.conflicting import Conflicting
 from roletrust_baselines.provider.exit import Exit
@@ -48,32 +56,48 @@ registry.register("transitive-lying", TransitiveLying)
 registry.register("collusion", Collusion)
 registry.register("orchestrated", Orchestrated)
 registry.register("self-promotion", SelfPromotion)
+registry.register("rank-lies", RankLies)
+registry.register("promotion", Promotion)
+registry.register("sleeper", Sleeper)
+registry.register("review-burst", ReviewBurst)
+registry.register("cheating-ring", CheatingRing)
+registry.register("milking-ring", MilkingRing)
 registry.register("whitewashing", Whitewashing)
 registry.register("sybil", Sybil)
+registry.register("whitewashing-ring", WhitewashingRing)
+registry.register("sybil-ring", SybilRing)
 
 __all__ = [
     "BadMouthing",
     "BallotStuffing",
     "Camouflage",
     "CamouflageRating",
+    "CheatingRing",
     "Collusion",
     "Complementary",
     "Conflicting",
     "Exit",
     "FlipFlop",
+    "MilkingRing",
     "OnOff",
     "Opportunistic",
     "Optimistic",
     "Orchestrated",
     "Pessimistic",
+    "Promotion",
     "RandomRating",
+    "RankLies",
     "RepTrap",
     "ReputationLag",
+    "ReviewBurst",
     "SelfPromotion",
     "Silent",
+    "Sleeper",
     "Sybil",
+    "SybilRing",
     "ThresholdSurfing",
     "TransitiveLying",
     "ValueImbalance",
     "Whitewashing",
+    "WhitewashingRing",
 ]

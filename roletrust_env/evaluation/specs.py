@@ -85,7 +85,8 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     Args:
         texts: Texts. AGENT may be a pattern such as `sr_*` or `sr_[0-2]`, NAME may be `package.module:Class`, and
             `targets`, `accomplices` and `raters` may hold names of agents. An attack that needs accomplices or the
-            length of the game gets all attacking providers, and the length from the scenario.
+            length of the game gets all attacking providers with their identities in reserve, and the length from the
+            scenario.
         scenario: Scenario with the agents.
 
     Raises:
@@ -98,7 +99,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
         seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
-    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if name in attacked)
+    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if roster.owners[name] in attacked)
     policies: dict[str, Policy] = {}
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)

@@ -1,12 +1,13 @@
 """Schedules of attacks."""
 
-from typing import Any, Self
+from typing import Self
 
 from pydantic import NonNegativeInt, PositiveInt, model_validator
 
-from roletrust_env.arrays import Array
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Policy
 from roletrust_env.parameters import checked_dataclass
+from roletrust_env.randomness import Random
 
 
 @checked_dataclass
@@ -33,12 +34,18 @@ class WindowedAttack(Policy):
         return on if self.stop is None else on & (round < self.stop)
 
 
-def wake(now: Array, memory: Any) -> tuple[Array, Array]:
+def asleep(random: Random, shape: tuple[int, ...]) -> Array:
+    """Return the memory of sleepers before the first round, boolean, see `wake` and `Policy.begin`."""
+    like = random.like
+    return namespace(like).zeros(shape, dtype=like.dtype, device=like.device) > 0
+
+
+def wake(now: Array, memory: Array) -> tuple[Array, Array]:
     """Return whether a sleeper is awake, and its new memory. Once it has woken up, it stays awake.
 
     Args:
         now: Whether the sleeper wakes up in this round, boolean.
-        memory: Whether it was awake before; None at first.
+        memory: Whether it was awake before.
     """
-    awake = now if memory is None else now | memory
+    awake = now | memory
     return awake, awake

@@ -21,9 +21,11 @@ PARAMETERS = {
     "learned": f"path={ZOO / 'rater-3x3'}",
     "collusion": "accomplices=[sp_0]",
     "orchestrated": "accomplices=[sp_0]",
+    "cheating-ring": "accomplices=[sp_0]",
+    "milking-ring": "accomplices=[sp_0]",
 }
 
-ELSEWHERE = {"self-promotion", "sybil", "whitewashing"}
+ELSEWHERE = {"self-promotion", "sybil", "sybil-ring", "whitewashing", "whitewashing-ring"}
 """Attacks of agents with both roles, or with identities in reserve."""
 
 

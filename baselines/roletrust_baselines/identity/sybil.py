@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, NonNegativeInt
 
 from roletrust_baselines.identity.cheat import IdentityAttack
+from roletrust_baselines.identity.turns import called
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import IdentityView
 from roletrust_env.parameters import checked_dataclass
@@ -31,5 +32,4 @@ class Sybil(IdentityAttack):
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the identities called until now: all at once, or one after the other. See `Policy.presence`."""
-        called = (view.turn <= self.reserve) & (view.round >= self.start + (view.turn - 1) * self.every)
-        return (view.turn == 0) | called, memory
+        return called(view, self.reserve, self.start, self.every), memory

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict
 
 from roletrust_baselines.identity.cheat import IdentityAttack
+from roletrust_baselines.identity.turns import renewed
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import IdentityView
 from roletrust_env.parameters import checked_dataclass
@@ -32,6 +33,4 @@ class Whitewashing(IdentityAttack):
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the current identity, unless its trust is too low. See `Policy.presence`."""
-        its_turn = (view.turn == 0) | view.succeeds & (view.turn <= self.reserve)
-        tainted = view.present & (view.trust < self.threshold) & (view.turn < self.reserve)
-        return its_turn & ~tainted, memory
+        return renewed(view, self.reserve, self.threshold), memory

@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_baselines.provider.cheating import CheatingProvider
 from roletrust_env.arrays import Array
-from roletrust_env.game.schedule import wake
+from roletrust_env.game.schedule import asleep, wake
 from roletrust_env.game.views import ProviderView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -29,6 +29,10 @@ class Camouflage(CheatingProvider):
 
     start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
     wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Return that it is asleep. See `Policy.begin`."""
+        return asleep(random, shape)
 
     def cheats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return whether its trust has been high enough in an active round. See `CheatingProvider.cheats`."""

@@ -6,7 +6,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_baselines.rater.bad_mouthing import BadMouthing
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.schedule import wake
+from roletrust_env.game.schedule import asleep, wake
 from roletrust_env.game.views import RaterView
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
@@ -32,6 +32,10 @@ class CamouflageRating(BadMouthing):
 
     start: Annotated[NonNegativeInt, SearchRange(0, 100), GridValues(0, 20, 50)] = 20
     wakes_at: Annotated[Share, GridValues(0.0, 0.9)] = 0.8
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Return that it is asleep. See `Policy.begin`."""
+        return asleep(random, shape)
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return the lies of `BadMouthing` once it is awake, and honest ratings before. See `LyingRater.lies`."""

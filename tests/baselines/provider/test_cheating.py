@@ -6,6 +6,7 @@ import pytest
 from roletrust_baselines import Camouflage, Exit, Opportunistic, ReputationLag, ThresholdSurfing, ValueImbalance
 from roletrust_env import Game, JointPolicy, make_attacker, make_scenario, record
 from roletrust_env.game.views import ProviderView
+from roletrust_env.randomness import Random
 
 
 def seen(trust=0.5, round=0.0, value=1.0, quality=0.0, ratings=(), rated=()):
@@ -14,7 +15,7 @@ def seen(trust=0.5, round=0.0, value=1.0, quality=0.0, ratings=(), rated=()):
 
 
 def qualities(policy, *views):
-    memory, found = policy.begin(None, ()), []
+    memory, found = policy.begin(Random(np.random.default_rng(0)), ()), []
     for view in views:
         quality, memory = policy.quality(view, memory, None)
         found.append(float(quality))

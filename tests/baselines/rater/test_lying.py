@@ -30,7 +30,8 @@ def seen(service: Any = SERVICE, round: float = 0.0, trust: float = 0.5, publish
 
 
 def ratings(policy: Policy, *views: RaterView) -> list[list[float]]:
-    memory, found, random = policy.begin(None, ()), [], Random(np.random.default_rng(0))  # type: ignore[arg-type]
+    random, found = Random(np.random.default_rng(0)), []
+    memory = policy.begin(random, ())
     for view in views:
         given, memory = policy.ratings(view, memory, random)
         found.append(given.tolist())
