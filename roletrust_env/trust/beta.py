@@ -3,7 +3,7 @@
 The functions take a and b from 1 to a million, which is more than a game counts. In float64, masses are accurate
 to 1e-9 for a and b up to a hundred and to 1e-8 beyond, and quantiles to 1e-8 (quantiles below 1e-3 to 1e-6). In
 float32, quantiles are accurate to 2e-6, and masses to 1e-5 for a and b up to a hundred, to 1e-3 at ten thousand, and
-worse beyond. All functions run on NumPy and torch, on batches, in a fixed number of operations.
+worse beyond. All functions run on NumPy and torch, on batches, on torch in a fixed number of operations.
 
 The variable is the log odds. In it the density x^a (1 - x)^b / B(a, b) has one peak, at the mean x = a / (a + b), is
 log-concave, and falls off at least exponentially. A tail is therefore an integral over an interval of known length,
@@ -12,6 +12,7 @@ Stirling's formula gives the height of the peak, and only its small remainders a
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,6 +24,9 @@ _NODES, _WEIGHTS = ((np.polynomial.legendre.leggauss(24) + np.array([[1.0], [0.0
 _LOST = 16.0  # a density is neglected where it is exp(-16), about 1e-7, of that at the start of the tail
 _SHIFTS = 3  # shifts the argument of Stirling's series to at least 4
 _TINY = 1e-30  # replaces 0 in logarithms
+
+_BLOCK = 1_000
+"""Number of masses that NumPy computes at a time: the values at all nodes fit into a processor's cache."""
 
 
 def reputation(successes: Array, failures: Array, initial: float = 0.5) -> Array:
@@ -52,13 +56,8 @@ def mass_below(x: Array, a: Array, b: Array) -> Array:
         >>> mass_below(np.array([0.0, 0.25, 1.0]), np.array(2.0), np.array(1.0)).round(9)
         array([0.    , 0.0625, 1.    ])
     """
-    xp = namespace(a)
-    offset = xp.log(xp.clip(x, _TINY, 1.0)) - xp.log(xp.clip(1.0 - x, _TINY, 1.0)) - xp.log(a / b)
-    above = offset > 0
-    a, b = xp.where(above, b, a), xp.where(above, a, b)
-    offset = -abs(offset)
-    below = xp.exp(_log_height(a, b) + _fall(offset, a, b)) * _tail(offset, a, b)
-    return xp.where(above, 1.0 - below, below)
+    beyond, above = _beyond(x, a, b)
+    return namespace(a).where(above, 1.0 - beyond, beyond)
 
 
 def mass_between(low: Array, high: Array, a: Array, b: Array) -> Array:
@@ -98,6 +97,79 @@ def quantile(q: float, a: Array, b: Array) -> Array:
     return odds / (1.0 + odds)
 
 
+def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
+    """Return a function that says whether x lies between the q and the 1 - q quantile of Beta(a, b), boolean.
+
+    On NumPy it compares the mass below x with q and 1 - q, which takes few integrals. Elsewhere the quantiles are
+    computed, once for all x, since a compiler has to unroll the calls.
+
+    Args:
+        q: Mass, in [1e-6, 0.5).
+        a: First parameter, at least 1.
+        b: Second parameter, at least 1, of the shape and dtype of a.
+
+    Example:
+        >>> import numpy as np
+        >>> between_quantiles(0.01, np.array(1.0), np.array(1.0))(np.array([0.005, 0.5, 0.995]))
+        array([False,  True, False])
+    """
+    if isinstance(a, np.ndarray):
+        enough = q if q < 1 / math.e else 1.0  # no mass beyond the mean is above 1 - 1/e
+
+        def is_between(x: Array) -> Array:
+            beyond, _ = _beyond(x, a, b, enough)
+            return (q <= beyond) & (beyond <= 1.0 - q)
+
+        return is_between
+    xp = namespace(a)
+    low, below_one = quantile(q, xp.stack([a, b]), xp.stack([b, a]))  # compiles faster than two calls
+    return lambda x: (low <= x) & (x <= 1 - below_one)
+
+
+def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, Array]:
+    """Return the mass beyond x, seen from the mean, and whether x is above the mean.
+
+    NumPy leaves out integrals. By Chernoff's bound, the mass is at most the density relative to its peak; where that is
+    lost in the rounding of 1, the mass is 0.
+
+    Args:
+        x: See `mass_below`.
+        a: First parameter.
+        b: Second parameter.
+        enough: Mass from which on a lower bound, which is at least as large, may be returned in place of the mass.
+    """
+    xp = namespace(a)
+    offset = xp.log(xp.clip(x, _TINY, 1.0)) - xp.log(xp.clip(1.0 - x, _TINY, 1.0)) - xp.log(a / b)
+    above = offset > 0
+    a, b = xp.where(above, b, a), xp.where(above, a, b)
+    offset = -abs(offset)
+    fall = _fall(offset, a, b)
+    if not isinstance(fall, np.ndarray):
+        return xp.exp(_log_height(a, b) + fall) * _tail(offset, a, b), above
+    beyond, some = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
+    offset, a, b = offset[some], a[some], b[some]
+    density = xp.exp(_log_height(a, b) + fall[some])
+    if enough < 1:
+        beyond[some] = least = density * _least_tail(offset, a, b)
+        few = least < enough
+        some[some] = few
+        offset, a, b, density = offset[few], a[few], b[few], density[few]
+    beyond[some] = density * _tail(offset, a, b)
+    return beyond, above
+
+
+def _least_tail(offset: Array, a: Array, b: Array) -> Array:
+    """Return a lower bound of `_tail` without an integral: the tail of a bell, by a lower bound of Mills' ratio.
+
+    In the tail, the log density is nowhere more curved than at x, or at 1/2 if x is above it, so that it falls no
+    faster than that of the bell with this curvature.
+    """
+    xp, odds = namespace(a), a / b * namespace(a).exp(offset)
+    x = odds / (1.0 + odds)
+    slope, most = a - (a + b) * x, xp.clip(x, None, 0.5)
+    return 2 / (slope + xp.sqrt(slope * slope + 4 * (a + b) * most * (1 - most)))
+
+
 def _precision(a: Array, b: Array) -> Array:
     """Return the curvature of the density at its peak: one over the square of the width of the bell."""
     return a * b / (a + b)
@@ -120,6 +192,9 @@ def _tail(offset: Array, a: Array, b: Array) -> Array:
 
     The length of the interval is the sum of two sufficient ones, of a bell and of an exponential tail.
     """
+    if isinstance(a, np.ndarray) and a.size > _BLOCK:
+        blocks = (slice(at, at + _BLOCK) for at in range(0, len(a), _BLOCK))
+        return np.concatenate([_tail(offset[some], a[some], b[some]) for some in blocks])
     xp = namespace(a)
     nodes, weights = (
         xp.reshape(xp.asarray(rule, dtype=a.dtype, device=a.device), (-1, *[1] * offset.ndim))

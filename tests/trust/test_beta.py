@@ -45,6 +45,8 @@ def test_single_precision_is_as_good_as_it_gets(asarray: Callable, most: int, wi
     assert mass.dtype == found.dtype == tensors[0].dtype
     np.testing.assert_allclose(np.asarray(mass), special.betainc(a, b, x), rtol=0, atol=within)
     np.testing.assert_allclose(np.asarray(found), special.betaincinv(a, b, 0.01), rtol=0, atol=2e-6)
+    between = beta.between_quantiles(0.01, *tensors[:2])(tensors[2])
+    assert_between(np.asarray(between), special.betainc(a, b, x), 0.01, within)
 
 
 @pytest.mark.parametrize("q", [1e-6, 1e-3, 0.01, 0.2, 0.45, 0.5, 0.8, 0.99, 1 - 1e-6])
@@ -52,6 +54,32 @@ def test_quantiles_are_those_of_scipy(q: float) -> None:
     a, b, _ = parameters(2_000)
     within = 1e-8 if 1e-3 <= q <= 1 - 1e-3 else 1e-6
     np.testing.assert_allclose(beta.quantile(q, a, b), special.betaincinv(a, b, q), rtol=0, atol=within)
+
+
+@pytest.mark.parametrize("asarray", [np.asarray, torch.asarray], ids=["numpy", "torch"])
+@pytest.mark.parametrize("q", [1e-6, 1e-3, 0.01, 0.2, 0.36, 0.37, 0.45, 0.4999])
+def test_places_between_quantiles_are_those_of_scipy(q: float, asarray: Callable) -> None:
+    a, b, x = parameters()
+    near = special.betaincinv(a, b, np.random.default_rng(1).choice([q, 1 - q], a.shape))
+    x[::2] = (near * np.random.default_rng(2).normal(1, 0.01, a.shape))[::2]
+    found = beta.between_quantiles(q, asarray(a), asarray(b))(asarray(x))
+    assert_between(np.asarray(found), special.betainc(a, b, x), q, 1e-8)
+
+
+def assert_between(found: np.ndarray, mass: np.ndarray, q: float, within: float) -> None:
+    """See that a mass below is found to be between q and 1 - q or not; nearer to these than `within`, both will do."""
+    clear = np.minimum(abs(mass - q), abs(1 - q - mass)) > within
+    assert np.array_equal(found[clear], ((q <= mass) & (mass <= 1 - q))[clear])
+    assert 0 < found[clear].sum() < clear.sum() > 0.9 * len(clear)
+
+
+def test_the_bounds_that_spare_integrals_hold() -> None:
+    a, b, x = parameters()
+    mass, (least, above) = beta.mass_below(x, a, b), beta._beyond(x, a, b, enough=0.0)
+    beyond = np.where(above, 1 - mass, mass)
+    assert (least <= beyond + 1e-8).all()
+    assert np.median(least[beyond > 0.01] / beyond[beyond > 0.01]) > 0.8  # it decides most cases
+    assert beyond.max() < 1 - np.exp(-1) + 1e-8
 
 
 def test_the_ends_hold_nothing_and_all() -> None:
@@ -67,6 +95,8 @@ def test_cases_by_hand() -> None:
     assert beta.mass_below(x, np.array(1.0), np.array(3.0)) == pytest.approx([0.271, 0.875, 0.999], abs=1e-9)
     assert beta.mass_between(np.array(0.1), x[1:], np.array(2.0), np.array(1.0)) == pytest.approx([0.24, 0.8], abs=1e-9)
     assert beta.quantile(0.25, np.array(2.0), np.array(1.0)) == pytest.approx(0.5)
+    found = beta.between_quantiles(0.25, np.array(2.0), np.array(1.0))(np.array([0.49, 0.51, 0.86, 0.87]))
+    assert found.tolist() == [False, True, True, False]
     assert beta.reputation(3.0, 1.0) == pytest.approx(4 / 6)
     assert beta.reputation(3.0, 1.0, initial=0.2) == pytest.approx(3.4 / 6)
 

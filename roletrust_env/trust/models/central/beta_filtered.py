@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
 from roletrust_env.trust.algorithms import MaskedRatings
-from roletrust_env.trust.beta import quantile, reputation
+from roletrust_env.trust.beta import between_quantiles, reputation
 from roletrust_env.trust.models.central.beta import left
 
 _PASSES = 12
@@ -77,14 +77,16 @@ class BetaFiltered:
     def _filter(self, successes: Array, failures: Array) -> Array:
         """Return 1 for each rater that counts for a provider and 0 for each that is dropped, shape (S, P, ...)."""
         xp = namespace(successes)
-        a, b = 1 + successes, 1 + failures
-        low, below_one = quantile(self.q, xp.stack([a, b]), xp.stack([b, a]))  # compiles faster than two calls
+        is_likely = between_quantiles(self.q, 1 + successes, 1 + failures)
         evident = successes + failures > 0
         heard = xp.ones_like(successes)
         for _ in range(min(successes.shape[0] - 1, _PASSES)):
+            before = heard
             mean = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
-            still = heard * cast((low <= mean) & (mean <= 1 - below_one), heard.dtype)
+            still = heard * cast(is_likely(mean), heard.dtype)
             heard = xp.where(xp.any((still > 0) & evident, axis=0), still, heard)
+            if not is_compiling(heard) and bool(xp.all(heard == before)):
+                break  # all other passes would do the same
         return heard
 
     def _share(self, heard: Array, evidence: Array) -> Array:

@@ -2,6 +2,8 @@
 
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
@@ -9,6 +11,8 @@ from roletrust_env.trust.algorithms import weighted_mean
 
 STEPS = 80
 """Number of iterations. With these weightings the result is within 1e-6 of the fixed point."""
+
+_ROUNDING = 4  # NumPy stops at a step of so many rounding errors of 1
 
 _LINEAR, _EXPONENTIAL, _POWER = 0.5, 2.0, 0.05  # e (linear), b (exponential), e (power)
 
@@ -76,10 +80,13 @@ class IterativeFiltering:
         given, received = total(rated, 1), total(rated, 0)
         weights, worth = rated[:, 0, ...], weighted_mean(means, rated, axis=0)
         for _ in range(STEPS):
+            before = worth
             distance = weighted_mean((means - worth) ** 2, rated, axis=1)
             least = xp.min(xp.where(given > 0, distance, 1.0), axis=0)
             weights = self._weights(xp.where(given > 0, distance, least), least)
             worth = weighted_mean(means, rated * weights[:, None, ...], axis=0)
+            if isinstance(worth, np.ndarray) and np.max(abs(worth - before)) <= _ROUNDING * np.finfo(worth.dtype).eps:
+                break
         return FilteringState(
             xp.where(given > 0, weights, self.initial), xp.where(received > 0, worth, self.initial), means, rated
         )

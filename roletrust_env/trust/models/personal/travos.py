@@ -92,7 +92,7 @@ class Travos:
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
         successes, failures = state.successes + masked.values, state.failures + failed
         now = self._held(successes, failures)
-        accuracy = xp.einsum("ikb...,kbj...->ikj...", self._accuracy(good, bad), now)
+        accuracy = xp.einsum("ikb...,kbj...->ikj...", self._accuracy(good, bad, now), now)
         trust = self._trust(successes, failures, accuracy)
         held = now.sum(axis=1).sum(axis=1)[None]
         credence = xp.where(held > 0, accuracy.sum(axis=2) / xp.clip(held, 1, None), 1 / self.bins)
@@ -112,27 +112,27 @@ class Travos:
         edges = xp.reshape(edges, (self.bins + 1, *batch))
         return edges[:-1], edges[1:]
 
-    def _accuracy(self, good: Array, bad: Array) -> Array:
-        """Return rho, the accuracy of opinions in each bin, shape (S, S, bins, ...)."""
+    def _accuracy(self, good: Array, bad: Array, held: Array) -> Array:
+        """Return rho, the accuracy of opinions in each bin, shape (S, S, bins, ...); any number where none is held."""
         xp, a, b = namespace(good), good + 1, bad + 1
-        inner = self._edges(good[0])[0][1:]
+        inner, some = self._edges(held[:, :, 0, ...])[0][1:], xp.max(held, axis=2)
+        low, high = inner * some[:, 1:, ...], inner * some[:, :-1, ...]  # 0, which costs nothing, where none is held
         none = xp.zeros_like(a[:, :, :1, ...])  # the mass below 0
-        below = xp.concat([none, mass_below(inner, a[:, :, 1:, ...], b[:, :, 1:, ...])], axis=2)
-        until = xp.concat([mass_below(inner, a[:, :, :-1, ...], b[:, :, :-1, ...]), none + 1], axis=2)
+        below = xp.concat([none, mass_below(low, a[:, :, 1:, ...], b[:, :, 1:, ...])], axis=2)
+        until = xp.concat([mass_below(high, a[:, :, :-1, ...], b[:, :, :-1, ...]), none + 1], axis=2)
         return xp.clip(until - below, 0.0, 1.0)
 
     def _trust(self, successes: Array, failures: Array, accuracy: Array) -> Array:
         """Return the judges' trust in the providers, shape (S, P, ...), from rho, shape (S, S, P, ...)."""
-        own, a, b = reputation(successes, failures), successes + 1, failures + 1
+        xp, own, a, b = namespace(successes), reputation(successes, failures), successes + 1, failures + 1
         confidence = mass_between(own - self.error, own + self.error, a, b)
         spread = (own * (1 - own) / (a + b + 1)) ** 0.5
         mean = 0.5 + accuracy * (own - 0.5)
-        precision = 1 / (_FLAT + accuracy * (spread - _FLAT)) ** 2
         strangers = others(successes)[:, :, None, ...]
-        more = strangers * (mean * (mean * (1 - mean) * precision - 1) - 1)
-        less = strangers * ((1 - mean) * (mean * (1 - mean) * precision - 1) - 1)
+        evidence = strangers * (mean * (1 - mean) / (_FLAT + accuracy * (spread - _FLAT)) ** 2 - 1)
+        more, less = mean * evidence - strangers, (1 - mean) * evidence - strangers
         advised = reputation(successes + more.sum(axis=1), failures + less.sum(axis=1))
-        return namespace(own).where(confidence > self.threshold, own, advised)
+        return xp.where(confidence > self.threshold, own, advised)
 
     def rater_trust(self, state: TravosState) -> Array:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
