@@ -52,7 +52,7 @@ class Evolve:
     """
 
     start: Literal["universal", "random"] = "universal"
-    population: int = 32
+    population: int = 16
     games: int = 8
     spread: float = 0.3
     name: str = "evolution"
@@ -61,22 +61,20 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         settings = EvolutionSettings(start=self.start, population=self.population, games=self.games, spread=self.spread)
         task = make_task(**arguments)
-        needed = 2 * _GENERATIONS * settings.population * settings.games * task.game.scenario.max_cycles
+        each = settings.population * settings.games + settings.validation
+        needed = 2 * _GENERATIONS * each * task.game.scenario.max_cycles
         if budget.left < needed:
             raise UnsuitableError(
                 f"the budget of {budget.rounds} rounds is too small for evolution; give {needed} or more"
             )
         evolution = Evolution([task], settings, seed, budget.left, known_starts(settings))
-        last = settings.validation * task.game.scenario.max_cycles
-        spent = 0
-        while evolution.rounds + evolution.round_cost + last <= budget.left + spent:
+        limit, spent = budget.left, 0
+        while evolution.rounds + evolution.most_rounds <= limit:
             evolution.generation()
-            if evolution.due():
+            if evolution.due() or evolution.rounds + evolution.most_rounds > limit:
                 evolution.validate()
             budget.spend(evolution.rounds - spent)
             spent = evolution.rounds
-        evolution.validate()
-        budget.spend(evolution.rounds - spent)
         words = f"coalition, evolution in {len(evolution.scores)} generations of {self.population}"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
 

@@ -71,12 +71,11 @@ class Evolution:
         self._strategy = _strategy(start, settings, (seed, 0))
 
     @property
-    def round_cost(self) -> int:
-        """Number of rounds of a generation, with its share of the validations."""
-        length, settings = self._length, self.settings
-        validation = settings.validation * len(self.tasks) / settings.validate_every
-        played = settings.population * settings.games * min(_TASKS_AT_ONCE, len(self.tasks))
-        return int(np.ceil((played + validation) * length))
+    def most_rounds(self) -> int:
+        """Largest number of rounds of a generation, with a validation after it."""
+        settings, many = self.settings, len(self.tasks)
+        played = settings.population * settings.games * min(_TASKS_AT_ONCE, many)
+        return (played + settings.validation * many) * self._length
 
     @property
     def network(self) -> DeepSet:

@@ -1,0 +1,106 @@
+"""Evolution of coalitions, and the search methods that use it."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cma")
+
+from roletrust_agents.learned.deep_set import DeepSetArchitecture
+from roletrust_agents.training.coalition_methods import Evolve, Universal, universal_coalitions
+from roletrust_agents.training.evolution import Evolution
+from roletrust_agents.training.settings import EvolutionSettings
+from roletrust_env.evaluation.search import Budget, UnsuitableError
+from roletrust_env.game.make_task import make_task
+
+SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2)
+TASK = {
+    "scenario": "market",
+    "compromised": ("sr_2", "sr_3"),
+    "objective": "mislead",
+    "max_cycles": 10,
+    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+}
+
+
+def tasks(*models):
+    return [make_task(**TASK, trust_model=model) for model in models or ("beta",)]
+
+
+def evolved(generations, seed=0, known=(), of=None):
+    evolution = Evolution(of or tasks(), SMALL, seed, 10_000, known)
+    for _ in range(generations):
+        evolution.generation()
+        if evolution.due():
+            evolution.validate()
+    return evolution
+
+
+def test_the_same_seed_finds_the_same_network():
+    one, again, other = (evolved(4, seed).network.flatten() for seed in (1, 1, 2))
+    assert np.array_equal(one, again)
+    assert not np.array_equal(one, other)
+
+
+def test_it_does_not_touch_the_global_random_numbers():
+    np.random.seed(5)  # noqa: NPY002
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    evolved(2)
+    assert np.array_equal(before, np.random.get_state()[1])  # noqa: NPY002
+
+
+def test_a_run_continues_from_its_scores():
+    whole = evolved(5)
+    again = Evolution(tasks(), SMALL, 0, 10_000)
+    for scores in whole.scores[:3]:
+        again.generation(scores)
+    for _ in range(2):
+        again.generation()
+    assert np.array_equal(whole.scores, again.scores)
+
+
+def test_it_learns():
+    evolution = Evolution(tasks(), SMALL.model_copy(update={"games": 8, "validation": 64}), 0, 100_000)
+    first = evolution.validate().mean
+    for _ in range(40):
+        evolution.generation()
+    assert evolution.validate().mean > first + 0.03
+
+
+def test_it_begins_with_the_best_known_network():
+    weights = evolved(30).best.weights
+    evolution = Evolution(tasks(), SMALL, 3, 10_000, [np.zeros_like(weights), weights, weights[:-1]])
+    assert evolution.best is None
+    assert np.array_equal(evolution.network.flatten(), weights.astype(np.float32))
+
+
+def test_all_rounds_are_counted():
+    evolution = evolved(2)
+    assert evolution.rounds == 10 * (3 * 4 + 2 * 6 * 2 + 4)  # the start, two generations, one validation
+    two = evolved(2, of=tasks("beta", "qor", "mean"))
+    assert two.rounds == 10 * 3 * 3 * 4 + 10 * (2 * 2 * 6 * 2 + 3 * 4)
+
+
+def test_a_search_stays_in_its_budget():
+    spent = []
+    budget = Budget(30_000, spent.append)
+    result = Evolve(population=8, games=4).search({**TASK, "trust_model": "beta"}, budget, 0)
+    assert sum(spent) == budget.spent == result.rounds <= 30_000
+    assert budget.spent > 20_000
+
+
+def test_too_small_a_budget_is_refused_with_one_that_is_enough():
+    with pytest.raises(UnsuitableError, match="give ") as error:
+        Evolve().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
+    enough = int(str(error.value).split("give ")[1].split()[0])
+    assert Evolve().search({**TASK, "trust_model": "beta"}, Budget(enough), 0).rounds <= enough
+
+
+def test_the_universal_coalitions_come_with_the_project():
+    ready = universal_coalitions()
+    assert set(ready) == {f"universal-{name}" for name in ("raters", "providers", "coalition", "identities")}
+    assert all(network.architecture == DeepSetArchitecture() for network in ready.values())
+    result = Universal().search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
+    assert result.rounds == 4 * 16 * 10
+    assert result.description.split(",")[0] in ready
+    with pytest.raises(UnsuitableError, match="give 640"):
+        Universal().search({**TASK, "trust_model": "beta"}, Budget(639), 0)
