@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	benchmark findings ladder zoo clean
+	benchmark findings attackers ladder zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -101,6 +101,14 @@ findings: setup
 	mkdir -p docs/findings
 	cp $(OUT)/findings/findings.md docs/
 	cp $(OUT)/findings/findings/*.png docs/findings/
+
+# What a longer search finds, and what carries over to other trust models; many hours on two cores, and a repeat continues.
+attackers: setup
+	$(BIN)/roletrust budget --out $(OUT)/budget
+	$(BIN)/roletrust transfer --out $(OUT)/transfer
+	mkdir -p docs/attackers
+	for name in budget transfer; do for kind in png md csv; do \
+	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
 
 # Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
 ladder: setup

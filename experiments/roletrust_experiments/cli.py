@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from roletrust_env import __version__
 from roletrust_experiments.commands.benchmark import benchmark
+from roletrust_experiments.commands.budget import budget
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.costs import costs
 from roletrust_experiments.commands.figures import figures
@@ -25,6 +26,7 @@ from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.speed import speed
 from roletrust_experiments.commands.submit import submit, verify
 from roletrust_experiments.commands.train import train
+from roletrust_experiments.commands.transfer import transfer
 from roletrust_experiments.commands.zoo import zoo
 
 _EXAMPLES = "[bold]Examples[/]"
@@ -114,6 +116,8 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "ladder": ladder,
     "train": train,
     "zoo": zoo,
+    "budget": budget,
+    "transfer": transfer,
     "benchmark": benchmark,
     "report": report,
     "submit": submit,

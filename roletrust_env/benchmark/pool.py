@@ -12,7 +12,7 @@ from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 TRIES = 3
 """Maximum number of attempts to play a cell whose worker process dies."""
 
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of a worker: one thread, since there is a worker for each core."""
 
 PlayedCells = Generator[tuple[Any, CellResult], None, None]
@@ -54,7 +54,7 @@ class LocalPool:
 
 def cell_workers(workers: int) -> WorkerPool[AnyCell]:
     """Return a pool of processes that play cells."""
-    return WorkerPool(play_safely, workers, _ONE_THREAD)
+    return WorkerPool(play_safely, workers, ONE_THREAD)
 
 
 def play_on(workers: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any], entrants: bytes = b"") -> PlayedCells:

@@ -14,6 +14,7 @@ from roletrust_env.benchmark.attackers import (
 from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, task_arguments
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
 from roletrust_env.evaluation.search import Budget, UnsuitableError
@@ -50,11 +51,22 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
 
 
-def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments) -> Iterator[tuple[AttackBatch, str]]:
-    """Yield the attacks of a cell in batches, each with a description."""
+def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:
+    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+        task: Task of the cell.
+    """
     names = attack_names(suite)
     kinds = dict(zip(names, parse_kinds(names, task.game.scenario), strict=True))
-    kinds = playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
+    return playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
+
+
+def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments) -> Iterator[tuple[AttackBatch, str]]:
+    """Yield the attacks of a cell in batches, each with a description."""
+    kinds = cell_kinds(suite, cell, task)
     if cell.rung == "scripted":
         for batch in scripted_batches(task, kinds, 2 * suite.games):
             yield batch, "at its defaults"

@@ -13,7 +13,7 @@ PACKAGES = (
 )
 COMMANDS = (
     *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
-    *("submit", "train", "verify", "zoo"),
+    *("submit", "train", "verify", "zoo", "budget", "transfer"),
 )
 HELPS = f"""
 from typer.testing import CliRunner

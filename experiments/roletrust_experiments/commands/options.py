@@ -76,6 +76,19 @@ Workers = Annotated[
     typer.Option(min=1, help="Number of processes; by default one for each core.", show_default=False),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
+ConditionSuite = Annotated[
+    str,
+    typer.Option(
+        help="Suite with the scenario and the track: its name, or the path of a .toml file.",
+        autocompletion=completion.suites,
+    ),
+]
+ConditionScenario = Annotated[str, typer.Option(help="Name of the scenario in the suite.")]
+ConditionTrack = Annotated[str, typer.Option(help="Name of the track in the suite, which says who is compromised.")]
+ConditionShare = Annotated[float, typer.Option(help="Share of compromised agents in each role of the track.")]
+Searches = Annotated[int, typer.Option("--runs", min=1, help="Number of searches, with this seed and those after it.")]
+FreshGames = Annotated[int, typer.Option(min=1, help="Number of fresh games that measure each attacker.")]
+Again = Annotated[bool, typer.Option("--force", help="Begin again, and overwrite the runs in --out.")]
 OptionalOut = Annotated[
     Path | None,
     typer.Option(

@@ -1,0 +1,114 @@
+"""The condition of a benchmark suite in which attackers are compared, and their score in fresh games."""
+
+import math
+from typing import Any, NamedTuple, Self
+
+from roletrust_env.benchmark.cells import Cell, attacked_scenario, task_arguments
+from roletrust_env.benchmark.run_cell import cell_kinds
+from roletrust_env.benchmark.suite import Suite, load_suite
+from roletrust_env.errors import suggest
+from roletrust_env.evaluation.attack_space import AttackKind
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.metrics.score import mean_or_nan
+
+_FRESH = 1_000_000  # added to the seed of a search: no search has seen the games that measure it
+
+
+class Condition(NamedTuple):
+    """Condition of a robustness suite.
+
+    Attributes:
+        suite: The suite.
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite.
+        share: Share of compromised agents in each role of the track.
+    """
+
+    suite: Suite
+    scenario: str
+    track: str
+    share: float
+
+    @classmethod
+    def of(cls, suite: str, scenario: str, track: str, share: float) -> Self:
+        """Return a condition from the options of a command.
+
+        Args:
+            suite: Name of a suite, or path of its TOML file.
+            scenario: Name of a scenario in the suite.
+            track: Name of a track in the suite.
+            share: Share of compromised agents.
+
+        Raises:
+            ValueError: A name is unknown, the suite is for learners, or nobody is compromised on the track.
+        """
+        loaded = load_suite(suite)
+        if not isinstance(loaded, Suite):
+            raise ValueError(f"the suite {loaded.name} is one for {loaded.kind}; choose one for trust models")
+        check_installed(attackers, loaded.attacks)
+        tracks = [name for name, one in loaded.tracks.items() if one.roles]
+        for what, name, known in (("scenario", scenario, list(loaded.scenarios)), ("track", track, tracks)):
+            if name not in known:
+                raise ValueError(f"suite {loaded.name} has no {what} {name!r} with attackers{suggest(name, known)}")
+        if not 0 < share < 1:
+            raise ValueError(f"the share of compromised agents is {share:g}; it must lie between 0 and 1")
+        return cls(loaded, scenario, track, share)
+
+    def __str__(self) -> str:
+        """Return the condition in a few words."""
+        return f"{self.suite.name}: {self.scenario}, {self.track} {self.share:.0%}"
+
+    def check(self, models: list[str]) -> None:
+        """Check that the tasks of all models can be made.
+
+        Raises:
+            ValueError: A model is unknown or does not fit, or too few agents stay honest.
+        """
+        for model in models:
+            exact_task(self.arguments(model))
+
+    def arguments(self, model: str, way: str = "scripted") -> TaskArguments:
+        """Return the arguments of the attack task against a trust model.
+
+        Args:
+            model: Spec of the trust model.
+            way: Name of the search method, which may need its own objective.
+        """
+        return task_arguments(self.suite, self._cell(model, way))
+
+    def kinds(self, model: str) -> dict[str, AttackKind]:
+        """Return the kinds of scripted attacks that the compromised agents can play, by name."""
+        return cell_kinds(self.suite, self._cell(model), exact_task(self.arguments(model)))
+
+    def utility(self, model: str, attacker: Attacker, seed: int, games: int) -> float | None:
+        """Return the mean utility of a consumer in fresh games; None if it is undefined in all of them.
+
+        Args:
+            model: Spec of the trust model.
+            attacker: The attacker.
+            seed: Seed of the search, so that attackers with the same seed meet the same fresh games.
+            games: Number of games.
+        """
+        scored = score(exact_task(self.arguments(model)), attacker, _FRESH + seed, (1, games))
+        mean = float(mean_or_nan(scored.scores["utility"][0], axis=0))
+        return None if math.isnan(mean) else mean
+
+    def describe(self) -> dict[str, Any]:
+        """Return the condition as plain data."""
+        scenario, compromised = attacked_scenario(self.suite, self._cell(""))
+        return {
+            "suite": self.suite.name,
+            "scenario_name": self.scenario,
+            "track": self.track,
+            "share": self.share,
+            "attacks": self.suite.attacks if isinstance(self.suite.attacks, str) else list(self.suite.attacks),
+            "compromised": list(compromised),
+            "scenario": scenario.model_dump(mode="json"),
+        }
+
+    def _cell(self, model: str, way: str = "scripted") -> Cell:
+        return Cell(model, self.scenario, self.track, self.share, way, 0)

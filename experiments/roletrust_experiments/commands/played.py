@@ -1,0 +1,74 @@
+"""Runs of a command: played with a progress bar, each kept in a file when it is finished."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.markup import escape
+
+from roletrust_env.benchmark.pool import cores
+from roletrust_experiments.attackers.runs import Run, Work, play_runs, write_runs
+from roletrust_experiments.commands.console import console, errors, progress_bar
+
+
+def play_and_keep(
+    work: Work,
+    jobs: Mapping[str, tuple[Any, ...]],
+    runs: dict[str, Run],
+    *,
+    total: int,
+    workers: int | None,
+    settings: Mapping[str, Any],
+    path: Path,
+    merge: Callable[[Run, Run], Run] = lambda before, run: run,
+) -> list[str]:
+    """Play runs, add them to those that are there, and write all to a file after each.
+
+    Args:
+        work: Function that plays a run.
+        jobs: Arguments of each missing run, by key.
+        runs: Runs that are there, by key.
+        total: Number of all runs that are wanted.
+        workers: Number of processes; None is one for each core.
+        settings: Settings that the runs have in common.
+        path: Path of the file.
+        merge: Function that adds a run to an earlier one with the same key.
+
+    Returns:
+        A line for each run that failed; these are not kept.
+
+    Raises:
+        typer.Exit: The user interrupted the command.
+    """
+    failed = []
+    with progress_bar() as progress:
+        bar = progress.add_task("Playing", total=total, completed=total - len(jobs))
+        if len(jobs) < total:
+            progress.console.print(f"[dim]{total - len(jobs):,} of {total:,} runs are there already.[/]")
+        try:
+            for key, run in play_runs(work, jobs, workers or cores()):
+                progress.advance(bar)
+                if "failed" in run:
+                    failed.append(f"{key}: {run['failed']}")
+                    continue
+                runs[key] = merge(runs.get(key, {}), run)
+                write_runs(path, settings, runs)
+        except KeyboardInterrupt:
+            errors.print("Stopped. Finished runs are saved; repeat the command without --force.", soft_wrap=True)
+            raise typer.Exit(130) from None
+    for line in failed:
+        console.print(f"[red]{escape(line)}[/]", soft_wrap=True)
+    return failed
+
+
+def markdown_table(headings: list[str], rows: list[list[str]], names: int) -> str:
+    """Return a table in Markdown.
+
+    Args:
+        headings: Headings.
+        rows: Cells of each row.
+        names: Number of leading columns with text; the others have numbers and are aligned to the right.
+    """
+    lines = [headings, ["---"] * names + ["---:"] * (len(headings) - names), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
