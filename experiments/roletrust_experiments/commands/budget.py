@@ -77,7 +77,7 @@ def budget(
         ),
     ] = None,
     suite: ConditionSuite = "standard",
-    scenario: ConditionScenario = "crowd",
+    stage: ConditionScenario = "crowd",
     track: ConditionTrack = "coalition",
     share: ConditionShare = 0.3,
     games: FreshGames = 200,
@@ -114,7 +114,7 @@ def budget(
     [cyan]roletrust budget --model mypackage.mymodel:MyModel --track raters --share 0.5[/]
     """
     require("the budgets", "train", "scipy", "cma", "torch", "stable_baselines3", "safetensors")
-    condition = Condition.of(suite, scenario, track, share)
+    condition = Condition.of(suite, stage, track, share)
     models, ways = list(dict.fromkeys(model or MODELS)), known_ways(way)
     condition.check(models)
     searches = points(models, ways, sorted(set(budget or BUDGETS)), range(seed, seed + runs))
@@ -130,14 +130,14 @@ def budget(
     if not found:
         raise ValueError("no search was played, so there is nothing to show; give other ways or larger budgets")
     caption = (
-        f"Utility of the consumer in {games} fresh games, mean ± half the 95% interval over {runs} runs; in brackets "
+        f"Utility of the consumer in {games} fresh games, mean ± half the 95% interval over {runs} run{'s' * (runs > 1)}; in brackets "
         f"the seconds of a search. Lower is a better attack. Condition: {condition}."
     )
     _write(out, condition, found, searches, kept, caption, reasons)
     _print(found)
     console.print(escape(caption), soft_wrap=True)
     console.print(f"Written to {out}: budget.png, budget.md, budget.csv, budget.json", soft_wrap=True)
-    chosen = [*option("--suite", suite, "standard"), *option("--scenario", scenario, "crowd")]
+    chosen = [*option("--suite", suite, "standard"), *option("--scenario", stage, "crowd")]
     print_next("transfer", option("--model", model), chosen)
     if failed:
         raise typer.Exit(1)
@@ -157,7 +157,11 @@ def _write(
     write_csv(out / "budget.csv", _HEADER, [_line(point, runs[point.key]) for point in searches if point.key in runs])
     write_figure(
         out / "budget.png",
-        budget_figure(f"Worst case by rounds of the search ({condition})", found, "lower is a better attack"),
+        budget_figure(
+            f"Worst case by rounds of the search ({condition})",
+            found,
+            "lower is a better attack; bands are 95% intervals over the runs",
+        ),
     )
     names = dict.fromkeys(level.model for level in found)
     parts = [markdown_table(*_table(found), names=2), caption]

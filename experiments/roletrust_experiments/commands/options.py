@@ -83,7 +83,7 @@ ConditionSuite = Annotated[
         autocompletion=completion.suites,
     ),
 ]
-ConditionScenario = Annotated[str, typer.Option(help="Name of the scenario in the suite.")]
+ConditionScenario = Annotated[str, typer.Option("--scenario", help="Name of the scenario in the suite.")]
 ConditionTrack = Annotated[str, typer.Option(help="Name of the track in the suite, which says who is compromised.")]
 ConditionShare = Annotated[float, typer.Option(help="Share of compromised agents in each role of the track.")]
 Searches = Annotated[int, typer.Option("--runs", min=1, help="Number of searches, with this seed and those after it.")]

@@ -52,7 +52,7 @@ def transfer(
     ] = None,
     budget: Annotated[int, typer.Option(min=1, help="Rounds x games that each training may play.")] = 300_000,
     suite: ConditionSuite = "standard",
-    scenario: ConditionScenario = "crowd",
+    stage: ConditionScenario = "crowd",
     track: ConditionTrack = "raters",
     share: ConditionShare = 0.5,
     games: FreshGames = 200,
@@ -91,7 +91,7 @@ def transfer(
     require("the transfer", "train", "scipy", "cma", "torch", "safetensors")
     from roletrust_experiments.attackers.transfer import coalitions, missing_models, play_row, sentences, table
 
-    condition = Condition.of(suite, scenario, track, share)
+    condition = Condition.of(suite, stage, track, share)
     models = list(dict.fromkeys(model or trust_models()))
     columns = list(dict.fromkeys([*models, *(on or [])]))
     condition.check(columns)
@@ -121,7 +121,7 @@ def transfer(
     if not cells:
         raise ValueError("no row of the table could be played in full; the reasons are above")
     caption = (
-        f"Utility of the consumer in {games} fresh games, mean over {runs} runs of {budget:,} rounds of training. "
+        f"Utility of the consumer in {games} fresh games, mean over {runs} run{'s' * (runs > 1)} of {budget:,} rounds of training. "
         f"Lower is a better attack. A star marks the trust models of the training. Condition: {condition}."
     )
     lines = sentences(cells)

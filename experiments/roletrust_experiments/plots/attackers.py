@@ -40,7 +40,7 @@ def budget_figure(about: str, levels: "Sequence[Level]", note: str) -> Figure:
     for k, (axes, model) in enumerate(zip(grid.flat, models, strict=False)):
         for place, way in enumerate(ways):
             _line(axes, [level for level in levels if (level.model, level.way) == (model, way)], place)
-        _quiet(axes, model)
+        _quiet(axes, _label(model))
         axes.set_xscale("log")
         axes.set_ylabel("utility of the consumer" if k % columns == 0 else "", color=INK)
         if k + columns >= len(models):
@@ -70,7 +70,7 @@ def transfer_figure(about: str, cells: "Sequence[Sequence[Cell]]", note: str) ->
         cells: Cells by row and column.
         note: Note below the map.
     """
-    rows, columns = [row[0].coalition.name for row in cells], [cell.model for cell in cells[0]]
+    rows, columns = [_label(row[0].coalition.name) for row in cells], [_label(cell.model) for cell in cells[0]]
     names = _LETTER * max(map(len, (*rows, *columns)))
     figure = Figure(
         figsize=(max(5.5, _CELL * len(columns) + names + 1.6), _CELL * len(rows) + names + 1.6), layout="constrained"
@@ -108,11 +108,17 @@ def _line(axes: Axes, levels: "Sequence[Level]", place: int) -> None:
     look: dict[str, Any] = {"color": colour, "linestyle": DASHES[place % 4], "marker": _MARKS[place % len(_MARKS)]}
     axes.plot(at, mean, label=levels[0].way, linewidth=1.6, markersize=4.5, zorder=3, **look)
     if len(levels) > 1:
-        axes.fill_between(at, mean - half, mean + half, color=colour, alpha=0.15, linewidth=0)
+        axes.fill_between(at, mean - half, mean + half, color=colour, alpha=0.12, linewidth=0)
         return
     axes.errorbar(at, mean, yerr=np.nan_to_num(half), color=colour, capsize=2.5, linewidth=1, zorder=3)
     if not levels[0].budget:
         axes.axhline(mean[0], color=colour, linestyle=(0, (1, 2)), linewidth=1, zorder=1)
+
+
+def _label(name: str) -> str:
+    """Return the name of a trust model without the module of a class of its own."""
+    module, _, rest = name.partition(":")
+    return rest if "." in module else name
 
 
 def _short(rounds: int) -> str:
