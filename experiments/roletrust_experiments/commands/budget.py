@@ -130,8 +130,8 @@ def budget(
     if not found:
         raise ValueError("no search was played, so there is nothing to show; give other ways or larger budgets")
     caption = (
-        f"Utility of the consumer in {games} fresh games, mean ± half the 95% interval over {runs} run{'s' * (runs > 1)}; in brackets "
-        f"the seconds of a search. Lower is a better attack. Condition: {condition}."
+        f"Utility of the consumer in {games} fresh games, mean ± half the 95% interval over the runs ({runs}); in "
+        f"brackets the seconds of a search. Lower is a better attack. Condition: {condition}."
     )
     _write(out, condition, found, searches, kept, caption, reasons)
     _print(found)

@@ -121,7 +121,7 @@ def transfer(
     if not cells:
         raise ValueError("no row of the table could be played in full; the reasons are above")
     caption = (
-        f"Utility of the consumer in {games} fresh games, mean over {runs} run{'s' * (runs > 1)} of {budget:,} rounds of training. "
+        f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), {budget:,} rounds of training each. "
         f"Lower is a better attack. A star marks the trust models of the training. Condition: {condition}."
     )
     lines = sentences(cells)
