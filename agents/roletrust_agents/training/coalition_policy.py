@@ -14,7 +14,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from torch import nn
 
-from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
 from roletrust_env.game.coalition import FEATURES, Coalition
 
 _CLOCK = FEATURES.index("clock")
@@ -55,13 +55,18 @@ class Actor(nn.Module):
     def __init__(self, units: int, rates: bool, provides: bool) -> None:
         super().__init__()
         self.channels = [channel for channel, there in enumerate((rates, provides)) if there]
-        self.body, self.layer2 = ProviderLayers(units), nn.Linear(units, 2)
-        _initialise(self.layer2, _NEAR_ZERO)
+        self.body = ProviderLayers(units)
+        self.layer2, self.skip = nn.Linear(units, 3), nn.Linear(len(FEATURES), 3, bias=False)
+        for layer in (self.layer2, self.skip):
+            _initialise(layer, _NEAR_ZERO / GAIN)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the mean of the actions."""
-        both = torch.tanh(self.layer2(self.body(_by_provider(observations))))
-        return both[..., self.channels].transpose(1, 2).flatten(1)
+        features = _by_provider(observations)
+        outputs = torch.tanh(GAIN * (self.layer2(self.body(features)) + self.skip(features.transpose(1, 2))))
+        lie, quality, gate = outputs.unbind(-1)
+        both = torch.stack([lie * (0.5 + 0.5 * gate), quality], dim=1)
+        return both[:, self.channels].flatten(1)
 
 
 class Critic(nn.Module):
@@ -167,6 +172,7 @@ def deep_set_of(policy: CoalitionPolicy) -> DeepSet:
         "layer1.mean": body.mean.weight,
         "layer1.bias": body.layer1.bias,
         "layer2.weight": actor.layer2.weight,
+        "layer2.skip": actor.skip.weight,
         "layer2.bias": actor.layer2.bias,
     }
     architecture = DeepSetArchitecture(units=len(body.layer0.bias))

@@ -16,7 +16,7 @@ from torch import nn
 from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
+from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
 from roletrust_env.benchmark.cells import Cell, task_arguments
 from roletrust_env.benchmark.suite import Suite, load_suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
@@ -98,14 +98,17 @@ class Agent(nn.Module):
     def __init__(self, settings: Settings, channels: tuple[int, ...]) -> None:
         super().__init__()
         self.channels = list(channels)
-        self.actor, self.decision = Body(settings.units), linear(settings.units, 2, 0.1)
+        self.actor, self.decision = Body(settings.units), linear(settings.units, 3, 0.1 / GAIN)
+        self.skip = linear(len(FEATURES), 3, 0.1 / GAIN, bias=False)
         self.critic, self.value = Body(settings.critic_units), linear(settings.critic_units, 1, 0.1)
         self.log_std = nn.Parameter(torch.full((2,), settings.spread).log())
 
     def actions(self, observations: torch.Tensor) -> Normal:
         """Return the distribution of the actions, (B, A), before they are cut to [-1, 1]."""
-        decided = torch.tanh(self.decision(self.actor(by_provider(observations))))
-        mean = decided[..., self.channels].transpose(1, 2)
+        features = by_provider(observations)
+        decided = torch.tanh(GAIN * (self.decision(self.actor(features)) + self.skip(features.transpose(1, 2))))
+        lie, quality, gate = decided.unbind(-1)  # a gate lets a liar tell the truth, and so keep its trust
+        mean = torch.stack([lie * (0.5 + 0.5 * gate), quality], dim=1)[:, self.channels]
         spread = self.log_std.exp()[self.channels, None].expand_as(mean)
         return Normal(mean.flatten(1), spread.flatten(1))
 
@@ -123,6 +126,7 @@ class Agent(nn.Module):
             "layer1.mean": self.actor.mean.weight,
             "layer1.bias": self.actor.second.bias,
             "layer2.weight": self.decision.weight,
+            "layer2.skip": self.skip.weight,
             "layer2.bias": self.decision.bias,
         }
         architecture = DeepSetArchitecture(units=len(self.actor.first.bias))
