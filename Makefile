@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	benchmark findings attackers ladder zoo clean
+	benchmark findings attackers ladder universal zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -117,8 +117,29 @@ ladder: setup
 	$(BIN)/roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned $(OUT)/colluders --out $(OUT)/ladder
 	cp $(OUT)/ladder/ladder.png docs/ladder.png
 
+# Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve, trained against five
+# trust models in turn, in the crowd of the standard suite; about ten minutes.
+WORLD := --scenario crowd-10x10 --set max_cycles=50
+HONEST_SR := {role="SR",count=10,noise=0.05}
+HONEST_SP := {role="SP",count=10,ability=[0.3,1.0]}
+CROWD := $(WORLD) --set 'agents=[$(HONEST_SR),$(HONEST_SP)]'
+OF_SEVEN := {role="SR",count=7,noise=0.05},{role="SP",count=7,ability=[0.3,1.0]}
+WITH_RESERVE := {role="SR",count=3,noise=0.05,reserve=3},{role="SP",count=3,ability=[0.3,1.0],reserve=3}
+LIARS := --compromised sr_7 --compromised sr_8 --compromised sr_9
+CHEATS := --compromised sp_7 --compromised sp_8 --compromised sp_9
+FIVE := --model wary-role-trust --model beta --model role-trust --model qor --model median
+EVOLVE := $(BIN)/roletrust train CollusionAttack --learner evolution:start=random,population=32 --steps 3000000 --objective mislead $(FIVE)
+universal: setup
+	rm -rf $(OUT)/universal
+	$(EVOLVE) $(CROWD) --compromised sr_5 --compromised sr_6 $(LIARS) --out $(OUT)/universal/universal-raters
+	$(EVOLVE) $(CROWD) $(CHEATS) --out $(OUT)/universal/universal-providers
+	$(EVOLVE) $(CROWD) $(LIARS) $(CHEATS) --out $(OUT)/universal/universal-coalition
+	$(EVOLVE) $(WORLD) --set 'agents=[$(OF_SEVEN),$(WITH_RESERVE)]' $(LIARS) $(CHEATS) --out $(OUT)/universal/universal-identities
+	for name in raters providers coalition identities; do for kind in json safetensors; do \
+	  cp $(OUT)/universal/universal-$$name/attacker.$$kind agents/roletrust_agents/zoo/universal-$$name.$$kind; done; done
+
 # The attackers that come with the project; a few minutes.
-zoo: setup
+zoo: setup universal
 	rm -rf $(OUT)/zoo
 	$(BIN)/roletrust train ProviderAttack $(CERTAIN) --out $(OUT)/zoo/provider-3x3
 	$(BIN)/roletrust train RaterAttack --stealth-weight 2 $(CERTAIN) --out $(OUT)/zoo/rater-3x3

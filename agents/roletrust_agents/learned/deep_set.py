@@ -15,7 +15,8 @@ UNITS = 12
 
 _IDENTITY_UNITS = 6
 
-_GAIN = 3.0  # the best lies and qualities are often all or nothing
+GAIN = 3.0
+"""Factor of the last layer: the best lies and qualities are often all or nothing."""
 
 
 class DeepSetArchitecture(BaseModel):
@@ -120,7 +121,7 @@ class DeepSet:
         x = (own["layer1.weight"] @ x).reshape(k, -1, p, cells // p) + pooled[:, :, None, :]
         x = xp.tanh(x + own["layer1.bias"][..., None, None]).reshape(k, -1, cells)
         x = own["layer2.weight"] @ x + own["layer2.skip"] @ seen + own["layer2.bias"][..., None]
-        lie, quality, gate = self._decisions(_GAIN * x, features)
+        lie, quality, gate = self._decisions(GAIN * x, features)
         return xp.stack([0.5 + (lie - 0.5) * gate, quality])
 
     def presence(self, features: Array) -> Array:

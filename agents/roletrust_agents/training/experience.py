@@ -1,5 +1,6 @@
-"""Experience of learners: staggered games, and actions whose spread narrows."""
+"""Experience of learners: staggered games, whole games, actions whose spread narrows, and calls after updates."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,17 @@ class StaggeredGames(AttackVecEnv):
         return step._replace(truncated=step.truncated | ((ends == self._rounds) & ~step.terminated))
 
 
+class WholeGames(AttackVecEnv):
+    """A batch in which the end of a game ends its rewards: learners do not bootstrap, since they observe the clock.
+
+    Arguments as for `AttackVecEnv`.
+    """
+
+    def _play(self, actions: Floats) -> Step:
+        step = super()._play(actions)
+        return step._replace(terminated=step.terminated | step.truncated, truncated=np.zeros_like(step.truncated))
+
+
 class Narrowing(BaseCallback):
     """Callback that limits the spread of a Gaussian policy; the logarithm of the limit falls linearly.
 
@@ -48,6 +60,29 @@ class Narrowing(BaseCallback):
         policy: Any = self.model.policy
         with torch.no_grad():
             policy.log_std.clamp_(max=limit)
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class AfterUpdates(BaseCallback):
+    """Callback that calls a function after each update of a learner that plays rollouts.
+
+    Args:
+        rollout: Number of rounds of a rollout, over all games.
+        call: Function of the number of updates so far.
+    """
+
+    def __init__(self, rollout: int, call: Callable[[int], None]) -> None:
+        super().__init__()
+        self._rollout, self._call = rollout, call
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps:
+            self._call(self.num_timesteps // self._rollout)
+
+    def _on_training_end(self) -> None:
+        self._call(self.num_timesteps // self._rollout)
 
     def _on_step(self) -> bool:
         return True

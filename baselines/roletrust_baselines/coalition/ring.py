@@ -30,7 +30,7 @@ class Ring(AgreeingRater):
 
     threshold: Annotated[Share, GridValues(0.5, 0.7)] = 0.7
     bad: Annotated[Share, GridValues(0.0)] = 0.0
-    cut: Annotated[Share, GridValues(0.2, 0.4)] = 0.4
+    cut: Annotated[Share, GridValues(0.2, 0.4, 0.7)] = 0.4
     sink: Annotated[Share, GridValues(1.0)] = 1.0
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
 

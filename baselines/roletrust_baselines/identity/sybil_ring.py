@@ -37,8 +37,9 @@ class SybilRing(Ring):
     """
 
     reserve: Annotated[PositiveInt, Identities()] = 1
-    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0, 3)] = 0
-    threshold: Annotated[Share, GridValues(0.3, 0.5, 0.7)] = 0.5
+    every: Annotated[NonNegativeInt, SearchRange(0, 10), GridValues(0)] = 0
+    threshold: Annotated[Share, GridValues(0.3, 0.7)] = 0.5
+    cut: Annotated[Share, GridValues(0.4, 1.0)] = 0.4
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:

@@ -39,7 +39,7 @@ class WhitewashingRing(Ring):
     """
 
     reserve: Annotated[PositiveInt, Identities()] = 1
-    leaves_below: Annotated[Share, GridValues(0.2, 0.4)] = 0.3
+    leaves_below: Annotated[Share, GridValues(0.3)] = 0.3
     attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings", "presence"})
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:

@@ -27,6 +27,8 @@ _BUILT_IN = {
     "SAC": "Soft actor-critic of Stable-Baselines3",
     "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
     "random search": "Random search over the parameters of scripted attacks",
+    "evolution": "Evolution of the network of a coalition, which treats all providers alike",
+    "universal": "Coalitions that come with the project, trained against other trust models",
     "white-box planner": "Planner that follows the gradients of the game",
 }
 """Learners of this project."""

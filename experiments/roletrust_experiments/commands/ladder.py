@@ -87,6 +87,8 @@ def ladder(
 
     random search, CMA-ES: over the parameters that the scripted attacks declare.
 
+    universal, evolution: coalitions as one mind, ready ones of the project, and one that evolves for this task.
+
     white-box planner: follows the gradient through the game. learned: the attackers of --learned.
 
     exact: dynamic programming, for one provider (exploit, no stealth) in a game without randomness.
@@ -116,6 +118,7 @@ def ladder(
     from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
+    from roletrust_agents.training.coalition_methods import Evolve, Universal
 
     task_id = find_task(task)
     defaults = TASKS[task_id].defaults
@@ -132,7 +135,7 @@ def ladder(
     kinds = parse_kinds(attack, rules) if attack else None
     Scripts.of(exact_task(arguments), kinds)  # an attack that does not fit is refused before the games
     scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, Grid, RandomSearch, CmaEs)]
-    searches: list[SearchMethod] = [HonestPlay(), *scripted, Planner()]
+    searches: list[SearchMethod] = [HonestPlay(), *scripted, Universal(), Evolve(), Planner()]
     paths = learned or []
     trained = [
         learned_methods(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")

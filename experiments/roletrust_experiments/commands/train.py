@@ -114,7 +114,7 @@ def train(
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
 ) -> None:
-    r"""Train [bold]an attacker[/] by reinforcement learning or evolution, and save it so that it can be shared and played anywhere.
+    r"""Train [bold]an attacker[/] by reinforcement learning or evolution, and save it to share it and play it anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and a log for
     TensorBoard. The score is the mean reward per round in held-out games. An interrupted run continues with

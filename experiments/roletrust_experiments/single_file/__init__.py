@@ -1,0 +1,1 @@
+"""Learners in one file each, to read and to copy."""

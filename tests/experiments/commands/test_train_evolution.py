@@ -1,0 +1,97 @@
+"""`roletrust train --learner evolution`: a coalition, saved, continued, and played by others."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sb3_contrib")
+pytest.importorskip("cma")
+
+from typer.testing import CliRunner
+
+from roletrust_agents.learned import learned, load_attacker
+from roletrust_agents.learned.cards import Card
+from roletrust_agents.learned.methods import Learned
+from roletrust_agents.learned.saved import parse_attacker
+from roletrust_env.evaluation.search import Budget
+from roletrust_experiments.cli import app
+
+TINY = ["--set", "max_cycles=10", "--objective", "mislead", "--compromised", "sr_8", "--compromised", "sp_9"]
+EVOLUTION = ["--learner", "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random"]
+
+
+def train(out, *arguments, code=0):
+    texts = ["train", *map(str, arguments), "--out", str(out)]
+    result = CliRunner().invoke(app, texts)
+    assert result.exit_code == code, result.output
+    return " ".join(result.output.split())
+
+
+def weights(path):
+    return load_attacker(path).network.flatten()
+
+
+def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path):
+    printed = train(tmp_path / "one", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 2000, "--model", "beta")
+    attacker = load_attacker(tmp_path / "one")
+    card = attacker.card
+    assert (card.training.algorithm, card.trust_model.name, card.observation) == ("evolution", "beta", None)
+    assert f"score {card.score.mean:.4f}" in printed
+    with (tmp_path / "one" / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert int(rows[-1]["steps"]) == card.training.rounds >= 2000
+    elsewhere = {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage", "max_cycles": 5}
+    result = Learned(tmp_path / "one").search(elsewhere, Budget(0), 0)
+    assert result.rounds == card.training.rounds
+    with pytest.raises(ValueError, match="coalition"):
+        learned(str(tmp_path / "one"))
+    checked = CliRunner().invoke(app, ["zoo", "--folder", str(tmp_path / "one"), "--games", "8"])
+    assert "beta" in json.dumps(card.model_dump(mode="json"))
+    assert "evolution" in checked.output
+
+
+def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch):
+    arguments = ["CollusionAttack", *TINY, *EVOLUTION, "--steps", 2400, "--model", "beta"]
+    train(tmp_path / "whole", *arguments)
+    saved = []
+
+    def stop(report):
+        saved.append(report)
+        if len(saved) == 11:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("roletrust_experiments.commands.train._show", lambda progress, job, report: stop(report))
+    assert "--resume" in train(tmp_path / "part", *arguments, code=130)
+    monkeypatch.undo()
+    train(tmp_path / "part", "--resume")
+    assert np.array_equal(weights(tmp_path / "whole"), weights(tmp_path / "part"))
+    rounds = [load_attacker(tmp_path / name).card.training.rounds for name in ("whole", "part")]
+    assert rounds[0] == rounds[1]
+
+
+def test_it_trains_against_several_models_in_turn(tmp_path):
+    train(tmp_path / "two", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 1500, "--model", "beta", "--model", "qor")
+    card = load_attacker(tmp_path / "two").card
+    assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
+    refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
+    assert "only evolution" in refused
+
+
+def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
+    assert "population" in train(tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2)
+    assert "gama" in train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2)
+    train(tmp_path / "one", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 500)
+    text, data = ((tmp_path / "one" / f"attacker.{kind}").read_bytes() for kind in ("json", "safetensors"))
+    card = json.loads(text)
+    card["architecture"]["units"] = 200
+    with pytest.raises(ValueError, match="shape"):
+        parse_attacker(json.dumps(card).encode(), data)
+    card["architecture"]["features"][0] = "mood"
+    with pytest.raises(ValueError, match="features"):
+        Card.model_validate_json(json.dumps(card))
+    card = json.loads(text)
+    card["task"]["knowledge"] = "white_box"
+    with pytest.raises(ValueError, match="black_box"):
+        Card.model_validate_json(json.dumps(card))
