@@ -121,8 +121,8 @@ def transfer(
     if not cells:
         raise ValueError("no row of the table could be played in full; the reasons are above")
     caption = (
-        f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), {budget:,} rounds of training each. "
-        f"Lower is a better attack. A star marks the trust models of the training. Condition: {condition}."
+        f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), with {budget:,} rounds of "
+        f"training each. Lower is a better attack. A star marks the trust models of the training. Condition: {condition}."
     )
     lines = sentences(cells)
     _write(out, condition, cells, [caption, *lines])
