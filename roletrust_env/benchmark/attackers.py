@@ -76,11 +76,12 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
 
 
 SEARCH_RUNGS = (
-    "evolution",
-    "universal",
     "PPO",
     "recurrent PPO",
     "SAC",
+    "coalition PPO",
+    "evolution",
+    "universal",
     "CMA-ES",
     "random search",
     "white-box planner",

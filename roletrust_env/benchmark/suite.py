@@ -14,7 +14,9 @@ from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.errors import explain, suggest
 from roletrust_env.world.base_model import FrozenModel
 
-Rung = Literal["scripted", "universal", "random search", "CMA-ES", "evolution", "PPO", "white-box planner"]
+Rung = Literal[
+    "scripted", "universal", "random search", "CMA-ES", "evolution", "coalition PPO", "PPO", "white-box planner"
+]
 """Way to find an attack. The planner has full knowledge, so its result is shown apart and is never the worst case."""
 
 PLANNER = "white-box planner"

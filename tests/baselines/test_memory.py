@@ -5,7 +5,8 @@ import pytest
 
 from roletrust_baselines import Camouflage, CamouflageRating, CheatingRing, MilkingRing, RankLies, Sleeper
 from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.game.attack_task import leaves, make_task
+from roletrust_env.game.attack_task import leaves
+from roletrust_env.game.make_task import make_task
 
 
 @pytest.mark.parametrize(

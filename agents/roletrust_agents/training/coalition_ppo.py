@@ -14,8 +14,8 @@ from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
 _CRITIC_UNITS = 24
-_BATCHES = 2  # of a rollout
-_GAMES, _FEWEST_GAMES, _UPDATES = 16, 4, 60
+_BATCHES = 4  # of a rollout
+_GAMES, _FEWEST_GAMES, _UPDATES = 32, 4, 60
 """Number of games of a rollout, the fewest, and the number of updates that is worth fewer games."""
 _COMPARED, _VALIDATION, _MOST_VALIDATION_GAMES = 5, 8, 200
 """Number of networks that are compared, share of the budget for it (1 of 8), and most games for each."""
@@ -48,7 +48,7 @@ class CoalitionPpo:
     learning_rate: float = 1e-2
     gamma: float = 0.95
     gae_lambda: float = 0.95
-    n_epochs: int = 10
+    n_epochs: int = 5
     clip_range: float = 0.3
     spread: float = 0.5
     name: str = "coalition PPO"

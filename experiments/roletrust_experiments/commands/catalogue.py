@@ -25,10 +25,11 @@ _BUILT_IN = {
     "PPO": "Proximal policy optimization of Stable-Baselines3",
     "recurrent PPO": "Proximal policy optimization with a memory, of sb3-contrib",
     "SAC": "Soft actor-critic of Stable-Baselines3",
-    "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
-    "random search": "Random search over the parameters of scripted attacks",
+    "coalition PPO": "PPO on the network of a coalition, with noise that is held over an episode",
     "evolution": "Evolution of the network of a coalition, which treats all providers alike",
     "universal": "Coalitions that come with the project, trained against other trust models",
+    "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
+    "random search": "Random search over the parameters of scripted attacks",
     "white-box planner": "Planner that follows the gradients of the game",
 }
 """Learners of this project."""

@@ -57,12 +57,12 @@ class Settings:
     share: float = 0.5
     rounds: int = 100_000
     seed: int = 0
-    games: int = 16
+    games: int = 32
     learning_rate: float = 1e-2
     gamma: float = 0.95
     gae_lambda: float = 0.95
-    epochs: int = 10
-    batches: int = 2
+    epochs: int = 5
+    batches: int = 4
     clip: float = 0.3
     value_weight: float = 0.5
     gradient: float = 0.5

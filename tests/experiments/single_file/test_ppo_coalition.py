@@ -9,7 +9,7 @@ from roletrust_env import make_task
 from roletrust_env.game.coalition import FEATURES
 from roletrust_experiments.single_file.ppo_coalition import Agent, Settings, condition, main, train, utility
 
-SHORT = ("--rounds", "3200", "--games", "32", "--epochs", "2", "--measured", "10")
+SHORT = ("--rounds", "3200", "--epochs", "2", "--measured", "10")
 
 
 def test_it_trains_and_measures(capsys):
@@ -41,5 +41,5 @@ def test_the_attacker_decides_as_the_agent_does(track, share, channels):
 
 
 def test_it_refuses_fewer_rounds_than_a_rollout():
-    with pytest.raises(ValueError, match="rounds is 100; give 800 or more"):
+    with pytest.raises(ValueError, match="rounds is 100; give 1600 or more"):
         train(Settings(rounds=100))
