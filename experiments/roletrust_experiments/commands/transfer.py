@@ -122,7 +122,8 @@ def transfer(
         raise ValueError("no row of the table could be played in full; the reasons are above")
     caption = (
         f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), with {budget:,} rounds of "
-        f"training each. Lower is a better attack. A star marks the trust models of the training. Condition: {condition}."
+        "training each. Lower is a better attack. A star marks the trust models of the training. "
+        f"Condition: {condition}."
     )
     lines = sentences(cells)
     _write(out, condition, cells, [caption, *lines])
