@@ -1,5 +1,6 @@
 """PPO for a coalition as one mind, as a search method with a budget of rounds."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -65,20 +66,22 @@ class CoalitionPpo:
         rounds = task.game.scenario.max_cycles
         plan = _Plan.of(budget, rounds, self.name)
         rollout = plan.games * rounds
-        model = PPO(
-            CoalitionPolicy,
-            WholeGames(task, plan.games, seed=seed),
-            learning_rate=LinearSchedule(self.learning_rate, 0.1 * self.learning_rate, 1.0),
-            n_steps=rounds,
-            batch_size=rollout // _BATCHES,
-            n_epochs=self.n_epochs,
-            gamma=self.gamma,
-            gae_lambda=self.gae_lambda,
-            clip_range=self.clip_range,
-            policy_kwargs=policy_arguments(task.coalition, UNITS, _CRITIC_UNITS, float(np.log(self.spread))),
-            seed=seed,
-            device="cpu",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the last batch may be smaller than the others
+            model = PPO(
+                CoalitionPolicy,
+                WholeGames(task, plan.games, seed=seed),
+                learning_rate=LinearSchedule(self.learning_rate, 0.1 * self.learning_rate, 1.0),
+                n_steps=rounds,
+                batch_size=rollout // _BATCHES,
+                n_epochs=self.n_epochs,
+                gamma=self.gamma,
+                gae_lambda=self.gae_lambda,
+                clip_range=self.clip_range,
+                policy_kwargs=policy_arguments(task.coalition, UNITS, _CRITIC_UNITS, float(np.log(self.spread))),
+                seed=seed,
+                device="cpu",
+            )
         scores: list[float] = []
         best: list[DeepSet] = []
 

@@ -122,8 +122,7 @@ def transfer(
         raise ValueError("no row of the table could be played in full; the reasons are above")
     caption = (
         f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), with {budget:,} rounds of "
-        "training each. Lower is a better attack. A star marks the trust models of the training. "
-        f"Condition: {condition}."
+        f"training each. Lower is a better attack. A star: trained on this trust model. Condition: {condition}."
     )
     lines = sentences(cells)
     _write(out, condition, cells, [caption, *lines])
