@@ -83,6 +83,7 @@ SEARCH_RUNGS = (
     "evolution",
     "universal",
     "CMA-ES",
+    "agreed CMA-ES",
     "random search",
     "white-box planner",
 )

@@ -15,7 +15,15 @@ from roletrust_env.errors import explain, suggest
 from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal[
-    "scripted", "universal", "random search", "CMA-ES", "evolution", "coalition PPO", "PPO", "white-box planner"
+    "scripted",
+    "universal",
+    "random search",
+    "CMA-ES",
+    "agreed CMA-ES",
+    "evolution",
+    "coalition PPO",
+    "PPO",
+    "white-box planner",
 ]
 """Way to find an attack. The planner has full knowledge, so its result is shown apart and is never the worst case."""
 

@@ -32,19 +32,22 @@ class Scripts:
         agents: Compromised agents: the name, whether it attacks by its services, and whether by its ratings.
         serving: Attacks by services.
         rating: Attacks by ratings.
+        alike: Whether all agents of a role play the same attack.
     """
 
     agents: tuple[tuple[str, bool, bool], ...]
     serving: Mixture
     rating: Mixture
+    alike: bool = False
 
     @classmethod
-    def of(cls, task: AttackTask, attacks: Sequence[AttackKind] | None = None) -> "Scripts":
+    def of(cls, task: AttackTask, attacks: Sequence[AttackKind] | None = None, alike: bool = False) -> "Scripts":
         """Return the scripts of a task: honest providers are the victims, compromised ones the accomplices.
 
         Args:
             task: Task with the compromised agents.
             attacks: Kinds of attack; several for one role are a mixture. None are the attacks of the paper that fit.
+            alike: Whether all agents of a role play the same attack.
 
         Raises:
             ValueError: No compromised agent can play a kind, a compromised agent has fewer identities in reserve than a
@@ -76,11 +79,13 @@ class Scripts:
             (name, bool(serving) and name in roster.provider_names, bool(rating) and name in roster.rater_names)
             for name in task.compromised
         )
-        return cls(agents, Mixture(serving), Mixture(rating))
+        return cls(agents, Mixture(serving), Mixture(rating), alike)
 
     @property
     def size(self) -> int:
-        """Number of parameters; each agent has its own."""
+        """Number of parameters; each agent has its own, unless all play alike."""
+        if self.alike:
+            return self.serving.size + self.rating.size
         return sum(self.serving.size * serves + self.rating.size * rates for _, serves, rates in self.agents)
 
     @property
@@ -102,6 +107,8 @@ class Scripts:
 
     def decode(self, point: Sequence[float] | Array) -> dict[str, Policy]:
         """Return the attack at a point of the cube [0, 1] ** size."""
+        if self.alike:
+            return self._all(self.serving.decode(point), self.rating.decode(point[self.serving.size :]))
         policies, at = {}, 0
         for name, *channels in self.agents:
             roles = []

@@ -103,15 +103,17 @@ class CmaEs:
         spread: Standard deviation of the first generation.
         name: Name in tables.
         attacks: Kinds of attack, see `Scripts.of`.
+        alike: Whether all agents of a role play the same attack. The cube is then as small as that of one agent.
     """
 
     spread: float = 0.3
     name: str = "CMA-ES"
     attacks: Attacks = None
+    alike: bool = False
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
-        trial = _Trial(arguments, self.attacks, budget, seed)
+        trial = _Trial(arguments, self.attacks, budget, seed, self.alike)
         random = np.random.default_rng(seed)
         size = trial.dimensions(2)  # CMA-ES needs two coordinates; a surplus one has no effect
         points, scores = np.empty((0, size)), np.empty(0)
@@ -132,6 +134,15 @@ class CmaEs:
         return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), self.spread, options)
 
 
+def agreed_search(attacks: Attacks = None) -> CmaEs:
+    """CMA-ES over scripted attacks that all agents of a role play alike.
+
+    Args:
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+    return CmaEs(name="agreed CMA-ES", attacks=attacks, alike=True)
+
+
 class _Trial:
     """Trial of scripted attacks within a budget.
 
@@ -139,9 +150,11 @@ class _Trial:
     budget, because the best of many noisy scores is biased upwards.
     """
 
-    def __init__(self, arguments: TaskArguments, attacks: Attacks, budget: Budget, seed: int) -> None:
+    def __init__(
+        self, arguments: TaskArguments, attacks: Attacks, budget: Budget, seed: int, alike: bool = False
+    ) -> None:
         self.task = make_task(**arguments)
-        self.scripts = Scripts.of(self.task, attacks)
+        self.scripts = Scripts.of(self.task, attacks, alike)
         self._seed, self._budget, self._batches = seed, budget, 0
         self._rounds = self.task.game.scenario.max_cycles
         certain = is_certain(arguments)

@@ -29,6 +29,7 @@ _BUILT_IN = {
     "evolution": "Evolution of the network of a coalition, which treats all providers alike",
     "universal": "Coalitions that come with the project, trained against other trust models",
     "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",
+    "agreed CMA-ES": "The same where all agents of a role play one attack",
     "random search": "Random search over the parameters of scripted attacks",
     "white-box planner": "Planner that follows the gradients of the game",
 }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from roletrust_baselines import BadMouthing, OnOff, Whitewashing
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, searchers
+from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, agreed_search, searchers
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
@@ -199,3 +199,19 @@ def test_of_the_finalists_the_best_in_new_games_is_returned() -> None:
     weak, strong, middle = ({name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6))
     result = trial.best([weak, strong, middle], np.array([0.9, 0.5, 0.1]))
     assert result.attacker.policies == strong
+
+
+def test_agents_that_agree_play_one_attack_for_each_role():
+    task = make_task(**CROWD)
+    kinds = (BadMouthing, OnOff)
+    apart, alike = Scripts.of(task, kinds), Scripts.of(task, kinds, alike=True)
+    assert apart.size == 2 * alike.rating.size + alike.serving.size
+    assert alike.size == alike.rating.size + alike.serving.size
+    point = np.random.default_rng(0).random(alike.size)
+    attack = alike.decode(point)
+    assert attack["sr_8"] == attack["sr_9"] == alike.rating.decode(point[alike.serving.size :])
+    assert attack["sp_9"] == alike.serving.decode(point)
+    both = Scripts.of(make_task(**DUAL), kinds, alike=True).decode(np.full(9, 0.3))["srsp_5"]
+    assert isinstance(both, Both)
+    found = agreed_search(kinds).search(CROWD, Budget(40_000), 0)
+    assert found.attacker.policies["sr_8"] == found.attacker.policies["sr_9"]
