@@ -117,9 +117,10 @@ def train(
     r"""Train [bold]an attacker[/] by reinforcement learning or evolution, and save it to share it and play it anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and, except
-    by evolution, a log for TensorBoard. The score is the mean reward per round in held-out games. An interrupted run continues with
-    [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again with [cyan]--resume[/]. On the
-    same machine, the same seed gives the same result to the last bit if the run is not interrupted.
+    by evolution, a log for TensorBoard. The score is the mean reward per round in held-out games. An interrupted run
+    continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again with
+    [cyan]--resume[/]. On the same machine, the same seed gives the same result to the last bit if the run is not
+    interrupted.
 
     [bold]Examples[/]
 
