@@ -96,7 +96,7 @@ class Suite(SuiteSchema):
     """Ways to find attacks, each with the same budget. Scripted attacks with default parameters need no budget."""
     budget: PositiveInt = 100_000
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
-    budgets: dict[Rung, PositiveInt] = Field(default_factory=dict)
+    budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
 
     @model_validator(mode="after")
@@ -116,7 +116,7 @@ class Suite(SuiteSchema):
 
     def budget_of(self, rung: str) -> int:
         """Return the budget of a rung in a cell, in game rounds."""
-        return {str(name): budget for name, budget in self.budgets.items()}.get(rung, self.budget)
+        return self.budgets.get(rung, self.budget)
 
 
 def suites() -> dict[str, str]:

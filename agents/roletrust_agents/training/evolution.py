@@ -84,7 +84,7 @@ class Evolution:
         return self._networks(np.asarray(weights))
 
     def generation(self, scores: Floats | None = None) -> None:
-        """Play a generation, or repeat one by its scores, and validate the mean when it is time.
+        """Play a generation, or repeat one by its scores.
 
         Args:
             scores: Scores of the generation from an earlier run; None plays it.
