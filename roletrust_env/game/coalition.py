@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, largest, mean_or_zero, namespace
+from roletrust_env.arrays import Array, cast, largest, mean_or_zero, mean_places, namespace
 from roletrust_env.game.attacker_side import places
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions, State
@@ -241,8 +241,4 @@ def _best_other(values: Array) -> Array:
 
 def _rank(values: Array) -> Array:
     """Return the rank of each value along the first axis: 0 for the highest, 1 for the lowest; ties share the mean."""
-    above = values[None, ...] > values[:, None, ...]
-    below = values[None, ...] < values[:, None, ...]
-    n = values.shape[0]
-    difference = above.sum(axis=1, dtype=values.dtype) - below.sum(axis=1, dtype=values.dtype)
-    return 0.5 + 0.5 * difference / max(1, n - 1)
+    return mean_places(values) / max(1, values.shape[0] - 1)

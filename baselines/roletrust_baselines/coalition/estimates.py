@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Self
 
-from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.arrays import Array, cast, mean_places, namespace
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 
@@ -63,12 +63,4 @@ def ranks(values: Array, left_out: Array | None = None) -> Array:
     ranked, steps = values.shape[0], xp.round(values * STEPS)
     if left_out is not None:
         ranked, steps = ranked - int(left_out.sum()), xp.where(left_out, 0 * steps - 1, steps)
-    # Ties in the order of their indices, and in the reverse order: together they share a mean rank.
-    twice = _places(steps) + xp.flip(_places(xp.flip(steps, axis=0)), axis=0)
-    return xp.clip(cast(twice, values.dtype) / max(2 * (ranked - 1), 1), 0, 1)
-
-
-def _places(values: Array) -> Array:
-    """Return the place of each value in descending order; equal values stand in the order of their indices."""
-    xp = namespace(values)
-    return xp.argsort(xp.argsort(-values, axis=0, stable=True), axis=0)
+    return xp.clip(mean_places(steps) / max(ranked - 1, 1), 0, 1)
