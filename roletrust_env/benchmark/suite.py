@@ -137,14 +137,14 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
     path = Path(suite)
     if path.suffix == ".toml":
         try:
-            return read_suite({"name": path.stem, **_parse(path.read_text(encoding="utf-8"), path)}, f"suite {path}")
+            text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ValueError(f"suite {path} cannot be read: {error}") from None
+        return read_suite({"name": path.stem, **_parse(text, path)}, f"suite {path}")
     known = sorted(entry.name.removesuffix(".toml") for entry in _FOLDER.iterdir() if entry.name.endswith(".toml"))
     if str(suite) not in known:
         raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, known)}, or the path of a .toml file")
-    text = (_FOLDER / f"{suite}.toml").read_text(encoding="utf-8")
-    return read_suite({"name": str(suite), **_parse(text, suite)}, f"suite {suite}")
+    return read_suite({"name": str(suite), **_parse(_text(str(suite)), suite)}, f"suite {suite}")
 
 
 def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
@@ -170,10 +170,22 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _FOLDER = files("roletrust_env.benchmark") / "suites"
+_EXTENDABLE = ("quick", "standard", "full")
+
+
+def _text(name: str) -> str:
+    return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _parse(text: str, source: str | Path) -> dict[str, Any]:
+    """Return the fields in a text, and those of the suite that it extends where it has none of its own."""
     try:
-        return tomllib.loads(text)
+        data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"suite {source} is not valid TOML: {error}") from None
+    if "extends" not in data:
+        return data
+    base = data.pop("extends")
+    if base not in _EXTENDABLE:
+        raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
+    return {**tomllib.loads(_text(base)), **data}

@@ -132,6 +132,8 @@ class Mixture:
 
     def decode(self, point: Sequence[float] | Array) -> Policy:
         """Return the attack at a point of the cube [0, 1] ** size."""
+        if not self._spaces:
+            return HONEST
         if len(self._spaces) == 1:
             return self._spaces[0].decode(point)
         return self._spaces[_part(float(point[0]), len(self._spaces))].decode(point[1:])

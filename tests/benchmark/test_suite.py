@@ -114,3 +114,15 @@ def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, rung: str) ->
         for stage in suite.scenarios:
             result = play_cell(suite, Cell("mean", stage, "raters", 0.3, rung, 0))
             assert result.rows, result.unsuitable
+
+
+def test_a_suite_extends_one_of_the_project(tmp_path):
+    """Only what it names differs; another base is refused."""
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "standard"\ndescription = "mine"\nbudget = 7\n')
+    mine, standard = load_suite(path), load_suite("standard")
+    assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
+    assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
+    path.write_text('extends = "development"\n')
+    with pytest.raises(ValueError, match="extends is 'development'; it must be one of quick, standard, full"):
+        load_suite(path)

@@ -8,8 +8,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 import pytest
 
-from roletrust_baselines import BadMouthing, OnOff, Whitewashing
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch, agreed_search, searchers
+from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
+from roletrust_baselines.search import AgreedCmaEs, CmaEs, Grid, PaperAttacks, RandomSearch, agreed
+from roletrust_baselines.search.trial import Trial
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
@@ -30,7 +31,7 @@ PROVIDER = {
 }
 CROWD = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
-SEARCHERS = [Grid(), RandomSearch(), CmaEs()]
+SEARCHERS = [Grid(), RandomSearch(), CmaEs(), AgreedCmaEs()]
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def test_policies_side_by_side_take_as_many_identities_as_any():
 def test_of_the_finalists_the_best_in_new_games_is_returned() -> None:
     """The first scores may be wrong; the games in which the finalists are tried again decide."""
     arguments = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9"), "objective": "damage"}
-    trial = searchers._Trial(arguments, None, Budget(20_000), seed=0)
+    trial = Trial(arguments, Budget(20_000), seed=0)
     weak, strong, middle = ({name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6))
     result = trial.best([weak, strong, middle], np.array([0.9, 0.5, 0.1]))
     assert result.attacker.policies == strong
@@ -213,5 +214,15 @@ def test_agents_that_agree_play_one_attack_for_each_role():
     assert attack["sp_9"] == alike.serving.decode(point)
     both = Scripts.of(make_task(**DUAL), kinds, alike=True).decode(np.full(9, 0.3))["srsp_5"]
     assert isinstance(both, Both)
-    found = agreed_search(kinds).search(CROWD, Budget(40_000), 0)
+    found = AgreedCmaEs(attacks=kinds).search(CROWD, Budget(40_000), 0)
     assert found.attacker.policies["sr_8"] == found.attacker.policies["sr_9"]
+
+
+def test_agents_that_agree_search_the_best_kinds_and_their_pair():
+    """A kind for one role is played with the attack of the paper; the best kinds of both roles make a pair."""
+    task = make_task(**CROWD)
+    groups = [agreed._with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
+    assert groups == [(RankLies, OnOff), (ThresholdSurfing, BadMouthing), (BadMouthing, OnOff)]
+    assert agreed._leaders(task, groups) == [*groups, (ThresholdSurfing, RankLies)]
+    rounds = found(AgreedCmaEs(attacks=(RankLies, ThresholdSurfing)), CROWD, 30_000).rounds
+    assert 15_000 < rounds <= 30_000
