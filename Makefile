@@ -121,7 +121,7 @@ ladder: setup
 # the market of the standard suite, trained against five trust models in turn; half an hour on two cores with `make -j 2`.
 # From random networks the outcome depends on the seed: that of the liars in the crowd is half as good with seed 2.
 FIVE := --model wary-role-trust --model beta --model role-trust --model qor --model median
-EVOLVE = $(BIN)/roletrust train CollusionAttack --learner evolution:start=random,population=32 --steps 6000000 --seed $(SEED) --objective mislead $(FIVE)
+EVOLVE = $(BIN)/roletrust train CollusionAttack --learner evolution:start=random --steps 6000000 --seed $(SEED) --objective mislead $(FIVE)
 CROWD := --scenario crowd-10x10 --set max_cycles=50
 MARKET := --scenario market --set max_cycles=50
 SR_10 := {role="SR",count=10,noise=0.05}

@@ -52,7 +52,7 @@ class Evolve:
     """
 
     start: Literal["universal", "random"] = "universal"
-    population: int = 16
+    population: int = 32
     games: int = 8
     spread: float = 0.3
     name: str = "evolution"
@@ -108,4 +108,4 @@ class Universal:
         scores = mean_rewards(task, attacker, (seed, _PLACE), batch, SEARCHED)[0].mean(axis=1)
         budget.spend(rounds)
         best = names[int(np.argmax(scores))]
-        return SearchResult(CoalitionAttacker(ready[best]), budget.spent, f"{best}, not trained on this")
+        return SearchResult(CoalitionAttacker(ready[best]), budget.spent, f"{best}, not trained further")

@@ -84,7 +84,7 @@ class EvolutionSettings(BaseModel):
 
     steps: Natural = 1_000_000
     """Number of rounds to play, over all games, unless `--steps` is given."""
-    population: Annotated[int, Field(ge=4, le=10_000)] = 16
+    population: Annotated[int, Field(ge=4, le=10_000)] = 32
     """Number of candidates in a generation."""
     games: Natural = 8
     """Number of games in which each candidate plays."""
