@@ -45,8 +45,7 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard-2, standard, full, learners, learners-quick, or the path of a .toml "
-            "file.",
+            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
             autocompletion=completion.suites,
         ),
     ] = "quick",
@@ -116,8 +115,8 @@ def benchmark(
     [dim]# all models, all scripts and a small search in a small market, in some minutes[/]
     [cyan]roletrust benchmark[/]
 
-    [dim]# the time that the suite of the leaderboard takes[/]
-    [cyan]roletrust benchmark --suite standard-2 --dry-run[/]
+    [dim]# the time that the standard suite takes[/]
+    [cyan]roletrust benchmark --suite standard --dry-run[/]
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
