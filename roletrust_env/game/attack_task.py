@@ -87,6 +87,8 @@ class AttackTask:
             of the knowledge is unknown.
     """
 
+    temperature = 0.0  # of the choice of consumers, see `game.consumer.buy`
+
     def __init__(
         self,
         game: Game,
@@ -113,6 +115,7 @@ class AttackTask:
         self.objective = objective
         self.stealth = stealth or Stealth()
         self.knowledge = knowledge
+        self.accomplices = tuple(accomplices)
         self.joint_policy = JointPolicy(game, others or {})
         honest = [name for name in roster.names if name not in self.joint_policy.attackers]
         self._side = AttackerSide(roster, self.compromised, honest, game.like)
@@ -218,7 +221,7 @@ class AttackTask:
         top, present = game.published(before)[1], game.present(before)
         if present is not None:
             top = namespace(top).where(game.roster.providers(present), top, np.nan)
-        return buy(top, game.offered(before, actions, after))
+        return buy(top, game.offered(before, actions, after), temperature=self.temperature)
 
     def observe(self, state: TaskState) -> Array:
         """Return the observation of the attacker, shape (K, ...).

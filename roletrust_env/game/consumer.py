@@ -19,7 +19,7 @@ class Bought(NamedTuple):
     blind: Array
 
 
-def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
+def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -> Bought:
     """Return the qualities that consumers get from the providers that serve and have trust; 0 where there is none.
 
     Args:
@@ -27,6 +27,8 @@ def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
         offered: Quality on offer, of the same shape; NaN where a provider does not serve. It may have an axis of raters
             before that of providers, for providers that treat raters differently; then the mean over raters counts.
         axis: Axis of the providers.
+        temperature: Above 0, the choice is at random in proportion to exp(trust / temperature), which has a slope for
+            gradients.
 
     Example:
         >>> import numpy as np
@@ -35,11 +37,12 @@ def buy(trust: Array, offered: Array, axis: int = 0) -> Bought:
     """
     xp = namespace(offered)
     if offered.ndim > trust.ndim:
-        of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1)
+        of_each = buy(xp.expand_dims(trust, axis=axis), offered, axis + 1, temperature)
         return Bought(*(xp.mean(part, axis=axis) for part in of_each))
     there = (offered == offered) & (trust == trust)
     quality, known = xp.where(there, offered, 0 * there), xp.where(there, trust, 0 * there - 1)
-    chosen = there & (known == xp.max(known, axis=axis, keepdims=True))
+    highest = xp.max(known, axis=axis, keepdims=True)
+    chosen = there * xp.exp((known - highest) / temperature) if temperature > 0 else there & (known == highest)
     return Bought(_mean(quality, chosen, axis), xp.max(quality, axis=axis), _mean(quality, there, axis))
 
 

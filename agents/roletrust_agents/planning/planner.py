@@ -6,15 +6,12 @@ sequence is open-loop: it does not react to the game.
 """
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attacked_games import (
     SEARCHED,
     TaskArguments,
@@ -25,27 +22,12 @@ from roletrust_env.evaluation.attacked_games import (
 )
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.evaluation.smooth import check_service, one_thread, smooth_model
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 from roletrust_env.randomness import Random
-from roletrust_env.trust import RoleTrust, Traits
-from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
-
-SOFT = 1e-8
-"""Smoothing of the planner's copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
-
-
-class SmoothRoleTrust(RoleTrust):
-    """Role-trust with sqrt(|d| + s) - sqrt(s) instead of sqrt(|d|), for gradients only.
-
-    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where cells are masked, and infinity
-    times 0 is NaN. Here the slope is 0 at d = 0, like that of |d|, and never above 1 / (2 sqrt(s)). The trust differs
-    from that of role-trust by at most sqrt(s), see `SOFT`. The final sequences are scored by the exact role-trust.
-    """
-
-    def _rater_quality(self, masked: MaskedRatings) -> Array:
-        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+from roletrust_env.trust import Traits
 
 
 @refuse_unknown
@@ -73,7 +55,7 @@ class Planner:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
-        with _one_thread():
+        with one_thread():
             return self._search(arguments, budget, seed)
 
     def _search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
@@ -131,19 +113,6 @@ class Planner:
         return score.detach()
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four times as long."""
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
 def _smooth_task(arguments: TaskArguments) -> AttackTask:
     """Return the task on torch in double precision, with smoothed role-trust.
 
@@ -153,14 +122,11 @@ def _smooth_task(arguments: TaskArguments) -> AttackTask:
     import torch
 
     game = make_task(**arguments).game
-    if game.scenario.service != "synthetic":
-        raise UnsuitableError("the camera service is not differentiable")
+    check_service(game.scenario)
     model = game.model
     if not Traits.of(model).differentiable:
         raise UnsuitableError(f"trust jumps under {type(model).__name__}, so it is not differentiable")
-    if type(model) is RoleTrust:
-        model = SmoothRoleTrust(lam=model.lam, initial=model.initial)
-    return make_task(**{**arguments, "trust_model": model}, like=torch.zeros((), dtype=torch.float64))
+    return make_task(**{**arguments, "trust_model": smooth_model(model)}, like=torch.zeros((), dtype=torch.float64))
 
 
 def _steps(budget: int, price: int, starts: int, survivors: int) -> tuple[int, int]:

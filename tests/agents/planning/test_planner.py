@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from roletrust_agents.planning.optimum import BestKnown, Exact
-from roletrust_agents.planning.planner import SOFT, Planner, SmoothRoleTrust
+from roletrust_agents.planning.planner import Planner
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env.evaluation.attacked_games import (
     HELD_OUT,
@@ -20,6 +20,7 @@ from roletrust_env.evaluation.attacked_games import (
 )
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
+from roletrust_env.evaluation.smooth import SOFT, SmoothRoleTrust
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import RoleTrust
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from model_cases import EVERY_MODEL, Round, assert_close, having, leaves, named, play, random_rounds, read
 
-from roletrust_agents.planning.planner import SmoothRoleTrust
+from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)

@@ -1,0 +1,110 @@
+"""Games that are smooth enough for gradients: a smooth root, and consumers that choose almost the most trusted.
+
+The games are on torch, so that a backward pass through a whole game gives the gradient of all decisions in it.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.evaluation.search import UnsuitableError
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.game import Game
+from roletrust_env.trust import RoleTrust, TrustModel
+from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
+from roletrust_env.world import Scenario
+
+SOFT = 1e-8
+"""Smoothing of the copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
+
+
+class SmoothRoleTrust(RoleTrust):
+    """Role-trust with sqrt(|d| + s) - sqrt(s) instead of sqrt(|d|), for gradients only.
+
+    The slope of sqrt(|d|) is infinite at d = 0, where honest raters agree and where cells are masked, and infinity
+    times 0 is NaN. Here the slope is 0 at d = 0, like that of |d|, and never above 1 / (2 sqrt(s)). The trust differs
+    from that of role-trust by at most sqrt(s), see `SOFT`. Attacks that are found are scored by the exact role-trust.
+    """
+
+    def _rater_quality(self, masked: MaskedRatings) -> Array:
+        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+
+
+def smooth_model(model: TrustModel[Any]) -> TrustModel[Any]:
+    """Return a trust model, or its smooth copy if it has one."""
+    return SmoothRoleTrust(lam=model.lam, initial=model.initial) if type(model) is RoleTrust else model
+
+
+def check_service(scenario: Scenario) -> None:
+    """Check that the perceived quality follows the delivered one smoothly.
+
+    Raises:
+        UnsuitableError: The service is not differentiable.
+    """
+    if scenario.service != "synthetic":
+        raise UnsuitableError("the camera service is not differentiable")
+
+
+class SmoothTask(AttackTask):
+    """An attack task with the same rules on torch in single precision, for gradients.
+
+    The objective `mislead` has the slope 0 almost everywhere, since consumers go to the most trusted provider. Here a
+    consumer chooses at random, in proportion to exp(trust / temperature).
+
+    Args:
+        task: Task of which it is the copy.
+        temperature: Temperature of the choice of consumers, above 0.
+
+    Raises:
+        UnsuitableError: The service is not differentiable.
+    """
+
+    def __init__(self, task: AttackTask, temperature: float) -> None:
+        import torch
+
+        check_service(task.game.scenario)
+        super().__init__(
+            Game(task.game.scenario, smooth_model(task.game.model), torch.zeros(())),
+            task.compromised,
+            objective=task.objective,
+            stealth=task.stealth,
+            knowledge=task.knowledge,
+            others=task.joint_policy.policies,
+            accomplices=task.accomplices,
+        )
+        self.temperature = temperature
+
+
+@contextmanager
+def flat_roots() -> Iterator[None]:
+    """Let every square root of torch have the slope 0 at 0, where it is infinite, and infinity times 0 is NaN.
+
+    Trust models take roots of distances between ratings. Elsewhere roots and slopes are as before.
+    """
+    import torch
+    from torch.overrides import TorchFunctionMode
+
+    class FlatRoots(TorchFunctionMode):
+        def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+            if func in (torch.sqrt, torch.Tensor.sqrt):
+                zero = args[0] == 0
+                return func(torch.where(zero, 1.0, args[0])) * ~zero
+            return func(*args, **(kwargs or {}))
+
+    with FlatRoots():
+        yield
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let torch use one thread. The arrays are small, and on a busy machine more threads take four times as long."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
