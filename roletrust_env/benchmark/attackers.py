@@ -81,6 +81,7 @@ SEARCH_RUNGS = (
     "SAC",
     "coalition PPO",
     "evolution",
+    "gradients",
     "universal",
     "CMA-ES",
     "agreed CMA-ES",

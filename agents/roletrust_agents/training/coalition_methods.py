@@ -1,22 +1,24 @@
-"""Coalitions as search methods with a budget of rounds: by evolution, and ready ones that are only tried."""
+"""Coalitions as search methods with a budget: by evolution, by gradients, and ready ones that are only tried."""
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import UNITS, DeepSet
 from roletrust_agents.learned.saved import load_attacker, zoo
-from roletrust_agents.training.evolution import Evolution, Floats
-from roletrust_agents.training.settings import EvolutionSettings
+from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
+from roletrust_agents.training.evolution import Evolution
+from roletrust_agents.training.gradients import GradientAscent
+from roletrust_agents.training.settings import CoalitionSettings, EvolutionSettings, GradientSettings, Start
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
-_GENERATIONS = 2  # fewer are no evolution
+_STEPS = 2  # fewer are no training
 
 _GAMES = 16
 _PLACE = 0  # of the games in which ready coalitions are tried
@@ -30,9 +32,13 @@ def universal_coalitions() -> dict[str, DeepSet]:
     return {name: network for name, network in networks.items() if isinstance(network, DeepSet)}
 
 
-def known_starts(settings: EvolutionSettings) -> list[Floats]:
-    """Return the weights of the networks from which an evolution with these settings may start, shape (n,) each."""
-    if settings.start == "random":
+def known_starts(start: Start) -> list[Floats]:
+    """Return the weights of the known networks from which a training may start, shape (n,) each.
+
+    Args:
+        start: `"universal"` allows the universal coalitions, `"random"` allows none.
+    """
+    if start == "random":
         return []
     return [network.flatten().astype(np.float64) for network in universal_coalitions().values()]
 
@@ -51,7 +57,7 @@ class Evolve:
         name: Name in tables.
     """
 
-    start: Literal["universal", "random"] = "universal"
+    start: Start = "universal"
     population: int = 32
     games: int = 8
     spread: float = 0.3
@@ -61,22 +67,65 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         settings = EvolutionSettings(start=self.start, population=self.population, games=self.games, spread=self.spread)
         task = make_task(**arguments)
-        each = settings.population * settings.games + settings.validation
-        needed = 2 * _GENERATIONS * each * task.game.scenario.max_cycles
-        if budget.left < needed:
-            raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for evolution; give {needed} or more"
-            )
-        evolution = Evolution([task], settings, seed, budget.left, known_starts(settings))
-        limit, spent = budget.left, 0
-        while evolution.rounds + evolution.most_rounds <= limit:
-            evolution.generation()
-            if evolution.due() or evolution.rounds + evolution.most_rounds > limit:
-                evolution.validate()
-            budget.spend(evolution.rounds - spent)
-            spent = evolution.rounds
-        words = f"coalition, evolution in {len(evolution.scores)} generations of {self.population}"
+        _check_budget(budget, settings, task, self.name)
+        evolution = Evolution([task], settings, seed, budget.left, known_starts(self.start))
+        _train(evolution, budget)
+        words = f"coalition, evolution in {evolution.steps} generations of {self.population}"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class Gradients:
+    """Gradients through the game for one task, see `GradientAscent`.
+
+    The search knows the trust model, as that of evolution does. The coalition that it finds observes no more than its
+    agents do.
+
+    Attributes:
+        start: `"universal"` begins with the best of the universal coalitions and of random networks, `"random"` with
+            the best of random networks.
+        games: Number of games of a step.
+        learning_rate: Initial learning rate.
+        temperature: Temperature of the choice of consumers in the games with gradients.
+        name: Name in tables.
+    """
+
+    start: Start = "universal"
+    games: int = 16
+    learning_rate: float = 0.01
+    temperature: float = 0.1
+    name: str = "gradients"
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `roletrust_env.evaluation.search.SearchMethod`."""
+        settings = GradientSettings(
+            start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
+        )
+        task = make_task(**arguments)
+        _check_budget(budget, settings, task, self.name)
+        ascent = GradientAscent([task], settings, seed, budget.left, known_starts(self.start))
+        _train(ascent, budget)
+        lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
+        words = f"coalition, {ascent.steps} steps along gradients{lost}"
+        return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words)
+
+
+def _check_budget(budget: Budget, settings: CoalitionSettings, task: AttackTask, name: str) -> None:
+    needed = 2 * _STEPS * (settings.step_games + settings.validation) * task.game.scenario.max_cycles
+    if budget.left < needed:
+        raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {name}; give {needed} or more")
+
+
+def _train(training: CoalitionTraining, budget: Budget) -> None:
+    """Train until the budget allows no further step."""
+    limit, spent = budget.left, 0
+    while training.rounds + training.most_rounds <= limit:
+        training.step()
+        if training.due() or training.rounds + training.most_rounds > limit:
+            training.validate()
+        budget.spend(training.rounds - spent)
+        spent = training.rounds
 
 
 @refuse_unknown

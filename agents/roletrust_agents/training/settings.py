@@ -1,5 +1,6 @@
 """Settings of the learners, tuned per task."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -8,7 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 
-Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution"]
+Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "gradients"]
+Start = Literal["universal", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 Discount = Annotated[float, Field(ge=0, le=1)]
@@ -77,38 +79,74 @@ class SACSettings(_Settings):
     learning_starts: Natural = 5_000
 
 
-class EvolutionSettings(BaseModel):
-    """Settings of the evolution of a coalition, see `roletrust_agents.training.evolution`."""
+class CoalitionSettings(BaseModel, ABC):
+    """Settings of trainings of a coalition, see `roletrust_agents.training.coalition_training`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    steps: Natural = 1_000_000
+    steps: Natural
     """Number of rounds to play, over all games, unless `--steps` is given."""
-    population: Annotated[int, Field(ge=4, le=10_000)] = 32
-    """Number of candidates in a generation."""
-    games: Natural = 8
-    """Number of games in which each candidate plays."""
-    spread: Annotated[float, Field(gt=0, le=100)] = 0.3
-    """Standard deviation of the first generation."""
+    games: Natural
+    """Number of games of a step, of evolution for each candidate."""
     units: Annotated[int, Field(ge=1, le=256)] = UNITS
     """Number of units of each layer of the network."""
-    start: Literal["universal", "random"] = "universal"
+    start: Start = "universal"
     """Networks to start from: the universal coalitions and random networks, or only the latter."""
     candidates: Natural = 64
     """Number of random networks of which the best is the start, as far as a tenth of the rounds allows."""
     validation: Natural = 64
-    """Number of games that choose the best mean of a generation."""
+    """Number of games that choose the best network."""
     validate_every: Natural = 10
-    """Number of generations between two validations."""
+    """Number of steps, such as generations, between two validations."""
+
+    @property
+    @abstractmethod
+    def step_games(self) -> int:
+        """Number of games of a step with one task."""
+
+
+class EvolutionSettings(CoalitionSettings):
+    """Settings of the evolution of a coalition, see `roletrust_agents.training.evolution`."""
+
+    steps: Natural = 1_000_000
+    games: Natural = 8
+    population: Annotated[int, Field(ge=4, le=10_000)] = 32
+    """Number of candidates in a generation."""
+    spread: Annotated[float, Field(gt=0, le=100)] = 0.3
+    """Standard deviation of the first generation."""
+
+    @property
+    def step_games(self) -> int:
+        """See `CoalitionSettings.step_games`."""
+        return self.population * self.games
+
+
+class GradientSettings(CoalitionSettings):
+    """Settings of gradients through the game, see `roletrust_agents.training.gradients`."""
+
+    steps: Natural = 300_000
+    games: Natural = 16
+    learning_rate: Rate = 0.01
+    """Initial learning rate of Adam; it falls to 0 by a half cosine."""
+    temperature: Annotated[float, Field(gt=0, le=10)] = 0.1
+    """Temperature of the choice of consumers by trust, in the games with gradients."""
+    clip: Annotated[float, Field(gt=0, le=1_000_000)] = 1.0
+    """Largest norm of a gradient; a longer one is made shorter."""
+
+    @property
+    def step_games(self) -> int:
+        """See `CoalitionSettings.step_games`."""
+        return self.games
 
 
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
-Settings = LearnerSettings | EvolutionSettings
+Settings = LearnerSettings | EvolutionSettings | GradientSettings
 _KINDS: dict[str, type[Settings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
     "recurrent-ppo": RecurrentPPOSettings,
     "evolution": EvolutionSettings,
+    "gradients": GradientSettings,
 }
 
 TUNED: dict[tuple[str, str], dict[str, Any]] = {
@@ -131,7 +169,7 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
 def learner_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> LearnerSettings:
     """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for `make_settings`."""
     settings = make_settings(task_id, algo, changes)
-    if isinstance(settings, EvolutionSettings):
+    if isinstance(settings, CoalitionSettings):
         raise ValueError(f"{algo} is no learner of Stable-Baselines3")
     return settings
 

@@ -18,7 +18,7 @@ SCRIPTS = "scripts"
 """Way to attack: the best scripted attack at its defaults. Its rounds are those that choose it."""
 
 MODELS = ("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering")
-WAYS = (SCRIPTS, "random search", "CMA-ES", "evolution", "PPO", "coalition PPO")
+WAYS = (SCRIPTS, "random search", "CMA-ES", "evolution", "gradients", "PPO", "coalition PPO")
 BUDGETS = (10_000, 30_000, 100_000, 300_000, 1_000_000)
 
 _FLAT, _MOST = ("PPO", "recurrent PPO", "SAC"), 100_000

@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from roletrust_agents.learned.saved import SavedAttacker
     from roletrust_agents.training.run import Point, Report, Run
 
-_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo", "evolution": "evolution"}
+_COALITIONS = ("evolution", "gradients")
+"""Algorithms that train the network of a coalition."""
+
+_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"} | {name: name for name in _COALITIONS}
 """Names of the learners, and of their algorithms in configurations and saved attackers."""
 
 
@@ -76,7 +79,7 @@ def train(
         typer.Option(
             metavar=NAMED,
             help="Trust model, role-trust if left out; a class of your own needs an entry point. "
-            "Evolution takes several, and trains against them in turn.",
+            "Evolution and gradients take several, and train against them in turn.",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -114,12 +117,12 @@ def train(
         bool, typer.Option("--resume", help="Continue the run in --out from its last checkpoint.")
     ] = False,
 ) -> None:
-    r"""Train [bold]an attacker[/] by reinforcement learning or evolution, and save it to share it and play it anywhere.
+    r"""Train [bold]an attacker[/] by reinforcement learning, evolution or gradients, and save it to play it anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and, except
-    by evolution, a log for TensorBoard. The score is the mean reward per round in held-out games. An interrupted run
-    continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again with
-    [cyan]--resume[/]. On the same machine, the same seed gives the same result to the last bit if the run is not
+    by evolution and gradients, a log for TensorBoard. The score is the mean reward per round in held-out games. An
+    interrupted run continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again
+    with [cyan]--resume[/]. On the same machine, the same seed gives the same result to the last bit if the run is not
     interrupted.
 
     [bold]Examples[/]
@@ -138,6 +141,9 @@ def train(
 
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
+
+    [dim]# a coalition that learns by gradients through the game[/]
+    [cyan]roletrust train CollusionAttack --learner gradients:learning_rate=0.005 --objective mislead --model beta[/]
 
     [dim]# five seeds, for one rung of a ladder[/]
     [cyan]roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out results/colluders[/]
@@ -165,9 +171,9 @@ def train(
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
         models = [_model_card(one, rules) for one in model or ["role-trust"]]
-        if len(models) > 1 and algo != "evolution":
+        if len(models) > 1 and algo not in _COALITIONS:
             raise ValueError(
-                f"--model is given {len(models)} times; only evolution trains against several trust models"
+                f"--model is given {len(models)} times; only evolution and gradients train against several trust models"
             )
         run = Run(
             algo=algo,
@@ -232,11 +238,11 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
 def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned.saved import task_from_card
-    from roletrust_agents.training import evolution_loop, loop
+    from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.run import versions
 
-    learn, games = loop.train if run.algo != "evolution" else evolution_loop.train, run.settings["games"]
-    if run.algo != "evolution" and games > loop.MANY:
+    learn, games = coalition_loop.train if run.algo in _COALITIONS else loop.train, run.settings["games"]
+    if run.algo not in _COALITIONS and games > loop.MANY:
         check_memory("--learner games", games, loop.game_memory(run))
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()

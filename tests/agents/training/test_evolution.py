@@ -29,7 +29,7 @@ def tasks(*models):
 def evolved(generations, seed=0, known=(), of=None):
     evolution = Evolution(of or tasks(), SMALL, seed, 10_000, known)
     for _ in range(generations):
-        evolution.generation()
+        evolution.step()
         if evolution.due():
             evolution.validate()
     return evolution
@@ -51,10 +51,9 @@ def test_it_does_not_touch_the_global_random_numbers():
 def test_a_run_continues_from_its_scores():
     whole = evolved(5)
     again = Evolution(tasks(), SMALL, 0, 10_000)
-    for scores in whole.scores[:3]:
-        again.generation(scores)
+    again.restore(evolved(3).state())
     for _ in range(2):
-        again.generation()
+        again.step()
     assert np.array_equal(whole.scores, again.scores)
 
 
@@ -62,7 +61,7 @@ def test_it_learns():
     evolution = Evolution(tasks(), SMALL.model_copy(update={"games": 8, "validation": 64}), 0, 100_000)
     first = evolution.validate().mean
     for _ in range(40):
-        evolution.generation()
+        evolution.step()
     assert evolution.validate().mean > first + 0.03
 
 

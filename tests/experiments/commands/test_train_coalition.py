@@ -1,4 +1,4 @@
-"""`roletrust train --learner evolution`: a coalition, saved, continued, and played by others."""
+"""`roletrust train` by evolution and by gradients: a coalition, saved, continued, and played by others."""
 
 import csv
 import json
@@ -20,6 +20,8 @@ from roletrust_experiments.cli import app
 
 TINY = ["--set", "max_cycles=10", "--objective", "mislead", "--compromised", "sr_8", "--compromised", "sp_9"]
 EVOLUTION = ["--learner", "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random"]
+GRADIENTS = ["--learner", "gradients:games=16,units=3,validation=4,validate_every=2,start=random"]
+BOTH = pytest.mark.parametrize("learner", [EVOLUTION, GRADIENTS], ids=["evolution", "gradients"])
 
 
 def train(out, *arguments, code=0):
@@ -33,11 +35,13 @@ def weights(path):
     return load_attacker(path).network.flatten()
 
 
-def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path):
-    printed = train(tmp_path / "one", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 2000, "--model", "beta")
+@BOTH
+def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
+    name = learner[1].partition(":")[0]
+    printed = train(tmp_path / "one", "CollusionAttack", *TINY, *learner, "--steps", 2000, "--model", "beta")
     attacker = load_attacker(tmp_path / "one")
     card = attacker.card
-    assert (card.training.algorithm, card.trust_model.name, card.observation) == ("evolution", "beta", None)
+    assert (card.training.algorithm, card.trust_model.name, card.observation) == (name, "beta", None)
     assert f"score {card.score.mean:.4f}" in printed
     with (tmp_path / "one" / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -49,11 +53,12 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path):
         learned(str(tmp_path / "one"))
     checked = CliRunner().invoke(app, ["zoo", "--folder", str(tmp_path / "one"), "--games", "8"])
     assert "beta" in json.dumps(card.model_dump(mode="json"))
-    assert "evolution" in checked.output
+    assert name in checked.output
 
 
-def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch):
-    arguments = ["CollusionAttack", *TINY, *EVOLUTION, "--steps", 2400, "--model", "beta"]
+@BOTH
+def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learner):
+    arguments = ["CollusionAttack", *TINY, *learner, "--steps", 2400, "--model", "beta"]
     train(tmp_path / "whole", *arguments)
     saved = []
 
@@ -71,17 +76,21 @@ def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch):
     assert rounds[0] == rounds[1]
 
 
-def test_it_trains_against_several_models_in_turn(tmp_path):
-    train(tmp_path / "two", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 1500, "--model", "beta", "--model", "qor")
+@BOTH
+def test_it_trains_against_several_models_in_turn(tmp_path, learner):
+    train(tmp_path / "two", "CollusionAttack", *TINY, *learner, "--steps", 1500, "--model", "beta", "--model", "qor")
     card = load_attacker(tmp_path / "two").card
     assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
     refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
-    assert "only evolution" in refused
+    assert "only evolution and gradients" in refused
 
 
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
     assert "population" in train(tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2)
     assert "gama" in train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2)
+    assert "temperature" in train(tmp_path, "ProviderAttack", "--learner", "gradients:temperature=0", code=2)
+    flat = train(tmp_path / "flat", "RaterAttack", *GRADIENTS, "--model", "constant", "--objective", "mislead", code=2)
+    assert "under Constant" in flat
     train(tmp_path / "one", "CollusionAttack", *TINY, *EVOLUTION, "--steps", 500)
     text, data = ((tmp_path / "one" / f"attacker.{kind}").read_bytes() for kind in ("json", "safetensors"))
     card = json.loads(text)

@@ -1,0 +1,67 @@
+"""Training of a coalition, with checkpoints from which it continues to the last bit."""
+
+from time import perf_counter
+
+import numpy as np
+
+from roletrust_agents.learned.saved import SavedAttacker, task_from_card
+from roletrust_agents.training.coalition_methods import known_starts
+from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
+from roletrust_agents.training.evolution import Evolution
+from roletrust_agents.training.gradients import GradientAscent
+from roletrust_agents.training.run import OnReport, Point, Report, Run, finish
+from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.settings import EvolutionSettings, GradientSettings, make_settings
+
+
+def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[Point]]:
+    """Train from the folder's last checkpoint, or from the beginning, to the end.
+
+    Args:
+        run: Run to train.
+        folder: Folder for checkpoints.
+        on_report: Called with the progress after every step.
+
+    Returns:
+        The coalition with the best score during training, measured again in new games, and the learning curve.
+    """
+    training = _training(run)
+    curve = _take_up(training, folder)
+    before, began = (curve[-1].seconds if curve else 0.0), perf_counter()
+    while training.rounds < run.steps:
+        training.step()
+        if training.due() or training.rounds >= run.steps:
+            score = training.validate()
+            seconds = before + perf_counter() - began
+            curve.append(Point(training.rounds, seconds, float(score.mean), float(score.half)))
+            _save(training, curve, folder)
+        on_report(Report(min(training.rounds, run.steps), curve))
+    return finish(run, training.tasks[0], training.network, curve, training.rounds), curve
+
+
+def _training(run: Run) -> CoalitionTraining:
+    """Return the training of a run at its beginning."""
+    tasks = [task_from_card(run.task, model, run.scenario) for model in (run.trust_model, *run.further_models)]
+    settings = make_settings(run.task.id, run.algo, run.settings)
+    if isinstance(settings, EvolutionSettings):
+        return Evolution(tasks, settings, run.seed, run.steps, known_starts(settings.start))
+    assert isinstance(settings, GradientSettings)  # others train no coalition
+    return GradientAscent(tasks, settings, run.seed, run.steps, known_starts(settings.start))
+
+
+def _save(training: CoalitionTraining, curve: list[Point], folder: RunFolder) -> None:
+    assert training.best is not None  # it has just been validated
+    files = {"state": training.state(), "best": training.best.weights.tobytes()}
+    notes = {"best": training.best.score, "curve": [list(point) for point in curve]}
+    folder.save(Checkpoint(training.rounds, files, notes))
+
+
+def _take_up(training: CoalitionTraining, folder: RunFolder) -> list[Point]:
+    """Continue from the last checkpoint, if there is one, and return the learning curve so far."""
+    last = folder.last()
+    if last is None:
+        return []
+    training.restore(last.files["state"])
+    training.best = Validated(np.frombuffer(last.files["best"]), last.notes["best"])
+    training.rounds = last.steps
+    return [Point(*row) for row in last.notes["curve"]]

@@ -1,0 +1,150 @@
+"""What trainings of the network of a coalition have in common: tasks, the start, validation, and the best network."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.training.settings import CoalitionSettings
+from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.metrics.confidence import Mean, over_games
+
+Floats = npt.NDArray[np.float64]
+
+_VALIDATION, _START = 1_000_000_000, 1_000_000_001
+"""Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
+
+_START_GAMES = 4
+_TASKS_AT_ONCE = 2
+_CELLS = 400_000  # limit on the ratings of a round in one batch
+
+
+class Validated(NamedTuple):
+    """A network and its score in the games for validation."""
+
+    weights: Floats
+    score: float
+
+
+class CoalitionTraining(ABC):
+    """A training in progress: steps that improve weights, and validations that keep the best ones.
+
+    With several tasks a step plays two of them in turn; the result is an attacker for all.
+
+    Args:
+        tasks: Tasks with the same reward, one or more.
+        settings: Settings.
+        seed: Random seed.
+        budget: Number of rounds that the whole training may play.
+        known: Weights of known networks to start from, shape (n,) each, besides the random ones.
+
+    Attributes:
+        architecture: Architecture of the network.
+        steps: Number of steps so far.
+        rounds: Number of rounds that were played.
+        best: Best validated network; None before the first validation.
+    """
+
+    def __init__(
+        self,
+        tasks: Sequence[AttackTask],
+        settings: CoalitionSettings,
+        seed: int,
+        budget: int,
+        known: Sequence[Floats] = (),
+    ) -> None:
+        self.tasks, self.seed, self.budget = tuple(tasks), seed, budget
+        self._common = settings
+        self.architecture = DeepSetArchitecture(units=settings.units)
+        self.steps = self.rounds = 0
+        self.best: Validated | None = None
+        self._first = self._start([weights for weights in known if len(weights) == self.architecture.size])
+
+    @property
+    @abstractmethod
+    def weights(self) -> Floats:
+        """The weights that a validation measures, shape (n,)."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """Play the games of a step, and learn from them."""
+
+    @abstractmethod
+    def state(self) -> bytes:
+        """Return what `restore` needs, beside the best network."""
+
+    @abstractmethod
+    def restore(self, state: bytes) -> None:
+        """Continue a new training with the same arguments from the output of `state`."""
+
+    @property
+    def most_rounds(self) -> int:
+        """Largest number of rounds of a step, with a validation after it."""
+        at_once = self._common.step_games * len(self.turn)
+        return (at_once + self._common.validation * len(self.tasks)) * self.length
+
+    @property
+    def network(self) -> DeepSet:
+        """The best validated network, on NumPy in single precision."""
+        return self.networks(self.weights if self.best is None else self.best.weights)
+
+    @property
+    def turn(self) -> list[int]:
+        """Indices of the tasks of the next step."""
+        many = len(self.tasks)
+        return [(_TASKS_AT_ONCE * self.steps + k) % many for k in range(min(_TASKS_AT_ONCE, many))]
+
+    @property
+    def length(self) -> int:
+        """Number of rounds of a game."""
+        return self.tasks[0].game.scenario.max_cycles
+
+    def due(self) -> bool:
+        """Return whether a validation is due."""
+        return self.steps % self._common.validate_every == 0
+
+    def validate(self) -> Mean:
+        """Return the score of the weights in the games for validation, and keep them if they are the best."""
+        weights, games = self.weights.copy(), self._common.validation
+        network = self.networks(weights[None, :])
+        score = over_games(np.mean([self.play(task, network, games, _VALIDATION)[0] for task in self.tasks], axis=0))
+        self.rounds += games * len(self.tasks) * self.length
+        if self.best is None or score.mean > self.best.score:
+            self.best = Validated(weights, float(score.mean))
+        return score
+
+    def networks(self, weights: Floats) -> DeepSet:
+        """Return the network of weights of shape (n,), or K networks of shape (K, n)."""
+        return DeepSet.unflatten(self.architecture, weights.astype(np.float32))
+
+    def play(self, task: AttackTask, networks: DeepSet, games: int, place: int) -> Floats:
+        """Return the scores of K networks in G games, shape (K, G). As many play at once as fit."""
+        step = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
+        rows, parts = len(networks.weights["layer2.bias"]), []
+        for at in range(0, rows, step):
+            part = DeepSet(networks.architecture, {name: w[at : at + step] for name, w in networks.weights.items()})
+            batch, seed = (min(step, rows - at), games), (self.seed, place)
+            parts.append(mean_rewards(task, CoalitionAttacker(part), seed, batch, SEARCHED)[0])
+        scores: Floats = np.concatenate(parts).astype(np.float64)
+        return scores
+
+    def _start(self, known: list[Floats]) -> Floats:
+        """Return the best of the known networks and of random ones."""
+        each = _START_GAMES * self.length * len(self.tasks)
+        many = max(0, min(self._common.candidates, self.budget // 10 // each - len(known)))
+        random = np.random.default_rng(self.seed)
+        candidates: list[Floats] = [
+            *known,
+            *(random_weights(self.architecture, random) for _ in range(max(many, not known))),
+        ]
+        if len(candidates) == 1:
+            return candidates[0]
+        networks, k = self.networks(np.stack(candidates)), len(candidates)
+        scores = np.mean([self.play(task, networks, _START_GAMES, _START) for task in self.tasks], axis=(0, 2))
+        self.rounds += k * each
+        return candidates[int(np.argmax(scores))]
