@@ -63,7 +63,7 @@ class CoalitionTraining(ABC):
         self.architecture = DeepSetArchitecture(units=settings.units)
         self.steps = self.rounds = 0
         self.best: Validated | None = None
-        self._first = self._start([weights for weights in known if len(weights) == self.architecture.size])
+        self._starts = self._order([weights for weights in known if len(weights) == self.architecture.size])
 
     @property
     @abstractmethod
@@ -85,8 +85,13 @@ class CoalitionTraining(ABC):
     @property
     def most_rounds(self) -> int:
         """Largest number of rounds of a step, with a validation after it."""
-        at_once = self._common.step_games * len(self.turn)
+        at_once = self.step_games * len(self.turn)
         return (at_once + self._common.validation * len(self.tasks)) * self.length
+
+    @property
+    def step_games(self) -> int:
+        """Number of games of the next step with one task."""
+        return self._common.step_games
 
     @property
     def network(self) -> DeepSet:
@@ -133,8 +138,8 @@ class CoalitionTraining(ABC):
         scores: Floats = np.concatenate(parts).astype(np.float64)
         return scores
 
-    def _start(self, known: list[Floats]) -> Floats:
-        """Return the best of the known networks and of random ones."""
+    def _order(self, known: list[Floats]) -> list[Floats]:
+        """Return the known networks and random ones, the best first."""
         each = _START_GAMES * self.length * len(self.tasks)
         many = max(0, min(self._common.candidates, self.budget // 10 // each - len(known)))
         random = np.random.default_rng(self.seed)
@@ -143,8 +148,8 @@ class CoalitionTraining(ABC):
             *(random_weights(self.architecture, random) for _ in range(max(many, not known))),
         ]
         if len(candidates) == 1:
-            return candidates[0]
+            return candidates
         networks, k = self.networks(np.stack(candidates)), len(candidates)
         scores = np.mean([self.play(task, networks, _START_GAMES, _START) for task in self.tasks], axis=(0, 2))
         self.rounds += k * each
-        return candidates[int(np.argmax(scores))]
+        return [candidates[k] for k in np.argsort(-scores, kind="stable")]

@@ -14,10 +14,20 @@ from roletrust_agents.training.settings import EvolutionSettings
 from roletrust_env.game.attack_task import AttackTask
 
 
+_RACE = 0.4
+"""Share of the rounds in which several starts compete."""
+
+_JUDGED, _LEAST = 3, 3  # generations that judge a start, and the fewest between two judgements
+
+
 class Evolution(CoalitionTraining):
     """An evolution in progress: separable CMA-ES (Ros and Hansen, 2008) as the package `cma` has it.
 
-    Its state follows from the seed and the scores so far, so a run continues from these.
+    What is found depends on the start, and the best start is not the one that is best at first. So several evolve side
+    by side, and the worse half of them is dropped again and again until one is left (successive halving, Jamieson and
+    Talwalkar, 2016). A step is a generation of each.
+
+    The state follows from the seed and the scores so far, so a run continues from these.
 
     Args:
         tasks: See `CoalitionTraining`, as for the other arguments.
@@ -27,7 +37,7 @@ class Evolution(CoalitionTraining):
         known: Weights of known networks.
 
     Attributes:
-        scores: Scores of each generation so far, shape (population,) each.
+        scores: Scores of each step so far, shape (starts that are left, population) each.
     """
 
     def __init__(
@@ -41,40 +51,67 @@ class Evolution(CoalitionTraining):
         super().__init__(tasks, settings, seed, budget, known)
         self.settings = settings
         self.scores: list[Floats] = []
-        self._strategy = _strategy(self._first, settings, (seed, 0))
+        starts, self._judged_at = self._race()
+        self._strategies = [_strategy(start, settings, (seed, k)) for k, start in enumerate(self._starts[:starts])]
 
     @property
     def weights(self) -> Floats:
-        """The mean of the generation. See `CoalitionTraining.weights`."""
-        mean: Floats = np.asarray(self._strategy.mean)
+        """The mean of the best generation of the last step. See `CoalitionTraining.weights`."""
+        last = self.scores[-1].mean(axis=1) if self.scores else [0.0]
+        leader = int(np.argmax(last)) if len(last) == len(self._strategies) else 0
+        mean: Floats = np.asarray(self._strategies[leader].mean)
         return mean
 
+    @property
+    def step_games(self) -> int:
+        """See `CoalitionTraining.step_games`."""
+        return self.settings.step_games * len(self._strategies)
+
     def step(self) -> None:
-        """Play a generation. See `CoalitionTraining.step`."""
-        settings, points = self.settings, self._strategy.ask()
-        networks, tasks = self.networks(np.asarray(points)), [self.tasks[k] for k in self.turn]
-        played = [self.play(task, networks, settings.games, self.steps) for task in tasks]
-        self.rounds += settings.step_games * len(tasks) * self.length
-        self._learn(points, np.mean(played, axis=(0, 2)))
+        """Play a generation of each start. See `CoalitionTraining.step`."""
+        points = [strategy.ask() for strategy in self._strategies]
+        networks, tasks = self.networks(np.concatenate(points)), [self.tasks[k] for k in self.turn]
+        played = [self.play(task, networks, self.settings.games, self.steps) for task in tasks]
+        self.rounds += self.step_games * len(tasks) * self.length
+        self._learn(points, np.mean(played, axis=(0, 2)).reshape(len(points), -1))
 
     def state(self) -> bytes:
         """Return the scores. See `CoalitionTraining.state`."""
-        return np.stack(self.scores).tobytes()
+        return np.concatenate(self.scores).tobytes()
 
     def restore(self, state: bytes) -> None:
         """Repeat all generations by their scores. See `CoalitionTraining.restore`."""
-        for scores in np.frombuffer(state).reshape(-1, self.settings.population):
-            self._learn(self._strategy.ask(), scores)
+        rows = np.frombuffer(state).reshape(-1, self.settings.population)
+        while len(rows):
+            many = len(self._strategies)
+            self._learn([strategy.ask() for strategy in self._strategies], rows[:many])
+            rows = rows[many:]
 
-    def _learn(self, points: list[Floats], scores: Floats) -> None:
+    def _race(self) -> tuple[int, list[int]]:
+        """Return the number of starts, and the steps after which half of them is dropped."""
+        starts = 2 ** int(np.log2(min(self.settings.starts, len(self._starts))))
+        halvings = starts.bit_length() - 1
+        generation = self.settings.step_games * len(self.turn) * self.length
+        share = int(_RACE * self.budget / generation / max(1, halvings))  # generations for each number of starts
+        if share // starts < _LEAST:
+            return 1, []
+        return starts, np.cumsum([share // (starts >> k) for k in range(halvings)]).tolist()
+
+    def _learn(self, points: list[list[Floats]], scores: Floats) -> None:
+        """Give the strategies the scores of their candidates, shape (starts, population)."""
         self.scores.append(scores)
-        self._strategy.tell(points, (-scores).tolist())
         self.steps += 1
-        if self._strategy.stop():  # it has converged: begin again from there, as wide as at first
-            self._strategy = _strategy(np.array(self._strategy.mean), self.settings, (self.seed, self.steps))
+        for k, strategy in enumerate(self._strategies):
+            strategy.tell(points[k], (-scores[k]).tolist())
+            if strategy.stop():  # it has converged: begin again from there, as wide as at first
+                self._strategies[k] = _strategy(np.array(strategy.mean), self.settings, (self.seed, self.steps, k))
+        if self.steps in self._judged_at:
+            means = np.mean([step.mean(axis=1) for step in self.scores[-_JUDGED:]], axis=0)
+            kept = np.sort(np.argsort(-means, kind="stable")[: len(means) // 2])
+            self._strategies = [self._strategies[k] for k in kept]
 
 
-def _strategy(start: Floats, settings: EvolutionSettings, seed: tuple[int, int]) -> Any:
+def _strategy(start: Floats, settings: EvolutionSettings, seed: tuple[int, ...]) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns about missing plots
         import cma  # type: ignore[import-untyped]

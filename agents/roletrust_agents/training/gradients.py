@@ -69,7 +69,7 @@ class GradientAscent(CoalitionTraining):
         self.settings = settings
         self.skipped = self.given_up = 0
         self._smooth = [SmoothTask(task, settings.temperature) for task in self.tasks]
-        self._vector: Any = torch.tensor(self._first, dtype=torch.float32, requires_grad=True)
+        self._vector: Any = torch.tensor(self._starts[0], dtype=torch.float32, requires_grad=True)
         self._adam: Any = torch.optim.Adam([self._vector], lr=settings.learning_rate)
         self.validate()
 
@@ -101,7 +101,7 @@ class GradientAscent(CoalitionTraining):
                 self._adam.step()
             else:
                 self.skipped += 1
-        self.rounds += settings.step_games * len(self.turn) * self.length
+        self.rounds += self.step_games * len(self.turn) * self.length
         self.steps += 1
 
     def smooth_score(self, vector: Array) -> Array:

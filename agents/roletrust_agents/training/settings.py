@@ -114,6 +114,8 @@ class EvolutionSettings(CoalitionSettings):
     """Number of candidates in a generation."""
     spread: Annotated[float, Field(gt=0, le=100)] = 0.3
     """Standard deviation of the first generation."""
+    starts: Natural = 4
+    """Number of networks that begin; in the first part of the rounds, the worse half is dropped again and again."""
 
     @property
     def step_games(self) -> int:
