@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import UNITS, DeepSet
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.saved import load_attacker, zoo
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.evolution import Evolution
@@ -29,7 +29,12 @@ def universal_coalitions() -> dict[str, DeepSet]:
     """Return the universal coalitions that come with the project, by name."""
     names = [name for name in zoo() if name.startswith("universal-")]
     networks = {name: load_attacker(name).network for name in names}
-    return {name: network for name, network in networks.items() if isinstance(network, DeepSet)}
+    usual = DeepSetArchitecture()
+    return {
+        name: network
+        for name, network in networks.items()
+        if isinstance(network, DeepSet) and network.architecture == usual
+    }
 
 
 def known_starts(start: Start) -> list[Floats]:
@@ -51,6 +56,7 @@ class Evolve:
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions and of random networks, `"random"` with
             the best of random networks.
+        starts: Number of networks that begin, see `Evolution`.
         population: Number of candidates in a generation.
         games: Number of games in which each candidate plays.
         spread: Standard deviation of the first generation.
@@ -58,6 +64,7 @@ class Evolve:
     """
 
     start: Start = "universal"
+    starts: int = 4
     population: int = 32
     games: int = 8
     spread: float = 0.3
@@ -65,12 +72,13 @@ class Evolve:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        settings = EvolutionSettings(start=self.start, population=self.population, games=self.games, spread=self.spread)
+        fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
+        settings = EvolutionSettings(**fields)
         task = make_task(**arguments)
         _check_budget(budget, settings, task, self.name)
         evolution = Evolution([task], settings, seed, budget.left, known_starts(self.start))
         _train(evolution, budget)
-        words = f"coalition, evolution in {evolution.steps} generations of {self.population}"
+        words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
 
 
@@ -143,18 +151,36 @@ class Universal:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        ready = universal_coalitions()
         task = make_task(**arguments)
-        names = [name for name, network in ready.items() if network.architecture.units == UNITS]
-        if not names:
-            raise UnsuitableError("no universal coalition is installed")
-        rounds = len(names) * _GAMES * task.game.scenario.max_cycles
+        rounds = choice_rounds(task)
         if budget.left < rounds:
             raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small; give {rounds} or more")
-        architecture = ready[names[0]].architecture
-        side_by_side = DeepSet.unflatten(architecture, np.stack([ready[name].flatten() for name in names]))
-        attacker, batch = CoalitionAttacker(side_by_side), (len(names), _GAMES)
-        scores = mean_rewards(task, attacker, (seed, _PLACE), batch, SEARCHED)[0].mean(axis=1)
-        budget.spend(rounds)
-        best = names[int(np.argmax(scores))]
-        return SearchResult(CoalitionAttacker(ready[best]), budget.spent, f"{best}, not trained further")
+        best = best_universal(task, budget, seed)
+        attacker = CoalitionAttacker(universal_coalitions()[best])
+        return SearchResult(attacker, budget.spent, f"{best}, not trained further")
+
+
+def choice_rounds(task: AttackTask) -> int:
+    """Return the number of rounds that `best_universal` plays."""
+    return len(universal_coalitions()) * _GAMES * task.game.scenario.max_cycles
+
+
+def best_universal(task: AttackTask, budget: Budget, seed: int) -> str:
+    """Return the name of the universal coalition that is the best in a few games.
+
+    Args:
+        task: Task that the coalitions play.
+        budget: Budget, which pays for the games.
+        seed: Random seed.
+
+    Raises:
+        UnsuitableError: No universal coalition is installed.
+    """
+    ready = universal_coalitions()
+    if not ready:
+        raise UnsuitableError("no universal coalition is installed")
+    weights = np.stack([network.flatten() for network in ready.values()])
+    attacker = CoalitionAttacker(DeepSet.unflatten(DeepSetArchitecture(), weights))
+    scores = mean_rewards(task, attacker, (seed, _PLACE), (len(ready), _GAMES), SEARCHED)[0].mean(axis=1)
+    budget.spend(choice_rounds(task))
+    return list(ready)[int(np.argmax(scores))]

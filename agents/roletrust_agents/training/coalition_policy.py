@@ -161,11 +161,33 @@ def policy_arguments(coalition: Coalition, units: int, critic_units: int, log_st
     }
 
 
-def deep_set_of(policy: CoalitionPolicy) -> DeepSet:
-    """Return the network that decides as the policy does without noise. It calls no identity in reserve."""
+def deep_set_of(policy: CoalitionPolicy, presence: DeepSet | None = None) -> DeepSet:
+    """Return the network that decides as the policy does without noise.
+
+    Args:
+        policy: The policy.
+        presence: Network that decides which identities in reserve are present; none is called if it is None.
+    """
+    tensors = _tensors(policy)
+    architecture = DeepSetArchitecture(units=len(tensors["layer0.bias"]))
+    shapes = architecture.shapes().items()
+    weights = presence.weights if presence else {name: np.zeros(shape, np.float32) for name, shape in shapes}
+    learned = {name: np.array(tensor.detach().cpu().numpy(), np.float32) for name, tensor in tensors.items()}
+    return DeepSet(architecture, {**weights, **learned})
+
+
+def begin_with(policy: CoalitionPolicy, network: DeepSet) -> None:
+    """Give a policy the weights of a network of the same architecture."""
+    with torch.no_grad():
+        for name, tensor in _tensors(policy).items():
+            tensor.copy_(torch.as_tensor(network.weights[name]))
+
+
+def _tensors(policy: CoalitionPolicy) -> dict[str, torch.Tensor]:
+    """Return the weights of the actor by the names of `DeepSetArchitecture.shapes`."""
     actor: Any = policy.action_net
     body = actor.body
-    tensors = {
+    return {
         "layer0.weight": body.layer0.weight,
         "layer0.bias": body.layer0.bias,
         "layer1.weight": body.layer1.weight,
@@ -175,10 +197,6 @@ def deep_set_of(policy: CoalitionPolicy) -> DeepSet:
         "layer2.skip": actor.skip.weight,
         "layer2.bias": actor.layer2.bias,
     }
-    architecture = DeepSetArchitecture(units=len(body.layer0.bias))
-    weights = {name: np.zeros(shape, np.float32) for name, shape in architecture.shapes().items()}
-    weights |= {name: np.array(tensor.detach().cpu().numpy(), np.float32) for name, tensor in tensors.items()}
-    return DeepSet(architecture, weights)
 
 
 def _initialise(layer: nn.Linear, scale: float) -> None:

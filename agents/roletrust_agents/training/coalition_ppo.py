@@ -8,6 +8,8 @@ import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import UNITS, DeepSet
+from roletrust_agents.training.coalition_methods import best_universal, choice_rounds, universal_coalitions
+from roletrust_agents.training.settings import Start
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -33,19 +35,21 @@ class CoalitionPpo:
     game keeps its noise over the whole episode, see `roletrust_agents.training.coalition_policy`. The result is the
     best of some networks of the second half of the training, in the same games for all, and plays without noise.
 
-    The network does not learn when to call identities in reserve: the weights for that are 0, and the coalition plays
-    with the identities that it has at the beginning.
+    The network does not learn when to call identities in reserve: a universal coalition does so as before, and a random
+    network calls none.
 
     Attributes:
+        start: `"universal"` begins with the best of the universal coalitions, `"random"` with a random network.
         learning_rate: Initial learning rate; it falls linearly to a tenth of it.
         gamma: Discount factor.
         gae_lambda: Factor of generalised advantage estimation.
         n_epochs: Number of passes over a rollout.
         clip_range: Clip range of the ratio of probabilities.
-        spread: Initial standard deviation of the actions, in [-1, 1].
+        spread: Initial standard deviation of the actions, which lie in [-1, 1].
         name: Name in tables.
     """
 
+    start: Start = "universal"
     learning_rate: float = 1e-2
     gamma: float = 0.95
     gae_lambda: float = 0.95
@@ -59,12 +63,24 @@ class CoalitionPpo:
         from stable_baselines3 import PPO
         from stable_baselines3.common.utils import LinearSchedule
 
-        from roletrust_agents.training.coalition_policy import CoalitionPolicy, deep_set_of, policy_arguments
+        from roletrust_agents.training.coalition_policy import (
+            CoalitionPolicy,
+            begin_with,
+            deep_set_of,
+            policy_arguments,
+        )
         from roletrust_agents.training.experience import AfterUpdates, WholeGames
 
         task = _task(arguments, self.name)
         rounds = task.game.scenario.max_cycles
-        plan = _Plan.of(budget, rounds, self.name)
+        universal = self.start == "universal"
+        least = _LEAST * rounds + universal * choice_rounds(task)
+        if budget.left < least:
+            raise UnsuitableError(
+                f"the budget of {budget.rounds} rounds is too small for {self.name}; give {least} or more"
+            )
+        first = universal_coalitions()[best_universal(task, budget, seed)] if universal else None
+        plan = _Plan.of(budget.left // rounds)
         rollout = plan.games * rounds
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the last batch may be smaller than the others
@@ -82,6 +98,9 @@ class CoalitionPpo:
                 seed=seed,
                 device="cpu",
             )
+        policy: Any = model.policy
+        if first is not None:
+            begin_with(policy, first)
         scores: list[float] = []
         best: list[DeepSet] = []
 
@@ -89,8 +108,7 @@ class CoalitionPpo:
             budget.spend(rollout)
             if updates not in plan.compared:
                 return
-            policy: Any = model.policy
-            network = deep_set_of(policy)
+            network = deep_set_of(policy, first)
             reward = mean_rewards(task, CoalitionAttacker(network), (seed, 0), (1, plan.validation), SEARCHED)[0]
             budget.spend(plan.validation * rounds)
             scores.append(float(reward.mean()))
@@ -117,13 +135,8 @@ class _Plan(NamedTuple):
     validation: int
 
     @classmethod
-    def of(cls, budget: Budget, rounds: int, name: str) -> Self:
-        """Return the plan for a budget and games with a number of rounds."""
-        whole = budget.left // rounds
-        if whole < _LEAST:
-            raise UnsuitableError(
-                f"the budget of {budget.rounds} rounds is too small for {name}; give {_LEAST * rounds} or more"
-            )
+    def of(cls, whole: int) -> Self:
+        """Return the plan for a number of games."""
         validation = min(_MOST_VALIDATION_GAMES, whole // (_VALIDATION * _COMPARED))
         left = whole - validation * _COMPARED
         games = min(_GAMES, max(_FEWEST_GAMES, left // _UPDATES))

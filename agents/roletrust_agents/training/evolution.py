@@ -13,7 +13,6 @@ from roletrust_agents.training.coalition_training import CoalitionTraining, Floa
 from roletrust_agents.training.settings import EvolutionSettings
 from roletrust_env.game.attack_task import AttackTask
 
-
 _RACE = 0.4
 """Share of the rounds in which several starts compete."""
 

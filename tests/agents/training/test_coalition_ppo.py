@@ -12,7 +12,9 @@ from stable_baselines3 import PPO
 from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, joint_decision
-from roletrust_agents.training.coalition_policy import CoalitionPolicy, deep_set_of, policy_arguments
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.training.coalition_methods import universal_coalitions
+from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, deep_set_of, policy_arguments
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.experience import AfterUpdates, WholeGames
 from roletrust_env import make_task
@@ -22,6 +24,7 @@ from roletrust_env.game.coalition import FEATURES
 
 BOTH, RATERS, PROVIDERS = ("sr_8", "sr_9", "sp_9"), ("sr_8", "sr_9"), ("sp_9",)
 ROUNDS, GAMES = 6, 3
+FROM_RANDOM = CoalitionPpo(start="random", n_epochs=1)
 
 
 def arguments(compromised=BOTH, **changes):
@@ -121,6 +124,27 @@ def test_the_network_decides_as_the_policy_does_without_noise(compromised):
     assert not network.presence(np.ones((6, 2, GAMES), np.float32)).any()
 
 
+def test_a_policy_begins_as_a_network_that_also_calls_identities():
+    model, _, _ = model_of()
+    weights = random_weights(DeepSetArchitecture(units=5), np.random.default_rng(0)).astype(np.float32)
+    network = DeepSet.unflatten(DeepSetArchitecture(units=5), weights)
+    begin_with(model.policy, network)
+    np.testing.assert_array_equal(deep_set_of(model.policy, network).flatten(), weights)
+
+
+def test_a_search_begins_with_a_universal_coalition():
+    """Its games are paid for, and a learning rate of almost 0 keeps it."""
+    ready = universal_coalitions()
+    least = 40 * ROUNDS + len(ready) * 16 * ROUNDS
+    still = CoalitionPpo(learning_rate=1e-12, n_epochs=1)
+    result = still.search(arguments(), Budget(least + 5 * ROUNDS), 0)
+    assert result.rounds > len(ready) * 16 * ROUNDS + 30 * ROUNDS
+    weights = result.attacker.network.flatten()
+    assert min(np.abs(weights - network.flatten()).max() for network in ready.values()) < 1e-6
+    with pytest.raises(UnsuitableError, match=f"give {least} or more"):
+        still.search(arguments(), Budget(least - 1), 0)
+
+
 def test_the_end_of_a_game_ends_its_rewards():
     _, task, env = model_of()
     env.reset()
@@ -145,14 +169,14 @@ def test_a_call_follows_each_update():
 def test_a_search_spends_its_budget_and_no_more(rounds):
     spent = []
     budget = Budget(rounds, spent.append)
-    result = CoalitionPpo(n_epochs=1).search(arguments(), budget, 0)
+    result = FROM_RANDOM.search(arguments(), budget, 0)
     assert result.rounds == budget.spent == sum(spent) <= rounds
     assert budget.left < 16 * ROUNDS
     assert isinstance(CoalitionPpo(), SearchMethod)
 
 
 def test_a_seed_finds_the_same_attack_again():
-    found = [CoalitionPpo(n_epochs=1).search(arguments(), Budget(240), seed).attacker for seed in (0, 0, 1)]
+    found = [FROM_RANDOM.search(arguments(), Budget(240), seed).attacker for seed in (0, 0, 1)]
     first, again, other = (attacker.network.flatten() for attacker in found)
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 0.01
@@ -167,11 +191,11 @@ def test_a_seed_finds_the_same_attack_again():
 )
 def test_what_it_refuses(changes, message):
     with pytest.raises(UnsuitableError, match=message):
-        CoalitionPpo().search(arguments(**changes), Budget(239), 0)
+        FROM_RANDOM.search(arguments(**changes), Budget(239), 0)
 
 
 def test_it_learns_within_few_games():
-    found = CoalitionPpo(n_epochs=4).search(arguments(), Budget(600), 0).attacker
+    found = CoalitionPpo(start="random", n_epochs=4).search(arguments(), Budget(600), 0).attacker
     untrained = CoalitionAttacker(deep_set_of(model_of()[0].policy))
     task = make_task(**arguments())
     after, before = (mean_rewards(task, who, 9, (1, 50), SEARCHED)[0].mean() for who in (found, untrained))

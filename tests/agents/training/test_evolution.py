@@ -12,7 +12,8 @@ from roletrust_agents.training.settings import EvolutionSettings
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.game.make_task import make_task
 
-SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2)
+SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1)
+RACE = SMALL.model_copy(update={"candidates": 8, "starts": 4})
 TASK = {
     "scenario": "market",
     "compromised": ("sr_2", "sr_3"),
@@ -26,8 +27,8 @@ def tasks(*models):
     return [make_task(**TASK, trust_model=model) for model in models or ("beta",)]
 
 
-def evolved(generations, seed=0, known=(), of=None):
-    evolution = Evolution(of or tasks(), SMALL, seed, 10_000, known)
+def evolved(generations, seed=0, known=(), of=None, settings=SMALL):
+    evolution = Evolution(of or tasks(), settings, seed, 10_000, known)
     for _ in range(generations):
         evolution.step()
         if evolution.due():
@@ -48,13 +49,36 @@ def test_it_does_not_touch_the_global_random_numbers():
     assert np.array_equal(before, np.random.get_state()[1])  # noqa: NPY002
 
 
-def test_a_run_continues_from_its_scores():
-    whole = evolved(5)
-    again = Evolution(tasks(), SMALL, 0, 10_000)
-    again.restore(evolved(3).state())
-    for _ in range(2):
+@pytest.mark.parametrize("settings", [SMALL, RACE], ids=["one start", "several"])
+@pytest.mark.parametrize("stopped", [3, 7, 13])
+def test_a_run_continues_from_its_scores(settings, stopped):
+    whole = evolved(15, settings=settings)
+    again = Evolution(tasks(), settings, 0, 10_000)
+    again.restore(evolved(stopped, settings=settings).state())
+    for _ in range(15 - stopped):
         again.step()
-    assert np.array_equal(whole.scores, again.scores)
+    assert [scores.tolist() for scores in whole.scores] == [scores.tolist() for scores in again.scores]
+    assert np.array_equal(whole.weights, again.weights)
+
+
+def test_the_worse_half_of_the_starts_is_dropped_until_one_is_left():
+    """4 starts have 16 generations in common, then 2 have 16; the others of 83 belong to the best one."""
+    evolution = evolved(14, settings=RACE)
+    assert [len(scores) for scores in evolution.scores] == [4] * 4 + [2] * 8 + [1] * 2
+    halves = [np.mean([scores.mean(axis=1) for scores in evolution.scores[at - 3 : at]], axis=0) for at in (4, 12)]
+    again = Evolution(tasks(), RACE, 0, 10_000)
+    strategies = list(again._strategies)
+    again.restore(evolution.state())
+    kept = sorted(np.argsort(-halves[0])[:2])
+    assert again._strategies == [strategies[kept[int(np.argmax(halves[1]))]]]
+    played = 4 * 4 + 2 * 8 + 2  # generations
+    assert evolution.rounds == 10 * (8 * 4 + played * 6 * 2 + 7 * 4)  # the choice of starts, and seven validations
+
+
+def test_a_budget_for_few_generations_has_one_start():
+    assert len(Evolution(tasks(), RACE, 0, 7_000)._strategies) == 1
+    assert len(Evolution(tasks(), RACE, 0, 7_300)._strategies) == 4
+    assert len(Evolution(tasks(), RACE.model_copy(update={"starts": 3}), 0, 10_000)._strategies) == 2
 
 
 def test_it_learns():
@@ -96,10 +120,12 @@ def test_too_small_a_budget_is_refused_with_one_that_is_enough():
 
 def test_the_universal_coalitions_come_with_the_project():
     ready = universal_coalitions()
-    assert set(ready) == {f"universal-{name}" for name in ("raters", "providers", "coalition", "identities")}
+    in_the_crowd = {f"universal-{name}" for name in ("raters", "providers", "coalition", "identities")}
+    in_the_market = {f"universal-{name}-market" for name in ("raters", "coalition", "identities")}
+    assert set(ready) == in_the_crowd | in_the_market
     assert all(network.architecture == DeepSetArchitecture() for network in ready.values())
     result = Universal().search({**TASK, "trust_model": "beta"}, Budget(10_000), 0)
-    assert result.rounds == 4 * 16 * 10
+    assert result.rounds == 7 * 16 * 10
     assert result.description.split(",")[0] in ready
-    with pytest.raises(UnsuitableError, match="give 640"):
-        Universal().search({**TASK, "trust_model": "beta"}, Budget(639), 0)
+    with pytest.raises(UnsuitableError, match="give 1120"):
+        Universal().search({**TASK, "trust_model": "beta"}, Budget(1119), 0)

@@ -16,7 +16,7 @@ from roletrust_experiments.attackers import transfer as rows_of
 from roletrust_experiments.attackers.transfer import Cell, Coalition, sentences
 from roletrust_experiments.cli import app
 
-BUDGET = ["--budget", "5000", "--runs", "2"]
+BUDGET = ["--budget", "8000", "--runs", "2"]
 TWO = ["--model", "mean", "--model", "beta"]
 
 
@@ -57,7 +57,7 @@ def test_every_pair_has_its_number_and_the_files_are_there(played):
     for (row, column), cell in rows.items():
         seeds = [runs[f"trained on|{row}|{seed}"]["utility"][column] for seed in (0, 1)]
         assert float(cell["utility"]) == pytest.approx(sum(seeds) / 2, abs=1e-6)
-    assert all(0 < run["rounds"] <= 5000 for run in runs.values())
+    assert all(0 < run["rounds"] <= 8000 for run in runs.values())
     page = (folder / "out" / "transfer.md").read_text()
     assert "| trained on | mean | beta |" in page
     assert f"| mean | {float(rows['mean', 'mean']['utility']):.2f}* |" in page
