@@ -11,12 +11,13 @@ from roletrust_agents.learned.deep_set import UNITS, DeepSet
 from roletrust_agents.learned.saved import load_attacker, zoo
 from roletrust_agents.training.evolution import Evolution, Floats
 from roletrust_agents.training.settings import EvolutionSettings
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
+from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
 _GENERATIONS = 2  # fewer are no evolution
+_LOOK = 2  # games that show whether anything is left to chance
 
 _GAMES = 16
 _PLACE = 0  # of the games in which ready coalitions are tried
@@ -40,7 +41,7 @@ def known_starts(settings: EvolutionSettings) -> list[Floats]:
 @refuse_unknown
 @dataclass(frozen=True)
 class Evolve:
-    """Evolution of a coalition for one task, see `Evolution`.
+    """Evolution of a coalition for one task, see `Evolution`. Where nothing is left to chance, a game each is enough.
 
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions and of random networks, `"random"` with
@@ -61,13 +62,17 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         settings = EvolutionSettings(start=self.start, population=self.population, games=self.games, spread=self.spread)
         task = make_task(**arguments)
+        length = task.game.scenario.max_cycles
+        if is_certain(arguments):  # then all games are alike
+            settings = settings.model_copy(update={"games": 1, "validation": 1})
         each = settings.population * settings.games + settings.validation
-        needed = 2 * _GENERATIONS * each * task.game.scenario.max_cycles
+        needed = (2 * _GENERATIONS * each + _LOOK) * length
         if budget.left < needed:
             raise UnsuitableError(
                 f"the budget of {budget.rounds} rounds is too small for evolution; give {needed} or more"
             )
         evolution = Evolution([task], settings, seed, budget.left, known_starts(settings))
+        budget.spend(_LOOK * length)
         limit, spent = budget.left, 0
         while evolution.rounds + evolution.most_rounds <= limit:
             evolution.generation()

@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 _VALIDATION, _START = 1_000_000_000, 1_000_000_001
 """Places of the games for validation and of those that choose the start, beside the numbers of the generations."""
 
-_START_GAMES = 4
+_START_GAMES = 4  # but no more than a validation has
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
 
@@ -124,7 +124,8 @@ class Evolution:
 
     def _start(self, budget: int, known: list[Floats]) -> Floats:
         """Return the best of the known networks and of random ones."""
-        each = _START_GAMES * self._length * len(self.tasks)
+        games = min(_START_GAMES, self.settings.validation)
+        each = games * self._length * len(self.tasks)
         many = max(0, min(self.settings.candidates, budget // 10 // each - len(known)))
         random = np.random.default_rng(self._seed)
         candidates: list[Floats] = [
@@ -134,7 +135,7 @@ class Evolution:
         if len(candidates) == 1:
             return candidates[0]
         networks, k = self._networks(np.stack(candidates)), len(candidates)
-        scores = np.mean([self._play(task, networks, _START_GAMES, _START) for task in self.tasks], axis=(0, 2))
+        scores = np.mean([self._play(task, networks, games, _START) for task in self.tasks], axis=(0, 2))
         self.rounds += k * each
         return candidates[int(np.argmax(scores))]
 
