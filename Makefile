@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	benchmark findings attackers ladder universal zoo clean
+	benchmark findings attackers learners ladder universal zoo clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -109,6 +109,12 @@ attackers: setup
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
+
+# Which learner finds coalitions with how many rounds; about a quarter of an hour of one core.
+learners: setup
+	$(BIN)/roletrust benchmark --suite learners-coalitions --out $(OUT)/learners
+	mkdir -p docs/attackers
+	for kind in png md csv; do cp $(OUT)/learners/learners.$$kind docs/attackers/; done
 
 # Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
 ladder: setup

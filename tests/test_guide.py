@@ -4,7 +4,7 @@ import types
 
 import numpy as np
 import pytest
-from pages import HOUSE, blocks, run, written_file
+from pages import HOUSE, blocks, cells, run, written_file
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
@@ -87,6 +87,16 @@ def test_your_model_resists_a_liar_better_than_the_mean():
 )
 def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, name):
     check_trust_model(vars(imported(page, module))[name]())
+
+
+def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
+    names = {}
+    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "watch_lies" in cell), names)
+    lies = names["lies"]
+    by_place = lies.by_place.mean(axis=1)
+    assert (np.diff(by_place) > 0).all()
+    assert by_place[0] < -0.8 < 0.3 < by_place[-1]
+    assert abs(lies.own - lies.honest).max() < 0.05
 
 
 def test_your_learner_learns():

@@ -39,6 +39,7 @@ IDENTITY_FEATURES = ("turn", "trust", "present", "succeeds", "provides", "clock"
 REACH = 1.5
 """Largest distance of a lie from the perceived quality, before it is cut to [0, 1]."""
 
+_STEPS = 10_000.0  # of published trust: providers that are alike tie, whatever the rounding errors
 _CHANGES, _LEADS = 5.0, 10.0  # small differences of trust decide; this brings them near the size of other features
 
 
@@ -119,8 +120,8 @@ class Coalition:
     def features(self, state: State, memory: CoalitionMemory) -> Array:
         """Return the features of each provider, shape (F, P, ...), in [-1, 1], in the order of `FEATURES`.
 
-        - `published`, `published_rank`: its published trust, and the rank of that, 0 for the highest and 1 for the
-          lowest; `published_change`: five times the change in the last round.
+        - `published`, `published_rank`: its published trust to four digits, and the rank of that, 0 for the highest and
+          1 for the lowest; `published_change`: five times the change in the last round.
         - `perceived`, `perceived_rank`: its mean perceived quality, see `perceived`, and the rank of that.
         - `published_less_perceived`: the difference of the two.
         - `last_lie`: mean rating of it by the coalition that arrived in the last round, less the perceived quality.
@@ -211,11 +212,12 @@ class Coalition:
         return Actions(quality, ratings)
 
     def _published(self, state: State) -> Array:
-        """Return the published trust that the coalition sees, shape (P, ...).
+        """Return the published trust that the coalition sees, to four digits, shape (P, ...).
 
         Raters see the trust of every provider. Providers see their own, and assume the mean of theirs for others.
         """
         top = self._game.published(state)[1]
+        top = namespace(top).round(_STEPS * top) / _STEPS
         if self.rates:
             return top
         own = top[self.providers, ...]

@@ -13,6 +13,7 @@ from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES, REACH, Coalition
 from roletrust_env.game.coalition_task import CoalitionTask
+from roletrust_env.game.game import Game
 
 WORLD = {
     "max_cycles": 8,
@@ -56,7 +57,8 @@ def test_the_features_are_those_of_a_loop(compromised):
     before = np.full((3, 3), task.game.scenario.initial_trust)
     for state, seen, _ in play(task, at_random):
         game, found = state.game, seen.reshape(len(FEATURES), 3, 3)
-        tor, top = task.game.published(game)
+        tor, exact = task.game.published(game)
+        top = np.round(exact, 4)
         for g in range(3):
             known = [top[p, g] if raters or p in own else np.mean(top[own, g]) for p in range(3)]
             for p in range(3):
@@ -79,13 +81,25 @@ def test_the_features_are_those_of_a_loop(compromised):
                     "perceived_gap": max(felt) - felt[p],
                     "accomplice": p in own,
                     "served": any(game.awaiting[s, p, g] for s in raters),
-                    "own_trust": np.mean(tor[raters, g] if raters else top[own, g]),
+                    "own_trust": np.mean(tor[raters, g] if raters else exact[own, g]),
                     "own_share": len(raters) / 4,
                     "clock": game.round[g] / 8,
                 }
                 for name, value in zip(FEATURES, found[:, p, g], strict=True):
                     assert value == pytest.approx(float(expected[name]), abs=1e-12), (name, p, g)
             before[:, g] = known
+
+
+def test_rounding_errors_decide_no_rank(monkeypatch):
+    """All providers begin alike, and differences as of another order of a sum leave them alike."""
+    task = task_of()
+    random = task.game.random(0)
+    state = task.start(task.game.draw(random, (3,), start=True), random)
+    tor, top = task.game.published(state.game)
+    alike = task.observe(state)
+    monkeypatch.setattr(Game, "published", lambda game, state: (tor, top + 1e-8 * np.arange(3)[:, None]))
+    other = task.coalition.features(state.game, task.coalition.remember(state.game, state.coalition))
+    np.testing.assert_allclose(other.reshape(alike.shape), alike, atol=1e-6)
 
 
 def test_features_stay_in_their_bounds():

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,13 +13,16 @@ from roletrust_agents.training.coalition_training import CoalitionTraining, Floa
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import CoalitionSettings, EvolutionSettings, GradientSettings, Start
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
+from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
+SettingsT = TypeVar("SettingsT", bound=CoalitionSettings)
+
 _STEPS = 2  # fewer are no training
+_LOOK = 2  # games that show whether anything is left to chance
 
 _GAMES = 16
 _PLACE = 0  # of the games in which ready coalitions are tried
@@ -75,8 +79,8 @@ class Evolve:
         fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
         settings = EvolutionSettings(**fields)
         task = make_task(**arguments)
-        _check_budget(budget, settings, task, self.name)
-        evolution = Evolution([task], settings, seed, budget.left, known_starts(self.start))
+        fitted = _fitted(settings, arguments, budget, self.name)
+        evolution = Evolution([task], fitted, seed, budget.left, known_starts(self.start))
         _train(evolution, budget)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
@@ -111,18 +115,28 @@ class Gradients:
             start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
         )
         task = make_task(**arguments)
-        _check_budget(budget, settings, task, self.name)
-        ascent = GradientAscent([task], settings, seed, budget.left, known_starts(self.start))
+        fitted = _fitted(settings, arguments, budget, self.name)
+        ascent = GradientAscent([task], fitted, seed, budget.left, known_starts(self.start))
         _train(ascent, budget)
         lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
         words = f"coalition, {ascent.steps} steps along gradients{lost}"
         return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words)
 
 
-def _check_budget(budget: Budget, settings: CoalitionSettings, task: AttackTask, name: str) -> None:
-    needed = 2 * _STEPS * (settings.step_games + settings.validation) * task.game.scenario.max_cycles
+def _fitted(settings: SettingsT, arguments: TaskArguments, budget: Budget, name: str) -> SettingsT:
+    """Return the settings with a single game where all games are alike, and pay for the games that show this.
+
+    Raises:
+        UnsuitableError: The budget is too small.
+    """
+    if is_certain(arguments):
+        settings = settings.model_copy(update={"games": 1, "validation": 1})
+    length = make_task(**arguments).game.scenario.max_cycles
+    needed = (2 * _STEPS * (settings.step_games + settings.validation) + _LOOK) * length
     if budget.left < needed:
         raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {name}; give {needed} or more")
+    budget.spend(_LOOK * length)
+    return settings
 
 
 def _train(training: CoalitionTraining, budget: Budget) -> None:

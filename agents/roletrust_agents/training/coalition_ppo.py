@@ -40,22 +40,24 @@ class CoalitionPpo:
 
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions, `"random"` with a random network.
-        learning_rate: Initial learning rate; it falls linearly to a tenth of it.
+        learning_rate: Initial learning rate, which falls linearly to a tenth of it; None is 0.003 for a universal
+            coalition and 0.01 for a random network.
         gamma: Discount factor.
         gae_lambda: Factor of generalised advantage estimation.
         n_epochs: Number of passes over a rollout.
         clip_range: Clip range of the ratio of probabilities.
-        spread: Initial standard deviation of the actions, which lie in [-1, 1].
+        spread: Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a universal coalition
+            and 0.5 for a random network.
         name: Name in tables.
     """
 
     start: Start = "universal"
-    learning_rate: float = 1e-2
+    learning_rate: float | None = None
     gamma: float = 0.95
     gae_lambda: float = 0.95
     n_epochs: int = 5
     clip_range: float = 0.3
-    spread: float = 0.5
+    spread: float | None = None
     name: str = "coalition PPO"
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
@@ -74,6 +76,8 @@ class CoalitionPpo:
         task = _task(arguments, self.name)
         rounds = task.game.scenario.max_cycles
         universal = self.start == "universal"
+        rate = self.learning_rate or (0.003 if universal else 0.01)  # a good start is easily lost
+        spread = self.spread or (0.2 if universal else 0.5)
         least = _LEAST * rounds + universal * choice_rounds(task)
         if budget.left < least:
             raise UnsuitableError(
@@ -87,14 +91,14 @@ class CoalitionPpo:
             model = PPO(
                 CoalitionPolicy,
                 WholeGames(task, plan.games, seed=seed),
-                learning_rate=LinearSchedule(self.learning_rate, 0.1 * self.learning_rate, 1.0),
+                learning_rate=LinearSchedule(rate, 0.1 * rate, 1.0),
                 n_steps=rounds,
                 batch_size=rollout // _BATCHES,
                 n_epochs=self.n_epochs,
                 gamma=self.gamma,
                 gae_lambda=self.gae_lambda,
                 clip_range=self.clip_range,
-                policy_kwargs=policy_arguments(task.coalition, UNITS, _CRITIC_UNITS, float(np.log(self.spread))),
+                policy_kwargs=policy_arguments(task.coalition, UNITS, _CRITIC_UNITS, float(np.log(spread))),
                 seed=seed,
                 device="cpu",
             )

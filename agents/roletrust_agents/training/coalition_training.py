@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 _VALIDATION, _START = 1_000_000_000, 1_000_000_001
 """Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
 
-_START_GAMES = 4
+_START_GAMES = 4  # but no more than a validation has
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
 
@@ -140,7 +140,8 @@ class CoalitionTraining(ABC):
 
     def _order(self, known: list[Floats]) -> list[Floats]:
         """Return the known networks and random ones, the best first."""
-        each = _START_GAMES * self.length * len(self.tasks)
+        games = min(_START_GAMES, self._common.validation)
+        each = games * self.length * len(self.tasks)
         many = max(0, min(self._common.candidates, self.budget // 10 // each - len(known)))
         random = np.random.default_rng(self.seed)
         candidates: list[Floats] = [
@@ -150,6 +151,6 @@ class CoalitionTraining(ABC):
         if len(candidates) == 1:
             return candidates
         networks, k = self.networks(np.stack(candidates)), len(candidates)
-        scores = np.mean([self.play(task, networks, _START_GAMES, _START) for task in self.tasks], axis=(0, 2))
+        scores = np.mean([self.play(task, networks, games, _START) for task in self.tasks], axis=(0, 2))
         self.rounds += k * each
         return [candidates[k] for k in np.argsort(-scores, kind="stable")]

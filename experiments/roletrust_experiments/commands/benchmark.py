@@ -104,7 +104,8 @@ def benchmark(
 
     A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share of a learner on a
     task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for the best attack found where neither
-    is known. Learners are measured in games that they have not seen. Written: [green]learners.csv learners.png[/].
+    is known. Learners are measured in games that they have not seen. Written: [green]learners.csv learners.md
+    learners.png[/].
 
     Each result is saved in [green]results.sqlite[/] when it is complete, so that an interrupted command continues when
     it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes a page of

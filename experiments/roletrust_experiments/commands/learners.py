@@ -6,18 +6,21 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.attackers import SEARCH_RUNGS
+from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.learners.leaderboard import learner_results, title
 from roletrust_env.benchmark.learners.learner import registry
 from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS, HEADER, LearnerResult, Scale, ranking, table_rows
-from roletrust_env.benchmark.learners.search_methods import make_search_method
+from roletrust_env.benchmark.learners.search_methods import is_search, make_search_method
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.files import write_csv
+from roletrust_env.storage.files import write_csv, write_text
 from roletrust_experiments.commands.console import console, number_table
+from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.plots.figure_files import write_figure
+
+_INTERVALS = "interquartile mean of the runs, with its 95% interval by stratified bootstrap"
 
 
 def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code: bool) -> LearnersSuite:
@@ -32,7 +35,7 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
         ValueError: nobody has a name, a learner cannot be made, or a file names what is not installed.
     """
     if not allow_code:
-        check_installed(registry, [name for name in suite.learners if name not in SEARCH_RUNGS])
+        check_installed(registry, [name for name in suite.learners if not is_search(name)])
     asked = [part for name in named or ["all"] for part in (suite.learners if name == "all" else [name])]
     found = suite.model_copy(update={"learners": tuple(dict.fromkeys(asked))})
     for name in found.learners:
@@ -41,12 +44,14 @@ def asked_learners(suite: LearnersSuite, named: Sequence[str] | None, allow_code
 
 
 def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -> None:
-    """Write the table and the picture, and print who is where."""
+    """Write the tables and the picture, and print who is where."""
     from roletrust_experiments.plots.learners import learners_figure
 
     scales, found = learner_results(suite, kept)
     write_csv(out / "learners.csv", HEADER, table_rows(found))
     write_figure(out / "learners.png", learners_figure(title(suite), found, scales))
+    command = reproduction_command(suite, out / "results.sqlite")
+    write_text(out / "learners.md", _markdown(suite, found, scales, command))
     console.print(_table(suite, found, scales))
     for task, scale in scales.items():
         console.print(
@@ -55,7 +60,7 @@ def tell_learners(suite: LearnersSuite, kept: Sequence[StoredCell], out: Path) -
     for trial, done in kept:
         if why := done.failed or (done.unsuitable if trial.learner in suite.learners else ""):
             console.print(f"[dim]{escape(trial.key)}: {escape(why)}[/]", soft_wrap=True)
-    console.print(f"Written to {out}: results.sqlite, learners.csv, learners.png", soft_wrap=True)
+    console.print(f"Written to {out}: results.sqlite, learners.csv, learners.md, learners.png", soft_wrap=True)
 
 
 def tell_learners_cost(suite: LearnersSuite) -> None:
@@ -70,20 +75,35 @@ def tell_learners_cost(suite: LearnersSuite) -> None:
 
 def _table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, Scale]) -> Table:
     largest = suite.budgets[-1]
-    caption = (
-        f"share with {largest:,} rounds: 0 is honest play; interquartile mean of the runs, with its 95% interval by "
-        "stratified bootstrap"
-    )
-    title = f"Learners, suite {suite.name}"
-    table = number_table(title, caption, *(escape(task) for task in (ALL_TASKS, *scales)))
-    shares = {(one.learner, one.task): one.share for one in found if one.budget == largest}
+    caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
+    table = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
     for name in ranking(found):
-        table.add_row(escape(name), *(_words(shares.get((name, task))) for task in (ALL_TASKS, *scales)))
+        table.add_row(*map(escape, _row(name, largest, found, scales)))
     return table
+
+
+def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, Scale], command: str) -> str:
+    """Return the shares with each budget in Markdown, with what they mean and the command that made them."""
+    names = ranking(found)
+    rows = []
+    for budget in suite.budgets:
+        for name in names:
+            learner, *shares = _row(name, budget, found, scales)
+            rows.append([f"{budget:,}", f"`{learner}`", *shares])
+    tops = [f"{task}: {scale.description}, {scale.top_score:.3f}" for task, scale in scales.items()]
+    caption = f"Share by the rounds of play: 0 is honest play; {_INTERVALS}. Share 1 is, on {'; '.join(tops)}."
+    table = markdown_table(["rounds", "learner", ALL_TASKS, *scales], rows, names=2)
+    return f"{table}\n\n{caption} Made by `{command}`.\n"
+
+
+def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, Scale]) -> list[str]:
+    """Return the name of a learner and its shares with a budget."""
+    shares = {one.task: one.share for one in found if (one.learner, one.budget) == (name, budget)}
+    return [name, *(_words(shares.get(task)) for task in (ALL_TASKS, *scales))]
 
 
 def _words(share: Interval | None) -> str:
     if share is None or share.value != share.value:
         return "-"
     interval = "" if share.low != share.low else f" [{share.low:.2f}, {share.high:.2f}]"
-    return f"{share.value:.2f}{escape(interval)}"
+    return f"{share.value:.2f}{interval}"

@@ -3,12 +3,17 @@
 from collections.abc import Callable
 from typing import Any
 
-from roletrust_env.benchmark.attackers import SEARCH_RUNGS, make_search
+from roletrust_env.benchmark.attackers import SEARCH_RUNGS
 from roletrust_env.benchmark.learners.learner import LearnerSearch, registry
 from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.search import HonestPlay, SearchMethod, search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_named
+
+
+def is_search(name: str) -> bool:
+    """Return whether the name of a learner is one of `SEARCH_RUNGS`, with parameters or without."""
+    return name.partition(":")[0] in SEARCH_RUNGS
 
 
 def factories(suite: LearnersSuite) -> dict[str, Callable[..., Any]]:
@@ -17,7 +22,7 @@ def factories(suite: LearnersSuite) -> dict[str, Callable[..., Any]]:
     Args:
         suite: Suite with the learners.
     """
-    others = [name for name in suite.learners if name != HONEST_PLAY and name not in (*BOUNDS, *SEARCH_RUNGS)]
+    others = [name for name in suite.learners if not is_search(name)]
     return {f"learner {name}": named_factory(registry, name) for name in others}
 
 
@@ -26,7 +31,7 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
 
     Args:
         name: `HONEST_PLAY`, one of `BOUNDS` or `SEARCH_RUNGS`, or the name of a learner: an installed one, or
-            `package.module:Class`. A learner may have parameters, as in `NAME:key=value,...`.
+            `package.module:Class`. Rungs and learners may have parameters, as in `NAME:key=value,...`.
         task_id: Gymnasium id of the task, one of `TASKS`.
 
     Raises:
@@ -36,8 +41,8 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
         return HonestPlay()
     if name in BOUNDS:
         return search_methods.make(name)
-    if name in SEARCH_RUNGS:
-        return make_search(name)
+    if is_search(name):
+        return parse_named(search_methods, name)
     if ":" not in name and name not in registry.names():
         known = suggest(name, [*SEARCH_RUNGS, *registry.names()])
         raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")

@@ -8,7 +8,8 @@ from roletrust_env import make_scenario
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments
-from roletrust_env.game.make_task import make_task
+from roletrust_env.game.attack_task import Objective
+from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.world.base_model import FrozenModel
 
 HONEST_PLAY = "honest play"
@@ -19,12 +20,20 @@ BOUNDS = ("exact", "best known")
 
 
 class Task(FrozenModel):
-    """Attack task with changes of its scenario."""
+    """Attack task with changes of its arguments and its scenario."""
 
     task: Literal["ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"]
     """Name of the task, whose Gymnasium id is `RoleTrust/NAME-v0`."""
+    preset: str = ""
+    """Name of a preset scenario. Empty means that of the task."""
     set: dict[str, Any] = Field(default_factory=dict)
     """Changed fields of the scenario."""
+    compromised: tuple[str, ...] = ()
+    """Names of the compromised agents. Empty means those of the task."""
+    objective: Objective | None = None
+    """Objective. None means that of the task."""
+    observation: Observation = "agents"
+    """Observation and action of learners, see `make_task`. Coalitions by evolution or PPO have their own always."""
     stealth: dict[str, float] = Field(default_factory=dict)
     """`weight` and `tolerance` of the penalty for detection. Empty means no penalty."""
 
@@ -40,10 +49,11 @@ class Task(FrozenModel):
 
     def arguments(self) -> TaskArguments:
         """Return the arguments of the task, see `roletrust_env.make_task`."""
-        defaults = TASKS[self.id].defaults
-        scenario = make_scenario(defaults["scenario"])
+        changes = {"compromised": self.compromised, "objective": self.objective, "stealth": self.stealth}
+        arguments = {**TASKS[self.id].defaults, **{name: value for name, value in changes.items() if value}}
+        scenario = make_scenario(self.preset or arguments["scenario"])
         scenario = scenario.change(**self.set) if self.set else scenario
-        return {**defaults, "scenario": scenario, "stealth": self.stealth or None}
+        return {**arguments, "scenario": scenario, "observation": self.observation}
 
 
 class LearnersSuite(SuiteSchema):
@@ -58,7 +68,7 @@ class LearnersSuite(SuiteSchema):
     tasks: Annotated[dict[Label, Task], Field(min_length=1)]
     """Tasks by their name in the suite."""
     learners: Annotated[tuple[Label, ...], Field(min_length=1)]
-    """Names of search rungs or installed learners, or `package.module:Class`."""
+    """Names of search rungs or installed learners, or `package.module:Class`, with parameters or without."""
     budgets: Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = (25_000, 50_000, 100_000)
     """Budgets of each learner in game rounds (rounds x games). The last one is used for the ranking."""
 

@@ -9,7 +9,7 @@ from roletrust_agents.learned.deep_set import DeepSetArchitecture
 from roletrust_agents.training.coalition_methods import Evolve, Universal, universal_coalitions
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.settings import EvolutionSettings
-from roletrust_env.evaluation.search import Budget, UnsuitableError
+from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 
 SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1)
@@ -109,6 +109,16 @@ def test_a_search_stays_in_its_budget():
     result = Evolve(population=8, games=4).search({**TASK, "trust_model": "beta"}, budget, 0)
     assert sum(spent) == budget.spent == result.rounds <= 30_000
     assert budget.spent > 20_000
+
+
+def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
+    certain = {"scenario": "paper-3x3", "max_cycles": 40, "noise": 0.0, "perturbations": []}
+    arguments = {**certain, "compromised": ["sp_2"], "objective": "exploit"}
+    with pytest.raises(UnsuitableError, match="give 2800 "):  # 4 x (16 candidates + 1 validation) + 2 games
+        Evolve(population=16).search(arguments, Budget(2799), 0)
+    found = find(Evolve(start="random", population=16), arguments, budget=32_000, seed=0, games=2)
+    assert "in 45 generations" in found.description
+    assert found.scores[0] > 0.2  # on and off in cycles; quality 0 all the time is worth 0.03
 
 
 def test_too_small_a_budget_is_refused_with_one_that_is_enough():

@@ -4,9 +4,11 @@ from collections import Counter
 
 import pytest
 
+from roletrust_env.benchmark.cells import Cell, task_arguments
 from roletrust_env.benchmark.learners.leaderboard import learner_results
 from roletrust_env.benchmark.learners.optimum_share import ALL_TASKS
 from roletrust_env.benchmark.learners.run_trial import play_trial
+from roletrust_env.benchmark.learners.search_methods import make_search_method
 from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import Store, StoredCell
@@ -91,12 +93,39 @@ def test_without_honest_play_there_is_no_scale():
     assert {one.runs for one in results} == {1}  # only the run with the same seed
 
 
-@pytest.mark.parametrize("name", ["learners", "learners-quick"])
+@pytest.mark.parametrize("name", ["learners", "learners-quick", "learners-coalitions"])
 def test_the_suites_of_the_project_can_be_played(name):
     suite = load_suite(name)
     assert isinstance(suite, LearnersSuite)
     assert suite_type(suite).cells(suite) == trials(suite)
     assert set(BOUNDS) < {trial.learner for trial in trials(suite)}
+
+
+@pytest.mark.parametrize(
+    ("task", "condition"),
+    [
+        ("liars", ("crowd", "raters", 0.5)),
+        ("coalition", ("crowd", "coalition", 0.3)),
+        ("market", ("market", "raters", 0.3)),
+    ],
+)
+def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
+    arguments = load_suite("learners").tasks[task].arguments()
+    standard = task_arguments(load_suite("standard"), Cell("role-trust", *condition, "PPO", 0))
+    assert {name: arguments[name] for name in ("scenario", "compromised", "objective")} == {
+        name: standard[name] for name in ("scenario", "compromised", "objective")
+    }
+    assert arguments["observation"] == "coalition"
+    assert load_suite("learners-coalitions").tasks[task] == load_suite("learners").tasks[task]
+
+
+def test_evolution_learns_from_scratch_or_says_why_it_cannot():
+    suite = load_suite("learners")
+    (name,) = [name for name in suite.learners if name.startswith("evolution")]
+    assert make_search_method(name, suite.tasks["liars"].id).start == "random"
+    assert "too small for evolution" in play_trial(suite, Trial("liars", name, 25_000, 0)).unsuitable
+    with pytest.raises(ValueError, match="begin"):
+        make_search_method("evolution:begin=random", suite.tasks["liars"].id)
 
 
 @pytest.mark.parametrize(
@@ -107,6 +136,9 @@ def test_the_suites_of_the_project_can_be_played(name):
         ({"tasks": {"one": {"task": "MoonAttack"}}}, "tasks.one.task is 'MoonAttack'"),
         ({"tasks": {"one": {"task": "DualAttack", "set": {"lamb": 1}}}}, "lamb"),
         ({"tasks": {"one": {"task": "DualAttack", "stealth": {"wait": 1}}}}, "wait"),
+        ({"tasks": {"one": {"task": "DualAttack", "preset": "moon"}}}, "moon"),
+        ({"tasks": {"one": {"task": "RaterAttack", "compromised": ["sr_7"]}}}, "sr_7"),
+        ({"tasks": {"one": {"task": "DualAttack", "observation": "all"}}}, "observation"),
         ({"budgets": [4000, 2000]}, "budgets must be increasing"),
         ({"budgets": [2000, 2000]}, "budgets must be increasing"),
         ({"learners": []}, "learners"),

@@ -61,7 +61,8 @@ def test_a_learner_of_ones_own_beside_the_suites(here):
     assert 0 < float(cma["share_low_95"]) <= float(cma["share"]) <= float(cma["share_high_95"]) <= 1
     assert rows["all tasks", "CMA-ES", "4000"]["share"] == cma["share"]
     before = {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")}
-    assert set(before) == {"learners.csv", "learners.png"}
+    assert set(before) == {"learners.csv", "learners.md", "learners.png"}
+    assert f"| 4,000 | `CMA-ES` | {float(cma['share']):.2f} [" in before["learners.md"].decode()
     again = run(*asked, "--out", "out")
     assert "12 of 16 cells are there already" in " ".join(again.output.split())  # the greedy's are tried again
     assert {path.name: path.read_bytes() for path in (here / "out").glob("learners.*")} == before
