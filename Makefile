@@ -102,13 +102,20 @@ findings: setup
 	cp $(OUT)/findings/findings.md docs/
 	cp $(OUT)/findings/findings/*.png docs/findings/
 
-# What a longer search finds, and what carries over to other trust models; many hours on two cores, and a repeat continues.
+# What a longer search finds, what five searches find in three conditions, and what carries over to other trust models; an
+# hour or more on two cores, and a repeat continues.
+FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --budget 1000000 --runs 5 \
+	--model wary-role-trust --model beta --model role-trust --model qor
 attackers: setup
 	$(BIN)/roletrust budget --out $(OUT)/budget
+	$(FIVE_RUNS) --track raters --share 0.5 --out $(OUT)/crowd-raters
+	$(FIVE_RUNS) --out $(OUT)/crowd-coalition
+	$(FIVE_RUNS) --scenario market --track raters --out $(OUT)/market-raters
 	$(BIN)/roletrust transfer --out $(OUT)/transfer
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
+	for name in crowd-raters crowd-coalition market-raters; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 
 # Which learner finds coalitions with how many rounds; about a quarter of an hour of one core.
 learners: setup

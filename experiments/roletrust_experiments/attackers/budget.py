@@ -18,10 +18,10 @@ SCRIPTS = "scripts"
 """Way to attack: the best scripted attack at its defaults. Its rounds are those that choose it."""
 
 MODELS = ("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering")
-WAYS = (SCRIPTS, "random search", "CMA-ES", "evolution", "gradients", "PPO", "coalition PPO")
+WAYS = (SCRIPTS, "random search", "agreed CMA-ES", "evolution", "gradients", "PPO", "coalition PPO")
 BUDGETS = (10_000, 30_000, 100_000, 300_000, 1_000_000)
 
-_FLAT, _MOST = ("PPO", "recurrent PPO", "SAC"), 100_000
+_LONG, _MOST = ("PPO", "recurrent PPO", "SAC", "coalition PPO", "gradients"), 100_000
 _GAMES = 40  # for each script, to choose the best
 _OWN = 0  # budget of the scripts, which have no choice
 
@@ -147,8 +147,8 @@ def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str
 
 
 def _search(condition: Condition, point: Point) -> SearchResult:
-    if point.way in _FLAT and point.budget > _MOST:
-        raise UnsuitableError(f"a learner with a flat network gets {_MOST:,} rounds at most, because it takes long")
+    if point.way in _LONG and point.budget > _MOST:
+        raise UnsuitableError(f"a learner on torch gets {_MOST:,} rounds at most, because it takes long")
     method = make_search(point.way, list(condition.kinds(point.model).values()))
     return method.search(condition.arguments(point.model, point.way), Budget(point.budget), point.seed)
 

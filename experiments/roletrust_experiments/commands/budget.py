@@ -94,8 +94,7 @@ def budget(
     possible. Lower is a better attack. The interval is over the runs.
 
     scripts: the best of all scripted attacks at their defaults; its rounds are those that choose it. A search that does
-    not suit a budget is left out, and a line says why. PPO, recurrent PPO and SAC, whose networks are flat, get at most
-    100,000 rounds.
+    not suit a budget is left out, and a line says why. Learners on torch get at most 100,000 rounds.
 
     Each run is saved when it is finished, so that an interrupted command continues when it is given again, also with
     more models, ways, budgets or runs. Seconds are those of the search alone; other processes make them longer.

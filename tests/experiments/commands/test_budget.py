@@ -115,9 +115,9 @@ def test_what_does_not_suit_a_budget_is_left_out_with_a_line(tmp_path):
     assert "| beta | random search |" in page
 
 
-def test_a_flat_network_is_not_trained_for_long(tmp_path):
+def test_a_learner_on_torch_does_not_learn_for_long(tmp_path):
     result = run(tmp_path, "--model", "beta", "--way", "PPO", "--way", "scripts", "--budget", "100001", "--runs", "1")
-    assert "left out: PPO with 100,001 rounds: a learner with a flat network gets 100,000 rounds" in result.output
+    assert "left out: PPO with 100,001 rounds: a learner on torch gets 100,000 rounds" in result.output
 
 
 def test_without_any_search_there_is_one_error(tmp_path):
