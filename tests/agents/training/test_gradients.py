@@ -125,6 +125,6 @@ def test_a_search_stays_in_its_budget():
     assert sum(spent) == budget.spent == result.rounds <= 5_000
     assert budget.spent > 4_000
     assert isinstance(Gradients(), SearchMethod)
-    with pytest.raises(UnsuitableError, match="too small for gradients; give 3200 or more"):
+    with pytest.raises(UnsuitableError, match="too small for gradients; give 3220 or more"):
         Gradients().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
     assert Gradients().search({**TASK, "trust_model": "beta"}, Budget(3200), 0).rounds <= 3200
