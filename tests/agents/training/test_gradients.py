@@ -127,4 +127,4 @@ def test_a_search_stays_in_its_budget():
     assert isinstance(Gradients(), SearchMethod)
     with pytest.raises(UnsuitableError, match="too small for gradients; give 3220 or more"):
         Gradients().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
-    assert Gradients().search({**TASK, "trust_model": "beta"}, Budget(3200), 0).rounds <= 3200
+    assert Gradients().search({**TASK, "trust_model": "beta"}, Budget(3220), 0).rounds <= 3220
