@@ -117,7 +117,7 @@ def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
     with pytest.raises(UnsuitableError, match="give 2800 "):  # 4 x (16 candidates + 1 validation) + 2 games
         Evolve(population=16).search(arguments, Budget(2799), 0)
     found = find(Evolve(start="random", population=16), arguments, budget=32_000, seed=0, games=2)
-    assert "in 45 generations" in found.description
+    assert "in 45 steps" in found.description
     assert found.scores[0] > 0.2  # on and off in cycles; quality 0 all the time is worth 0.03
 
 

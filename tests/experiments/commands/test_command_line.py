@@ -87,7 +87,7 @@ def complete(line):
         ("roletrust ladder RaterAttack --attack on-", ["on-off"]),
         ("roletrust play paper", ["paper-3x3", "paper-3x3-hog"]),
         ("roletrust ladder RaterAttack --scenario op", ["open-system"]),
-        ("roletrust benchmark --suite learners-", ["learners-quick"]),
+        ("roletrust benchmark --suite learners-q", ["learners-quick"]),
         ("roletrust benchmark --learner rec", ["recurrent", "PPO"]),
         ("roletrust ladder Coll", ["CollusionAttack"]),
         ("roletrust train Rater", ["RaterAttack"]),

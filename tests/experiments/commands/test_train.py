@@ -228,7 +228,7 @@ def test_settings_are_tuned_by_task_and_changed_by_hand():
 
 
 def test_the_zoo_scores_what_it_says():
-    result = CliRunner().invoke(app, ["zoo", "--games", "4"], env={"COLUMNS": "160"})
+    result = CliRunner().invoke(app, ["zoo", "--games", "16"], env={"COLUMNS": "160"})
     assert result.exit_code == 0, result.output
     names = [path.stem for path in ZOO.glob("*.json")]
     assert len(names) >= 2
