@@ -117,7 +117,7 @@ attackers: setup
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
 	for name in crowd-raters crowd-coalition market-raters; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 
-# Which learner finds coalitions with how many rounds; about a quarter of an hour of one core.
+# Which learner finds coalitions with how many rounds; some minutes on two cores.
 learners: setup
 	$(BIN)/roletrust benchmark --suite learners-coalitions --out $(OUT)/learners
 	mkdir -p docs/attackers
