@@ -131,7 +131,8 @@ ladder: setup
 	cp $(OUT)/ladder/ladder.png docs/ladder.png
 
 # Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve, in the crowd and in
-# the market of the standard suite, trained against five trust models in turn; a quarter of an hour on two cores with `make -j 2`.
+# the market of the standard suite, trained against five trust models in turn; some minutes on two cores with
+# `make -j 2`. What is in $(OUT)/universal is not trained again.
 FIVE := --model wary-role-trust --model beta --model role-trust --model qor --model median
 EVOLVE := $(BIN)/roletrust train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead $(FIVE)
 CROWD := --scenario crowd-10x10 --set max_cycles=50
@@ -143,19 +144,20 @@ LIARS := --compromised sr_7 --compromised sr_8 --compromised sr_9
 CHEATS := --compromised sp_7 --compromised sp_8 --compromised sp_9
 CHEATS_OF_6 := --compromised sp_4 --compromised sp_5
 UNIVERSAL := raters providers coalition identities raters-market coalition-market identities-market
-$(OUT)/universal/raters: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' --compromised sr_5 --compromised sr_6 $(LIARS)
-$(OUT)/universal/providers: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' $(CHEATS)
-$(OUT)/universal/coalition: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' $(LIARS) $(CHEATS)
-$(OUT)/universal/identities: ARGS = $(CROWD) --set 'agents=[$(SR_7_AND_3),{$(ABLE),count=7},{$(ABLE),count=3,reserve=3}]' $(LIARS) $(CHEATS)
-$(OUT)/universal/raters-market: ARGS = $(MARKET) --set 'agents=[$(SR_10),{$(ABLE),count=6}]' $(LIARS)
-$(OUT)/universal/coalition-market: ARGS = $(MARKET) --set 'agents=[$(SR_10),{$(ABLE),count=6}]' $(LIARS) $(CHEATS_OF_6)
-$(OUT)/universal/identities-market: ARGS = $(MARKET) --set 'agents=[$(SR_7_AND_3),{$(ABLE),count=4},{$(ABLE),count=2,reserve=3}]' $(LIARS) $(CHEATS_OF_6)
-universal: setup $(UNIVERSAL:%=$(OUT)/universal/%)
+$(OUT)/universal/raters/attacker.json: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' --compromised sr_5 --compromised sr_6 $(LIARS)
+$(OUT)/universal/providers/attacker.json: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' $(CHEATS)
+$(OUT)/universal/coalition/attacker.json: ARGS = $(CROWD) --set 'agents=[$(SR_10),{$(ABLE),count=10}]' $(LIARS) $(CHEATS)
+$(OUT)/universal/identities/attacker.json: ARGS = $(CROWD) --set 'agents=[$(SR_7_AND_3),{$(ABLE),count=7},{$(ABLE),count=3,reserve=3}]' $(LIARS) $(CHEATS)
+$(OUT)/universal/raters-market/attacker.json: ARGS = $(MARKET) --set 'agents=[$(SR_10),{$(ABLE),count=6}]' $(LIARS)
+$(OUT)/universal/coalition-market/attacker.json: ARGS = $(MARKET) --set 'agents=[$(SR_10),{$(ABLE),count=6}]' $(LIARS) $(CHEATS_OF_6)
+$(OUT)/universal/identities-market/attacker.json: ARGS = $(MARKET) --set 'agents=[$(SR_7_AND_3),{$(ABLE),count=4},{$(ABLE),count=2,reserve=3}]' $(LIARS) $(CHEATS_OF_6)
+universal: setup $(UNIVERSAL:%=$(OUT)/universal/%/attacker.json)
 	for name in $(UNIVERSAL); do for kind in json safetensors; do \
 	  cp $(OUT)/universal/$$name/attacker.$$kind agents/roletrust_agents/zoo/universal-$$name.$$kind; done; done
 
-$(OUT)/universal/%: | setup
-	$(EVOLVE) $(ARGS) --out $@
+$(OUT)/universal/%/attacker.json: | setup
+	rm -rf $(@D)
+	$(EVOLVE) $(ARGS) --out $(@D)
 
 # The attackers that come with the project; a few minutes.
 zoo: setup universal

@@ -9,7 +9,7 @@ import numpy as np
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.composite import SideBySide, side_by_side
-from roletrust_env.evaluation.scripts import Scripts, paper_attacks
+from roletrust_env.evaluation.scripts import Scripts, with_paper
 from roletrust_env.evaluation.search import SearchMethod, search_methods
 from roletrust_env.game.attack_task import AttackTask
 
@@ -68,8 +68,7 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
         kinds: Playable kinds of attack by name.
         games: Number of games for each attack.
     """
-    paper = playable_kinds(task, {kind.__name__: kind for kind in paper_attacks()}, identities=False).values()
-    attacks = {name: Scripts.of(task, [kind, *paper]).default for name, kind in kinds.items()}
+    attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
     rows = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
     for names in _chunks(attacks, rows):
         yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0)

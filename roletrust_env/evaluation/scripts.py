@@ -89,6 +89,11 @@ class Scripts:
         return sum(self.serving.size * serves + self.rating.size * rates for _, serves, rates in self.agents)
 
     @property
+    def roles(self) -> tuple[bool, bool]:
+        """Whether any agent attacks by its services, and whether any by its ratings."""
+        return any(serves for _, serves, _ in self.agents), any(rates for _, _, rates in self.agents)
+
+    @property
     def default(self) -> dict[str, Policy]:
         """First attack of each role with its default parameters."""
         return self._all(self.serving.default, self.rating.default)
@@ -99,7 +104,7 @@ class Scripts:
 
         Where both roles attack, the grid also has attacks in which one of them plays honestly.
         """
-        serves, rates = any(agent[1] for agent in self.agents), any(agent[2] for agent in self.agents)
+        serves, rates = self.roles
         serving, rating = self.serving.grid if serves else [HONEST], self.rating.grid if rates else [HONEST]
         if serves and rates:
             serving, rating = [*serving, HONEST], [*rating, HONEST]
@@ -125,6 +130,17 @@ class Scripts:
             name: both if serves and rates else serving if serves else rating if rates else HONEST
             for name, serves, rates in self.agents
         }
+
+
+def with_paper(task: AttackTask, kind: AttackKind) -> tuple[AttackKind, ...]:
+    """Return a kind of attack, and the attack of the paper for a compromised role that it leaves out.
+
+    Args:
+        task: Task with the compromised agents.
+        kind: Kind of attack that one of them can play.
+    """
+    roles = zip(paper_attacks(), Scripts.of(task).roles, Scripts.of(task, [kind]).roles, strict=True)
+    return (kind, *(paper for paper, compromised, covered in roles if compromised and not covered))
 
 
 def describe(attack: Mapping[str, Policy]) -> str:

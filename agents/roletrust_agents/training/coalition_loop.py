@@ -1,6 +1,7 @@
 """Training of a coalition, with checkpoints from which it continues to the last bit."""
 
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     return finish(run, training.tasks[0], training.network, curve, training.rounds), curve
 
 
-def _training(run: Run) -> CoalitionTraining:
+def _training(run: Run) -> CoalitionTraining[Any]:
     """Return the training of a run at its beginning."""
     tasks = [task_from_card(run.task, model, run.scenario) for model in (run.trust_model, *run.further_models)]
     settings = make_settings(run.task.id, run.algo, run.settings)
@@ -49,14 +50,14 @@ def _training(run: Run) -> CoalitionTraining:
     return GradientAscent(tasks, settings, run.seed, run.steps, known_starts(settings.start))
 
 
-def _save(training: CoalitionTraining, curve: list[Point], folder: RunFolder) -> None:
+def _save(training: CoalitionTraining[Any], curve: list[Point], folder: RunFolder) -> None:
     assert training.best is not None  # it has just been validated
     files = {"state": training.state(), "best": training.best.weights.tobytes()}
     notes = {"best": training.best.score, "curve": [list(point) for point in curve]}
     folder.save(Checkpoint(training.rounds, files, notes))
 
 
-def _take_up(training: CoalitionTraining, folder: RunFolder) -> list[Point]:
+def _take_up(training: CoalitionTraining[Any], folder: RunFolder) -> list[Point]:
     """Continue from the last checkpoint, if there is one, and return the learning curve so far."""
     last = folder.last()
     if last is None:

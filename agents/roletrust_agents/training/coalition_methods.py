@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
 
-SettingsT = TypeVar("SettingsT", bound=CoalitionSettings)
+TrainingT = TypeVar("TrainingT", bound=CoalitionTraining[Any])
 
 _STEPS = 2  # fewer are no training
 _LOOK = 2  # games that show whether anything is left to chance
@@ -78,10 +78,7 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
         settings = EvolutionSettings(**fields)
-        task = make_task(**arguments)
-        fitted = _fitted(settings, arguments, budget, self.name)
-        evolution = Evolution([task], fitted, seed, budget.left, known_starts(self.start))
-        _train(evolution, budget)
+        evolution = _trained(Evolution, settings, arguments, budget, seed, self.name)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
 
@@ -114,40 +111,37 @@ class Gradients:
         settings = GradientSettings(
             start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
         )
-        task = make_task(**arguments)
-        fitted = _fitted(settings, arguments, budget, self.name)
-        ascent = GradientAscent([task], fitted, seed, budget.left, known_starts(self.start))
-        _train(ascent, budget)
+        ascent = _trained(GradientAscent, settings, arguments, budget, seed, self.name)
         lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
         words = f"coalition, {ascent.steps} steps along gradients{lost}"
         return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words)
 
 
-def _fitted(settings: SettingsT, arguments: TaskArguments, budget: Budget, name: str) -> SettingsT:
-    """Return the settings with a single game where all games are alike, and pay for the games that show this.
+def _trained(
+    kind: type[TrainingT], settings: CoalitionSettings, arguments: TaskArguments, budget: Budget, seed: int, name: str
+) -> TrainingT:
+    """Train until the budget allows no further step, with a single game where all games are alike.
 
     Raises:
         UnsuitableError: The budget is too small.
     """
+    task = make_task(**arguments)
     if is_certain(arguments):
         settings = settings.model_copy(update={"games": 1, "validation": 1})
-    length = make_task(**arguments).game.scenario.max_cycles
+    length = task.game.scenario.max_cycles
     needed = (2 * _STEPS * (settings.step_games + settings.validation) + _LOOK) * length
     if budget.left < needed:
         raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {name}; give {needed} or more")
     budget.spend(_LOOK * length)
-    return settings
-
-
-def _train(training: CoalitionTraining, budget: Budget) -> None:
-    """Train until the budget allows no further step."""
     limit, spent = budget.left, 0
+    training = kind([task], settings, seed, limit, known_starts(settings.start))
     while training.rounds + training.most_rounds <= limit:
         training.step()
         if training.due() or training.rounds + training.most_rounds > limit:
             training.validate()
         budget.spend(training.rounds - spent)
         spent = training.rounds
+    return training
 
 
 @refuse_unknown

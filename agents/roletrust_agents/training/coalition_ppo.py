@@ -76,8 +76,9 @@ class CoalitionPpo:
         task = _task(arguments, self.name)
         rounds = task.game.scenario.max_cycles
         universal = self.start == "universal"
-        rate = self.learning_rate or (0.003 if universal else 0.01)  # a good start is easily lost
-        spread = self.spread or (0.2 if universal else 0.5)
+        usual_rate, usual_spread = (0.003, 0.2) if universal else (0.01, 0.5)  # a good start is easily lost
+        rate = usual_rate if self.learning_rate is None else self.learning_rate
+        spread = usual_spread if self.spread is None else self.spread
         least = _LEAST * rounds + universal * choice_rounds(task)
         if budget.left < least:
             raise UnsuitableError(

@@ -2,14 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.settings import CoalitionSettings
+from roletrust_agents.training.settings import CoalitionSettingsT
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import Mean, over_games
@@ -31,7 +31,7 @@ class Validated(NamedTuple):
     score: float
 
 
-class CoalitionTraining(ABC):
+class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     """A training in progress: steps that improve weights, and validations that keep the best ones.
 
     With several tasks a step plays two of them in turn; the result is an attacker for all.
@@ -44,6 +44,7 @@ class CoalitionTraining(ABC):
         known: Weights of known networks to start from, shape (n,) each, besides the random ones.
 
     Attributes:
+        settings: Settings.
         architecture: Architecture of the network.
         steps: Number of steps so far.
         rounds: Number of rounds that were played.
@@ -53,17 +54,21 @@ class CoalitionTraining(ABC):
     def __init__(
         self,
         tasks: Sequence[AttackTask],
-        settings: CoalitionSettings,
+        settings: CoalitionSettingsT,
         seed: int,
         budget: int,
         known: Sequence[Floats] = (),
     ) -> None:
-        self.tasks, self.seed, self.budget = tuple(tasks), seed, budget
-        self._common = settings
+        self.tasks, self.settings, self.seed, self.budget = tuple(tasks), settings, seed, budget
         self.architecture = DeepSetArchitecture(units=settings.units)
         self.steps = self.rounds = 0
         self.best: Validated | None = None
         self._starts = self._order([weights for weights in known if len(weights) == self.architecture.size])
+        self._begin()
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Make what the training needs besides; the networks to start from are in order, the best first."""
 
     @property
     @abstractmethod
@@ -86,12 +91,12 @@ class CoalitionTraining(ABC):
     def most_rounds(self) -> int:
         """Largest number of rounds of a step, with a validation after it."""
         at_once = self.step_games * len(self.turn)
-        return (at_once + self._common.validation * len(self.tasks)) * self.length
+        return (at_once + self.settings.validation * len(self.tasks)) * self.length
 
     @property
     def step_games(self) -> int:
         """Number of games of the next step with one task."""
-        return self._common.step_games
+        return self.settings.step_games
 
     @property
     def network(self) -> DeepSet:
@@ -111,11 +116,11 @@ class CoalitionTraining(ABC):
 
     def due(self) -> bool:
         """Return whether a validation is due."""
-        return self.steps % self._common.validate_every == 0
+        return self.steps % self.settings.validate_every == 0
 
     def validate(self) -> Mean:
         """Return the score of the weights in the games for validation, and keep them if they are the best."""
-        weights, games = self.weights.copy(), self._common.validation
+        weights, games = self.weights.copy(), self.settings.validation
         network = self.networks(weights[None, :])
         score = over_games(np.mean([self.play(task, network, games, _VALIDATION)[0] for task in self.tasks], axis=0))
         self.rounds += games * len(self.tasks) * self.length
@@ -140,9 +145,9 @@ class CoalitionTraining(ABC):
 
     def _order(self, known: list[Floats]) -> list[Floats]:
         """Return the known networks and random ones, the best first."""
-        games = min(_START_GAMES, self._common.validation)
+        games = min(_START_GAMES, self.settings.validation)
         each = games * self.length * len(self.tasks)
-        many = max(0, min(self._common.candidates, self.budget // 10 // each - len(known)))
+        many = max(0, min(self.settings.candidates, self.budget // 10 // each - len(known)))
         random = np.random.default_rng(self.seed)
         candidates: list[Floats] = [
             *known,

@@ -4,14 +4,12 @@ All candidates of a generation meet the same random numbers, so their scores com
 """
 
 import warnings
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.settings import EvolutionSettings
-from roletrust_env.game.attack_task import AttackTask
 
 _RACE = 0.4
 """Share of the rounds in which several starts compete."""
@@ -19,7 +17,7 @@ _RACE = 0.4
 _JUDGED, _LEAST = 3, 3  # generations that judge a start, and the fewest between two judgements
 
 
-class Evolution(CoalitionTraining):
+class Evolution(CoalitionTraining[EvolutionSettings]):
     """An evolution in progress: separable CMA-ES (Ros and Hansen, 2008) as the package `cma` has it.
 
     What is found depends on the start, and the best start is not the one that is best at first. So several evolve side
@@ -28,30 +26,17 @@ class Evolution(CoalitionTraining):
 
     The state follows from the seed and the scores so far, so a run continues from these.
 
-    Args:
-        tasks: See `CoalitionTraining`, as for the other arguments.
-        settings: Settings.
-        seed: Random seed.
-        budget: Number of rounds.
-        known: Weights of known networks.
+    For the arguments see `CoalitionTraining`.
 
     Attributes:
         scores: Scores of each step so far, shape (starts that are left, population) each.
     """
 
-    def __init__(
-        self,
-        tasks: Sequence[AttackTask],
-        settings: EvolutionSettings,
-        seed: int,
-        budget: int,
-        known: Sequence[Floats] = (),
-    ) -> None:
-        super().__init__(tasks, settings, seed, budget, known)
-        self.settings = settings
+    def _begin(self) -> None:
         self.scores: list[Floats] = []
-        starts, self._judged_at = self._race()
-        self._strategies = [_strategy(start, settings, (seed, k)) for k, start in enumerate(self._starts[:starts])]
+        many, self._judged_at = self._race()
+        starts = enumerate(self._starts[:many])
+        self._strategies = [_strategy(start, self.settings, (self.seed, k)) for k, start in starts]
 
     @property
     def weights(self) -> Floats:

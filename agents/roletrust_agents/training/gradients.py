@@ -10,7 +10,6 @@ the slope is right only between the jumps, and evolution may find more.
 
 import io
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.evaluation.smooth import SmoothTask, flat_roots, one_thread
-from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import Mean
 
 _LOST = 0.02
@@ -33,19 +31,14 @@ _COUNTS = ("steps", "skipped", "given_up")
 """Attributes that a checkpoint holds."""
 
 
-class GradientAscent(CoalitionTraining):
+class GradientAscent(CoalitionTraining[GradientSettings]):
     """Gradient ascent in progress: Adam (Kingma and Ba, 2015) on all weights.
 
     It validates its start, too. A network that is far below the best one in a validation is given up: the next step
     goes on from the best one at half the learning rate. Otherwise a network that has lost its slopes, as its units
     saturate, would stay so. A backward pass counts no rounds.
 
-    Args:
-        tasks: See `CoalitionTraining`, as for the other arguments.
-        settings: Settings.
-        seed: Random seed.
-        budget: Number of rounds, after which the learning rate is 0.
-        known: Weights of known networks.
+    For the arguments see `CoalitionTraining`. The learning rate is 0 when the budget is played.
 
     Attributes:
         skipped: Number of steps without an effect, because their gradient was not finite.
@@ -55,22 +48,13 @@ class GradientAscent(CoalitionTraining):
         UnsuitableError: No slope leads from the objective to the network.
     """
 
-    def __init__(
-        self,
-        tasks: Sequence[AttackTask],
-        settings: GradientSettings,
-        seed: int,
-        budget: int,
-        known: Sequence[Floats] = (),
-    ) -> None:
+    def _begin(self) -> None:
         import torch
 
-        super().__init__(tasks, settings, seed, budget, known)
-        self.settings = settings
         self.skipped = self.given_up = 0
-        self._smooth = [SmoothTask(task, settings.temperature) for task in self.tasks]
+        self._smooth = [SmoothTask(task, self.settings.temperature) for task in self.tasks]
         self._vector: Any = torch.tensor(self._starts[0], dtype=torch.float32, requires_grad=True)
-        self._adam: Any = torch.optim.Adam([self._vector], lr=settings.learning_rate)
+        self._adam: Any = torch.optim.Adam([self._vector], lr=self.settings.learning_rate)
         self.validate()
 
     @property

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -141,6 +141,7 @@ class GradientSettings(CoalitionSettings):
         return self.games
 
 
+CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
 Settings = LearnerSettings | EvolutionSettings | GradientSettings
 _KINDS: dict[str, type[Settings]] = {

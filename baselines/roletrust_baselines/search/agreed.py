@@ -9,7 +9,7 @@ from roletrust_baselines.search.searchers import Attacks, cma_es
 from roletrust_baselines.search.trial import GENERATION, Attack, Scores, Trial
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments
-from roletrust_env.evaluation.scripts import Scripts, paper_attacks
+from roletrust_env.evaluation.scripts import Scripts, paper_attacks, with_paper
 from roletrust_env.evaluation.search import Budget, SearchResult
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.parameters import refuse_unknown
@@ -42,7 +42,8 @@ class AgreedCmaEs:
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         trial, random = Trial(arguments, budget, seed), np.random.default_rng(seed)
-        groups = [_with_paper(trial.task, kind) for kind in (self.attacks or _paper(trial.task))[: trial.left]]
+        kinds = self.attacks or _paper(trial.task)
+        groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
         attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]
         scores: list[Scores] = [trial.scores(attacks)]
         leaders = _leaders(trial.task, [groups[k] for k in np.argsort(-scores[0], kind="stable")])
@@ -58,31 +59,15 @@ def _alike(task: AttackTask, kinds: Sequence[AttackKind]) -> Scripts:
     return Scripts.of(task, kinds, alike=True)
 
 
-def _roles(task: AttackTask, kinds: Sequence[AttackKind] | None) -> tuple[bool, bool]:
-    """Return whether any compromised agent attacks by its services, and whether any by its ratings."""
-    agents = Scripts.of(task, kinds).agents
-    return any(serves for _, serves, _ in agents), any(rates for _, _, rates in agents)
-
-
 def _paper(task: AttackTask) -> Group:
     """Return the attacks of the paper that compromised agents can play."""
-    return tuple(kind for kind, plays in zip(paper_attacks(), _roles(task, None), strict=True) if plays)
-
-
-def _with_paper(task: AttackTask, kind: AttackKind) -> Group:
-    """Return a kind of attack, and the attack of the paper for a role that it leaves out."""
-    missing = [paper for paper in _paper(task) if not _covers(_roles(task, [kind]), _roles(task, [paper]))]
-    return (kind, *missing)
-
-
-def _covers(roles: tuple[bool, bool], others: tuple[bool, bool]) -> bool:
-    return all(mine or not other for mine, other in zip(roles, others, strict=True))
+    return tuple(kind for kind, plays in zip(paper_attacks(), Scripts.of(task).roles, strict=True) if plays)
 
 
 def _leaders(task: AttackTask, groups: Sequence[Group]) -> list[Group]:
     """Return the groups to search, from all groups in the order of their scores."""
     leaders = list(groups[:_LEADERS])
-    roles = [_roles(task, group[:1]) for group in groups]
+    roles = [Scripts.of(task, group[:1]).roles for group in groups]
     if (True, False) in roles and (False, True) in roles:
         pair = (groups[roles.index((True, False))][0], groups[roles.index((False, True))][0])
         leaders.append(pair)

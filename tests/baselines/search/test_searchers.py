@@ -16,7 +16,7 @@ from roletrust_env.evaluation.attack_space import HONEST
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
-from roletrust_env.evaluation.scripts import Scripts, describe
+from roletrust_env.evaluation.scripts import Scripts, describe, with_paper
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 from roletrust_env.ranges import SearchRange
@@ -221,7 +221,7 @@ def test_agents_that_agree_play_one_attack_for_each_role():
 def test_agents_that_agree_search_the_best_kinds_and_their_pair():
     """A kind for one role is played with the attack of the paper; the best kinds of both roles make a pair."""
     task = make_task(**CROWD)
-    groups = [agreed._with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
+    groups = [with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
     assert groups == [(RankLies, OnOff), (ThresholdSurfing, BadMouthing), (BadMouthing, OnOff)]
     assert agreed._leaders(task, groups) == [*groups, (ThresholdSurfing, RankLies)]
     rounds = found(AgreedCmaEs(attacks=(RankLies, ThresholdSurfing)), CROWD, 30_000).rounds
