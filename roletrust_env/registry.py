@@ -107,8 +107,12 @@ class Registry(Generic[T]):
             raise ValueError(
                 f"{self.kind} {text!r} must make a {self.base.__name__}, so it must be a class {requirement}"
             )
+        return self.with_only(name, cls)
+
+    def with_only(self, name: str, factory: Callable[..., T]) -> "Registry[T]":
+        """Return a registry of the same kind with a single factory, registered under a name."""
         single: Registry[T] = Registry(self.kind, self.group, self.base)
-        single.register(name, cls)
+        single.register(name, factory)
         return single
 
     def accepted_parameters(self, name: str, offered: Mapping[str, Any]) -> dict[str, Any]:

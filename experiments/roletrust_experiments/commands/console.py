@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Column, Table
 from rich.text import Text
 
+from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_experiments.paper.claims import Claim
 
 ALLOW_CODE = "Allow the file to name classes that are not installed, as package.module:Class. This runs their code."
@@ -91,8 +92,9 @@ def print_json(data: Mapping[str, Any]) -> None:
 
 
 def needs_code(names: Iterable[str]) -> str | None:
-    """Return the option `--allow-code` where a spec such as `package.module:Class` needs it, else None."""
-    return "--allow-code" if any(re.match(r"[\w.]+:\w+(?!\w*=)", name) for name in names) else None
+    """Return the option `--allow-code` where a spec as `package.module:Class` or an address needs it, else None."""
+    foreign = (name for name in names if re.match(r"[\w.]+:\w+(?!\w*=)", name) or name.partition(":")[0] in OUTSIDE)
+    return "--allow-code" if any(foreign) else None
 
 
 def print_next(*words: object, where: Console = console) -> None:

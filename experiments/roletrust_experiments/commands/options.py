@@ -12,6 +12,7 @@ from roletrust_experiments.commands.console import option
 NAMED = "NAME[:key=value,...]"
 SEATED = "AGENT=NAME[:key=value,...]"
 _OWN = "NAME may be your own class, package.module:Class, whose module is then imported."
+_OWN_MODEL = f"{_OWN} A program is exec:COMMAND, a service its URL."
 
 Task = Annotated[
     str,
@@ -31,12 +32,14 @@ SettingsOption = Annotated[
         "--set", metavar="FIELD=VALUE", help="Field of the scenario to change; repeat for more.", show_default=False
     ),
 ]
-ModelOption = Annotated[str, typer.Option(metavar=NAMED, help=f"Trust model. {_OWN}", autocompletion=completion.models)]
+ModelOption = Annotated[
+    str, typer.Option(metavar=NAMED, help=f"Trust model. {_OWN_MODEL}", autocompletion=completion.models)
+]
 ModelsOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar=NAMED,
-        help=f"Trust model; repeat for more; all installed ones if left out. {_OWN}",
+        help=f"Trust model; repeat for more; all installed ones if left out. {_OWN_MODEL}",
         autocompletion=completion.models,
         show_default=False,
     ),

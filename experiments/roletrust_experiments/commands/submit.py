@@ -10,14 +10,13 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from roletrust_env.benchmark.agreement import Check, check_bias, check_cell
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import CellClaim, make_submission
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite import Suite, suites
 from roletrust_env.benchmark.verification import (
     LONGEST_S,
-    Check,
-    check_cell,
     check_claims,
     check_names,
     check_scores,
@@ -72,7 +71,8 @@ def submit(
         table.add_row(escape(name), standing.worst.text)
     console.print(table)
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
-    print_next("verify", out, needs_code((*found.models, *found.attacks)))
+    own = None if found.suite["name"] in suites() else "--own-suite"
+    print_next("verify", out, own, needs_code((*found.models, *found.attacks)))
 
 
 def verify(
@@ -89,13 +89,17 @@ def verify(
             show_default=False,
         ),
     ] = None,
+    own_suite: Annotated[
+        bool, typer.Option("--own-suite", help="Accept a suite that is none of this package.")
+    ] = False,
     workers: Workers = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
     """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
 
     With the same software and processor, a cell must give the same numbers to the last bit; otherwise every mean must
-    lie within its interval. The exit code is 1 if a check fails, and 2 if the file cannot be read. The file may only
+    lie within its interval, and utilities must not be too high on the whole. The suite has to be one of this package,
+    recognised by its hash. The exit code is 1 if a check fails, and 2 if the file cannot be read. The file may only
     name what is installed, unless --allow-code is given.
 
     [bold]Examples[/]
@@ -110,13 +114,16 @@ def verify(
     found, suite = read_submission(file)
     if not allow_code:
         check_names(suite)
-    checks = check_claims(found, suite)
+    checks = check_claims(found, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
     claims, same = sample_claims(found, number, seed), is_same_platform(found)
-    kept = []
+    kept, asked = [], []
     for claim, again in _played(suite, claims, workers):
         kept.append(again)
+        asked.append(claim)
         checks.append(check_cell(claim, again.result, same))
+    if kept:
+        checks += check_bias(asked, [again.result for again in kept])
     if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
         checks += check_scores(found, suite, kept, same)
     console.print(_table(file, checks))
@@ -125,6 +132,7 @@ def verify(
         print_next(
             "verify",
             file,
+            "--own-suite" if own_suite else None,
             "--allow-code" if allow_code else None,
             "--cells",
             min(len(found.cells), max(10, 2 * number)),

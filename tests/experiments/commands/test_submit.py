@@ -49,7 +49,7 @@ def verified(tmp_path: Path, text: str) -> Callable[..., tuple[int, str]]:
         change(said)
         path = tmp_path / "theirs.json"
         path.write_text(json.dumps(said))
-        result = run("verify", str(path), *(options or ("--cells", "0")))
+        result = run("verify", str(path), "--own-suite", *(options or ("--cells", "0")))
         return result.exit_code, " ".join(result.output.split())
 
     return verify
@@ -147,6 +147,38 @@ def test_on_other_software_means_have_to_be_within_the_intervals(verified: Calla
     assert "7.0000" in told
 
 
+def test_an_edited_choice_of_the_worst_case_is_found(verified: Callable) -> None:
+    def change(said: Any) -> None:
+        other_versions(said)
+        rows = [row for one in said["cells"] if one["track"] == "raters" for row in one["attacks"]]
+        min(rows, key=lambda row: row["chosen"])["chosen"] += 2
+
+    code, told = verified(change, "--cells", "100", "--workers", "1")
+    assert code == 1
+    assert "claimed 2." in told  # the best possible is 1
+
+
+def test_utilities_that_are_a_little_too_high_everywhere_are_found(verified: Callable) -> None:
+    def change(said: Any) -> None:
+        other_versions(said)
+        for one in said["cells"]:
+            for row in one["attacks"]:
+                row["measured"]["utility"]["mean"] += 1.3 * row["measured"]["utility"]["half_95"]
+
+    code, told = verified(change, "--cells", "100", "--workers", "1")
+    assert code == 1
+    assert "claimed" not in told.partition("cell mean")[2].partition("bias of")[0]  # each is within its interval
+    assert "not ok bias of utility" in told
+    assert "ok bias of chosen utility" in told
+
+
+def test_an_easier_suite_is_no_entry(tmp_path: Path, text: str) -> None:
+    (tmp_path / "theirs.json").write_text(text)
+    result = run("verify", str(tmp_path / "theirs.json"), "--cells", "0")
+    assert result.exit_code == 1
+    assert "not a suite of this package; --own-suite accepts it" in " ".join(result.output.split())
+
+
 def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_path: Path) -> None:
     def change(said: Any) -> None:
         said["suite"]["name"] = "quick"
@@ -201,7 +233,7 @@ def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> 
     refused = run("verify", out)
     assert (refused.exit_code, "which is not installed" in " ".join(refused.output.split())) == (2, True)
     assert not (tmp_path / "imported").exists()
-    allowed = run("verify", out, "--allow-code", "--cells", "0")
+    allowed = run("verify", out, "--allow-code", "--own-suite", "--cells", "0")
     assert allowed.exit_code == 0, allowed.output
 
 

@@ -1,0 +1,230 @@
+"""Trust models outside the process: programs, services, their errors, and what they cannot do."""
+
+import copy
+import json
+import pickle
+import shutil
+import sys
+import threading
+from http.server import HTTPServer
+
+import numpy as np
+import pytest
+from pages import HOUSE, blocks
+
+import roletrust_env
+from roletrust_env import evaluate, make_scenario
+from roletrust_env.benchmark.sources import hashes
+from roletrust_env.evaluation.specs import check_installed, named_factory, parse_trust_model
+from roletrust_env.testing import trust_models as checks
+from roletrust_env.trust import outside_sessions
+from roletrust_env.trust.model import registry
+from roletrust_env.trust.outside import OutsideModel
+from roletrust_env.trust.outside_links import ProcessLink
+
+PAGE = HOUSE / "docs/guide/outside.md"
+
+ECHO = """
+import json, sys
+for line in sys.stdin:
+    message = json.loads(line)
+    if "over" not in message:
+        print(json.dumps({answer}), flush=True)
+"""
+
+
+def program(folder, text):
+    """The address of a Python program."""
+    path = folder / "program.py"
+    path.write_text(text)
+    return f"exec:{sys.executable} {path}"
+
+
+def echo(folder, answer):
+    """The address of a program that answers every message with an expression."""
+    return program(folder, ECHO.format(answer=answer))
+
+
+def played(address, ratings=0.8, raters=2, providers=2):
+    """The model and its state after one round of equal ratings."""
+    model = OutsideModel(address)
+    rounds = np.full((raters, providers, 3), ratings)
+    return model, model.update(model.start(np.zeros(rounds.shape)), rounds, rounds > 0)
+
+
+@pytest.fixture(scope="module")
+def service():
+    """The address of the service on the page, in a thread."""
+    names = {"__name__": "service"}
+    exec(compile(blocks(PAGE, "python")[0], "service", "exec"), names)
+    server = HTTPServer(("127.0.0.1", 0), names["Service"])
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+
+
+@pytest.fixture
+def script(tmp_path):
+    """The address of the program in JavaScript on the page."""
+    if not shutil.which("node"):
+        pytest.skip("there is no Node.js")
+    (tmp_path / "mean.js").write_text(blocks(PAGE, "javascript")[0])
+    return f"exec:node {tmp_path / 'mean.js'}"
+
+
+@pytest.fixture(params=["service", "script"])
+def address(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_the_examples_have_the_numbers_of_the_model_inside(address):
+    outside, inside = (evaluate(model, "bad-mouthing", "market", games=3) for model in (address, "mean"))
+    for one, other in zip(outside[:4], inside[:4], strict=True):  # but the mean rates no raters, and so has no AUC
+        assert one[:2] == pytest.approx(other[:2], abs=1e-9)
+
+
+def test_they_keep_to_the_contract(service):
+    model = OutsideModel(service)
+    for shape in ((3, 3), (2, 5, 6)):
+        checks.check_kinds(model, shape, np.float32)
+        checks.check_masks(model, shape)
+        checks.check_batch(model, (*shape[:2], 3))
+    checks.check_permutation(model)
+    checks.check_torch(model, (3, 4))
+
+
+def test_the_model_gets_ratings_and_nothing_else(tmp_path):
+    log = tmp_path / "log"
+    text = f"import sys, json\nlog = open({str(log)!r}, 'w')\n" + ECHO.replace(
+        "    message =", "    print(line, end='', file=log, flush=True)\n    message ="
+    ).format(answer="{'providers': [0.5] * message['providers']}")
+    model = OutsideModel(program(tmp_path, text))
+    ratings = np.array([[0.25, 0.5], [0.75, 1.0]])
+    model.update(model.start(np.zeros((2, 2))), ratings, np.array([[True, False], [True, True]]))
+    begun, round = map(json.loads, log.read_text().splitlines())
+    number = begun.pop("game")
+    assert begun == {"round": 0, "raters": 2, "providers": 2, "ratings": []}
+    listed = [[0, 0, 0.25], [1, 0, 0.75], [1, 1, 1.0]]
+    assert round == {"game": number, "round": 1, "raters": 2, "providers": 2, "ratings": listed}
+
+
+def test_the_messages_on_the_page_are_those_of_the_protocol(tmp_path):
+    message, answer = map(json.loads, blocks(PAGE, "json"))
+    shape, ratings = (message["raters"], message["providers"]), np.full((4, 2), np.nan)
+    for rater, provider, rating in message["ratings"]:
+        ratings[rater, provider] = rating
+    sent = outside_sessions._request(message["game"], message["round"], shape, message["ratings"])
+    assert json.loads(sent) == message
+    model = OutsideModel(echo(tmp_path, repr(answer)))
+    state = model.update(model.start(np.zeros(shape)), ratings, ratings == ratings)
+    assert model.provider_trust(state).tolist() == answer["providers"]
+    assert model.rater_trust(state).tolist() == answer["raters"]
+
+
+def test_trust_of_raters_is_there_if_the_model_has_it(tmp_path):
+    without, _ = played(echo(tmp_path, "{'providers': [0.2, 0.3]}"))
+    assert not without.rates_raters
+    with_raters, state = played(echo(tmp_path, "{'providers': [0.2, 0.3], 'raters': [0.6, 1]}"))
+    assert with_raters.rates_raters
+    np.testing.assert_array_equal(with_raters.rater_trust(state), [[0.6] * 3, [1] * 3])
+    np.testing.assert_array_equal(with_raters.provider_trust(state), [[0.2] * 3, [0.3] * 3])
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ("{'raters': [1, 1]}", "no 'providers' in its answer"),
+        ("[0.5, 0.5]", "no 'providers'"),
+        ("{'providers': [0.5]}", "'providers' is no list of 2 numbers"),
+        ("{'providers': [0.5, 1.5]}", "something else than numbers in"),
+        ("{'providers': [0.5, True]}", "something else than numbers in"),
+        ("{'providers': [0.5, float('nan')]}", "something else than numbers in"),
+        ("{'providers': [0.5, 0.5], 'raters': 'all'}", "'raters' is no list of 2 numbers"),
+        ("exit(3)", "it has ended with exit code 3"),
+        ("1 / 0", "exit code 1: ZeroDivisionError: division by zero"),
+        ("print('trust')", "no JSON in its answer 'trust"),
+    ],
+)
+def test_a_wrong_answer_is_one_clear_error(tmp_path, answer, message):
+    with pytest.raises(ValueError, match=message):
+        played(echo(tmp_path, answer))
+
+
+def test_who_does_not_answer_is_ended(tmp_path):
+    link = ProcessLink(program(tmp_path, "import sys\nsys.stdin.read()").removeprefix("exec:"), limit_s=0.2)
+    with pytest.raises(ValueError, match=r"not answered for 0.2 s"):
+        link.ask(["{}"])
+    assert link._process.poll() is not None
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("exec:./not-there", "cannot be started"),
+        ("exec:'", "cannot be started"),
+        ("http://127.0.0.1:9", "cannot be reached"),
+        ("exec:", "must be exec:COMMAND"),
+        ("http://", "must be exec:COMMAND"),
+        ("ftp:there", "must be exec:COMMAND"),
+    ],
+)
+def test_what_is_not_there_is_one_clear_error(address, message):
+    with pytest.raises(ValueError, match=message):
+        played(address)
+
+
+def test_a_game_does_not_go_back(service):
+    model = OutsideModel(service)
+    start = model.start(np.zeros((2, 2)))
+    ratings = np.full((2, 2), 0.9)
+    first = model.update(start, ratings, ratings > 0)
+    again = model.update(start, ratings, ratings > 0)  # a game without ratings begins again
+    assert (model.provider_trust(first) == model.provider_trust(again)).all()
+    model.update(first, ratings, ratings > 0)
+    with pytest.raises(ValueError, match="cannot go back to round 1 of a game"):
+        model.update(first, ratings, ratings > 0)
+
+
+def test_old_games_are_forgotten(service, monkeypatch):
+    monkeypatch.setattr(outside_sessions, "MOST_GAMES", 4)
+    model = OutsideModel(service)
+    ratings = np.full((2, 2, 3), 0.9)
+    old = model.update(model.start(ratings), ratings, ratings > 0)
+    model.start(ratings)
+    with pytest.raises(ValueError, match="cannot go back"):
+        model.update(old, ratings, ratings > 0)
+
+
+def test_the_process_ends_with_the_model(tmp_path):
+    model, _ = played(echo(tmp_path, "{'providers': [0.2, 0.3]}"))
+    process = model._sessions().link._process
+    assert process.poll() is None
+    del model
+    assert process.wait(5) is not None
+
+
+def test_a_copy_has_a_process_of_its_own(tmp_path):
+    model, _ = played(echo(tmp_path, "{'providers': [0.2, 0.3]}"))
+    for other in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        assert other.address == model.address
+        assert other._sessions() is not model._sessions()
+
+
+def test_the_hash_follows_the_program(tmp_path):
+    address = echo(tmp_path, "{}")
+    before = hashes({"model": named_factory(registry, address)})
+    assert before == hashes({"model": named_factory(registry, address)})
+    echo(tmp_path, "[]")
+    assert before != hashes({"model": named_factory(registry, address)})
+
+
+def test_a_file_may_not_name_a_program():
+    with pytest.raises(ValueError, match="--allow-code"):
+        check_installed(registry, ["exec:rm -r results"])
+
+
+def test_an_address_is_a_model_wherever_a_name_is(service):
+    scenario = make_scenario("paper-3x3")
+    assert parse_trust_model(service, scenario).address == service
+    with pytest.raises(ValueError, match="unknown trust model 'exec'"):
+        roletrust_env.make_trust_model("exec")
