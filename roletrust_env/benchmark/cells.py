@@ -10,6 +10,8 @@ from roletrust_env.evaluation.specs import named_factory, parse_trust_model
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.trust.model_checks import needs_watching
+from roletrust_env.trust.seats import RandomSeats
 from roletrust_env.world.roster import Roster
 
 HONEST = "nobody"
@@ -121,12 +123,16 @@ def task_arguments(suite: Suite, cell: Cell) -> TaskArguments:
         ValueError: The track does not fit the scenario, see `attacked_scenario`, or the trust model cannot be created.
     """
     scenario, compromised = attacked_scenario(suite, cell)
+    model: Any = parse_trust_model(cell.model, scenario)
+    if suite.places == "random" and needs_watching(model):
+        model = RandomSeats(model, cell.seed)
     return {
         "scenario": scenario,
-        "trust_model": parse_trust_model(cell.model, scenario),
+        "trust_model": model,
         # An attack task needs an agent even if all are honest. This agent then acts honestly.
         "compromised": compromised or Roster.of(scenario).owner_names[:1],
         "objective": objective(cell.rung, suite.tracks[cell.track].roles),
+        "consumers": suite.consumers,
     }
 
 

@@ -12,6 +12,7 @@ from roletrust_env import Scenario, make_scenario
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.errors import explain, suggest
+from roletrust_env.game.attack_task import Consumers
 from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal[
@@ -98,6 +99,11 @@ class Suite(SuiteSchema):
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
+    places: Literal["last", "random"] = "last"
+    """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
+    models of this project treat all agents alike, as their tests show, and never see them in another order."""
+    consumers: Consumers = "public"
+    """Who consumes: the public, which goes by published trust, or the honest raters, each by what it knows."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -7,10 +7,10 @@ be installed. The consistency of their numbers is checked before any game is pla
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from roletrust_env.benchmark.agreement import ROUNDING, Check, within
 from roletrust_env.benchmark.cells import HONEST, cells
-from roletrust_env.benchmark.schema import CellResult
 from roletrust_env.benchmark.sources import Source
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.submission import (
@@ -20,7 +20,6 @@ from roletrust_env.benchmark.submission import (
     Score,
     Submission,
     fingerprint,
-    make_claim,
     model_scores,
     self_contained,
     suite_sources,
@@ -39,23 +38,8 @@ MAX_BYTES = 64_000_000
 LONGEST_S = 3600.0
 """Maximum time limit of a cell in seconds, whatever limit the suite has."""
 
-_ROUNDING = 1e-9
 _MAX_PARTS = 100
 """Maximum number of scenarios, and of tracks, in a suite."""
-
-
-class Check(NamedTuple):
-    """Result of a check.
-
-    Attributes:
-        subject: Part of the submission.
-        ok: Whether the part is correct.
-        message: Explanation of the result.
-    """
-
-    subject: str
-    ok: bool
-    message: str
 
 
 def read_submission(path: Path) -> tuple[Submission, Suite]:
@@ -101,19 +85,20 @@ def is_same_platform(submission: Submission) -> bool:
     return submission.software.model_dump() == software() and submission.processor == processor()
 
 
-def check_claims(submission: Submission, suite: Suite) -> list[Check]:
+def check_claims(submission: Submission, suite: Suite, *, own_suite: bool = False) -> list[Check]:
     """Check the claims that need no game: the suite, the software, the sources, and the consistency of the scores.
 
     Args:
         submission: Submission to check.
         suite: Suite of the submission.
+        own_suite: Accept a suite that is none of this package.
 
     Raises:
         ValueError: A model or an attack cannot be loaded.
     """
     own = suite_sources(suite)
     return [
-        _check_suite(submission, suite),
+        _check_suite(submission, suite, own_suite),
         _check_software(submission),
         *_check_sources("model", submission.models, own["models"]),
         *_check_sources("attack", submission.attacks, own["attacks"]),
@@ -137,33 +122,6 @@ def sample_claims(submission: Submission, number: int, seed: int) -> list[CellCl
     return random.Random(seed).sample(submission.cells, min(number, len(submission.cells)))
 
 
-def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
-    """Compare the claim for a cell with its result on this machine.
-
-    Args:
-        claim: Claim for the cell.
-        result: Result of the cell on this machine.
-        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
-    """
-    subject = f"cell {claim.cell.key}"
-    if result.failed:
-        return Check(subject, False, f"failed here: {result.failed}")
-    own_claim = make_claim(claim.cell, result)
-    claimed, own = ({one.attack: one for one in each.attacks} for each in (claim, own_claim))
-    if different := sorted(claimed.keys() ^ own.keys()):
-        name = different[0]
-        return Check(subject, False, f"{name}: {'only in the claim' if name in claimed else 'missing in the claim'}")
-    if same:
-        wrong = [name for name in claimed if claimed[name] != own[name]]
-        return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
-    for name, one in claimed.items():
-        for metric, score in one.measured:
-            own_score = getattr(own[name].measured, metric)
-            if not _within(score, own_score):
-                return Check(subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}")
-    return Check(subject, True, "within the intervals")
-
-
 def check_scores(submission: Submission, suite: Suite, stored: Sequence[StoredCell], same: bool) -> list[Check]:
     """Compare the scores of the models and their intervals with those of a complete run on this machine.
 
@@ -175,7 +133,7 @@ def check_scores(submission: Submission, suite: Suite, stored: Sequence[StoredCe
     """
 
     def agrees(name: str, claimed: Score, own: Score) -> bool:
-        return claimed == own if same else _within(claimed, own)
+        return claimed == own if same else within(claimed, own)
 
     return _check_model_scores("measured scores of", submission.standings, model_scores(suite, stored), agrees)
 
@@ -231,11 +189,14 @@ def _check_same(field: str, expected: Iterable[str], actual: Iterable[str]) -> N
         raise ValueError(f"{field}: not those of the suite, such as {different[0][:300]!r}")
 
 
-def _check_suite(submission: Submission, suite: Suite) -> Check:
+def _check_suite(submission: Submission, suite: Suite, own_suite: bool) -> Check:
     if fingerprint(suite) != submission.suite_sha256:
         return Check("suite", False, "its hash is not the stated one")
     if suite.name not in suites():
-        return Check("suite", True, "not a suite of this package")
+        known = "not a suite of this package"
+        return Check(
+            "suite", own_suite, known if own_suite else f"{known}; --own-suite accepts it, a leaderboard does not"
+        )
     bundled = load_suite(suite.name)
     if isinstance(bundled, Suite) and fingerprint(self_contained(bundled, suite.models)) == submission.suite_sha256:
         return Check("suite", True, f"{suite.name}, the same as in this package")
@@ -298,15 +259,7 @@ def _is_consistent(name: str, claimed: Score, own: Score) -> bool:
     If damage or AUC is undefined in some games, the mean of the cell means differs slightly from the mean of all games.
     """
     if name in ("damage", "detection"):
-        return _within(claimed, own)
+        return within(claimed, own)
     return claimed.mean == own.mean or (
-        claimed.mean is not None and own.mean is not None and abs(claimed.mean - own.mean) <= _ROUNDING
+        claimed.mean is not None and own.mean is not None and abs(claimed.mean - own.mean) <= ROUNDING
     )
-
-
-def _within(claimed: Score, own: Score) -> bool:
-    """Return whether two means differ by sampling noise at most, by the own interval or else the claimed one."""
-    if claimed.mean is None or own.mean is None:
-        return claimed.mean == own.mean
-    half = own.half_95 if own.half_95 is not None else claimed.half_95 or 0.0
-    return abs(claimed.mean - own.mean) <= half * 2**0.5 + _ROUNDING

@@ -18,6 +18,8 @@ from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.trust.outside import KINDS as OUTSIDE
+from roletrust_env.trust.outside import OutsideFactory
 from roletrust_env.world.roster import Roster
 
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.
@@ -223,8 +225,10 @@ def _parameters(rest: str, text: str) -> dict[str, Any]:
 
 
 def _parsed(registry: Registry[Any], text: str) -> tuple[Registry[Any], str, dict[str, Any]]:
-    """Return the registry, the name and the parameters of `NAME:...` or `package.module:Class:...`."""
+    """Return registry, name and parameters of `NAME:...`, `package.module:Class:...` or the address of a model."""
     name, _, rest = text.strip().partition(":")
+    if registry is trust_models and name in OUTSIDE:
+        return registry.with_only(name, OutsideFactory(text.strip())), name, {}
     owner, _, after = rest.partition(":")
     if name not in registry:
         if name and owner.strip().isidentifier():

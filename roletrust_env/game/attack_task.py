@@ -25,6 +25,7 @@ from roletrust_env.randomness import Random
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
+Consumers = Literal["public", "raters"]
 
 
 class TaskState(NamedTuple):
@@ -71,8 +72,8 @@ class AttackTask:
             `"exploit"`, the mean over the attacker's providers of ToP times 1 - delivered quality, which is bad service
             sold on good trust; for a provider with several identities the mean over the present ones;
             `"promote"`, the same for the accomplices;
-            `"mislead"`, the best quality on offer, less the quality that a consumer got from the provider with the
-            highest ToP before the round, see `game.consumer`.
+            `"mislead"`, the best quality on offer, less the quality that consumers got from the provider with the
+            highest trust before the round, see `game.consumer`.
         stealth: Price of a trust gap. The gap of a compromised agent is the mean trust of the present honest agents of
             its role, less its own trust. For an SR+SP agent, and for an agent with several identities that have been
             present, the largest gap counts. The cost is the mean over the compromised agents of the gap beyond the
@@ -81,6 +82,8 @@ class AttackTask:
         knowledge: Knowledge of the attacker, see `observe`.
         others: Policies of further agents by name; agents that are not named play honestly.
         accomplices: Names of the providers of `"promote"`, compromised or not.
+        consumers: Who consumes: the `"public"`, which goes by the published trust; or the honest `"raters"` that are
+            present, each of which goes by what it knows, see `Game.known_trust`.
 
     Raises:
         ValueError: A name is no agent or occurs twice, an objective lacks its agents, or the name of the objective or
@@ -99,10 +102,12 @@ class AttackTask:
         knowledge: Knowledge = "black_box",
         others: Mapping[str, Policy] | None = None,
         accomplices: Sequence[str] = (),
+        consumers: Consumers = "public",
     ) -> None:
         roster = game.roster
         _check_choice("objective", objective, get_args(Objective))
         _check_choice("knowledge", knowledge, get_args(Knowledge))
+        _check_choice("consumers", consumers, get_args(Consumers))
         _check_names("compromised", compromised, roster.owner_names)
         _check_names("accomplices", accomplices, roster.provider_names)
         if not compromised:
@@ -116,6 +121,7 @@ class AttackTask:
         self.stealth = stealth or Stealth()
         self.knowledge = knowledge
         self.accomplices = tuple(accomplices)
+        self.consumers = consumers
         self.joint_policy = JointPolicy(game, others or {})
         honest = [name for name in roster.names if name not in self.joint_policy.attackers]
         self._side = AttackerSide(roster, self.compromised, honest, game.like)
@@ -131,6 +137,8 @@ class AttackTask:
         agents, there = needed.get(objective, ("nobody", [0]))
         if not there:
             raise ValueError(f"the objective {objective!r} needs {agents}, and there is none")
+        if consumers == "raters" and not self._side.honest_raters:
+            raise ValueError("consumers are the honest raters, and there is none")
 
     def __repr__(self) -> str:
         aim = f"compromised: {' '.join(self.compromised)}, objective: {self.objective}, knowledge: {self.knowledge}"
@@ -216,12 +224,21 @@ class AttackTask:
         return Outcome(reward, objective, cost, caught, over)
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
-        """Return the qualities that consumers got in a round by the trust published before it. See `Game.offered`."""
-        game = self.game
-        top, present = game.published(before)[1], game.present(before)
+        """Return the qualities that consumers got in a round by the trust before it. See `Game.offered`."""
+        game, present = self.game, self.game.present(before)
+        offered = game.offered(before, actions, after)
+        if self.consumers == "public":
+            top = game.published(before)[1]
+            if present is not None:
+                top = namespace(top).where(game.roster.providers(present), top, np.nan)
+            return buy(top, offered, temperature=self.temperature)
+        raters, known = None, game.known_trust(before)
+        xp = namespace(known)
         if present is not None:
-            top = namespace(top).where(game.roster.providers(present), top, np.nan)
-        return buy(top, game.offered(before, actions, after), temperature=self.temperature)
+            known = xp.where(game.roster.providers(present)[None, ...], known, np.nan)
+            raters = game.roster.raters(present)
+        of_each = buy(known, xp.broadcast_to(offered, known.shape), axis=1, temperature=self.temperature)
+        return Bought(*(mean_of(part, self._side.honest_raters, raters) for part in of_each))
 
     def observe(self, state: TaskState) -> Array:
         """Return the observation of the attacker, shape (K, ...).

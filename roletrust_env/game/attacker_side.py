@@ -20,6 +20,7 @@ class AttackerSide:
 
     Attributes:
         identities: Names of the compromised agents, each followed by its identities in reserve.
+        honest_raters: Indices of the honest raters on the rater axis.
         honest_providers: Indices of the honest providers on the provider axis.
     """
 
@@ -29,7 +30,7 @@ class AttackerSide:
         others = [name for name in honest if name not in self.identities]
         self._raters = places(self.identities, roster.rater_names)
         self._providers = places(self.identities, roster.provider_names)
-        self._honest_raters = places(others, roster.rater_names)
+        self.honest_raters = places(others, roster.rater_names)
         self.honest_providers = places(others, roster.provider_names)
         self._sellers = [found for names in owned if (found := places(names, roster.provider_names))]
         self._agents = places(self.identities, roster.names)
@@ -95,7 +96,7 @@ class AttackerSide:
             tolerance: Gap that is subtracted, as it costs nothing.
         """
         gaps = []
-        sides = (self._honest_raters, self._raters), (self.honest_providers, self._providers)
+        sides = (self.honest_raters, self._raters), (self.honest_providers, self._providers)
         for values, there, (honest, mine) in zip(trust, present, sides, strict=True):
             if mine:
                 own = values[mine, ...]

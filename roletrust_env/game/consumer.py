@@ -23,7 +23,7 @@ def buy(trust: Array, offered: Array, axis: int = 0, temperature: float = 0.0) -
     """Return the qualities that consumers get from the providers that serve and have trust; 0 where there is none.
 
     Args:
-        trust: Trust of the providers, as published at the time of the choice; NaN where a provider is absent.
+        trust: Trust of the providers at the time of the choice; NaN where a provider is absent.
         offered: Quality on offer, of the same shape; NaN where a provider does not serve. It may have an axis of raters
             before that of providers, for providers that treat raters differently; then the mean over raters counts.
         axis: Axis of the providers.

@@ -235,6 +235,16 @@ class Game:
             return published
         return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
 
+    def known_trust(self, state: State) -> Array:
+        """Return the trust of each provider as each rater knows it, shape (S, P, ...); NaN where they are one agent.
+
+        A rater has a view of its own under a personal model, and knows the published trust under any other.
+        """
+        shape, judge_trust = state.ratings.shape, getattr(self.model, "judge_trust", None)
+        own = self._over(self._not_self, shape)
+        known = self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
+        return namespace(known).where(own, known, self._nowhere)
+
     def agent_trust(self, state: State) -> Array:
         """Return the trust of every agent, shape (N, ...): ToR of an SR, ToP of an SP, ToA of an SR+SP agent."""
         return self._payoff.agent_trust(*self.published(state), state.counts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
-from roletrust_env.game.attack_task import AttackTask, Knowledge, Objective
+from roletrust_env.game.attack_task import AttackTask, Consumers, Knowledge, Objective
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
@@ -30,6 +30,7 @@ def make_task(
     knowledge: Knowledge = "black_box",
     others: Mapping[str, Policy] | None = None,
     accomplices: Sequence[str] = (),
+    consumers: Consumers = "public",
     observation: Observation = "agents",
     like: Array | None = None,
     **changes: Any,
@@ -45,6 +46,7 @@ def make_task(
         knowledge: `"black_box"`, `"grey_box"` or `"white_box"`, see `AttackTask.observe`.
         others: Policies of further agents by name, which are neither compromised nor honest.
         accomplices: Names of the providers of `"promote"`.
+        consumers: Who consumes, `"public"` or `"raters"`, see `AttackTask`.
         observation: `"agents"`, the observations and actions of the compromised agents one by one, see `AttackTask`; or
             `"coalition"`, features and a decision for each provider, see `CoalitionTask`.
         like: Array of the library, dtype and device to play with; by default NumPy's float32.
@@ -66,4 +68,5 @@ def make_task(
         knowledge=knowledge,
         others=others,
         accomplices=accomplices,
+        consumers=consumers,
     )

@@ -10,8 +10,25 @@ new credence.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
+
+
+class Personal:
+    """A personal model: its state has the trust T of each judge in each provider as `trust`, shape (S, P, ...)."""
+
+    family = "personal"
+
+    def judge_trust(self, state: Any) -> Array:
+        """Return the trust of each judge in each provider, shape (S, P, ...)."""
+        trust: Array = state.trust
+        return trust
+
+    def provider_trust(self, state: Any) -> Array:
+        """Return the judges' mean trust in each provider, shape (P, ...)."""
+        return published_providers(state.trust)
+
 
 _BLOCK = 100_000
 """Number of values of shape (judges, S, P, ...) computed at a time: about the size of a processor's cache."""

@@ -12,6 +12,9 @@ State = TypeVar("State")
 class TrustModel(Protocol[State]):
     """A function from rounds of ratings to trust, which knows nothing of games, names, rewards or files.
 
+    A personal model may have a method `judge_trust(state)` that returns the trust of each rater in each provider, shape
+    (S, P, ...), where `provider_trust` returns what is published.
+
     A model is immutable. Its memory is a state, a NamedTuple of arrays that `update` replaces. A model written with
     operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for one game and for a batch.
 

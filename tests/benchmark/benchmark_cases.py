@@ -38,6 +38,16 @@ def results(stored):
     return {cell.key: result._replace(seconds=0.0) for cell, result in stored}
 
 
+class FirstRaters(Mean):
+    """A mean of the first raters only, since compromised agents often are the last ones."""
+
+    takes_full_rounds = False
+
+    def update(self, state, ratings, mask):
+        early = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1)) < len(mask) // 2
+        return super().update(state, ratings, mask & early)
+
+
 class _Faulty(Mean):
     """Mean that misbehaves from the second round on."""
 

@@ -2,6 +2,7 @@
 
 import random
 
+import numpy as np
 import pytest
 from benchmark_cases import results, tiny
 
@@ -89,3 +90,25 @@ def test_a_faulty_attacker_does_not_affect_others(attack, words, expected):
     assert "\n" not in result.failed
     assert [row.attack for row in result.rows] == ["bad-mouthing"]
     assert result.rows[0] in expected[cell.key].rows  # the same as without the faulty attacker
+
+
+def test_consumers_are_the_public_or_the_honest_raters():
+    """What a judge thinks is no concern of the public; with a central model, both go by the published trust."""
+
+    def utility(model, consumers):
+        suite = tiny(models=[model], consumers=consumers, games=8, rungs=["scripted"])
+        cell = next(one for one in cells(suite) if one.track == "raters")
+        return [value for row in play_cell(suite, cell).rows for value in row.measured["utility"]]
+
+    assert utility("mean", "raters") == pytest.approx(utility("mean", "public"), abs=1e-12)
+    assert utility("travos", "raters") != pytest.approx(utility("travos", "public"), abs=1e-3)
+
+
+def test_a_model_cannot_know_liars_by_their_place():
+    def utility(places, model="benchmark_cases:FirstRaters"):
+        suite = tiny(models=[model], places=places, games=20, rungs=["scripted"], attacks=["complementary"])
+        cell = next(one for one in cells(suite) if one.share == 0.5)
+        return np.mean(play_cell(suite, cell).rows[0].measured["utility"])
+
+    assert utility("last") > utility("random") + 0.02
+    assert utility("random", "mean") == utility("last", "mean")

@@ -76,7 +76,8 @@ EVERY_ACCESS = pytest.mark.parametrize("access", ACCESS)
 
 def make(scenario: Scenario, case: dict[str, Any], like: Any = None, **changes: Any) -> AttackTask:
     arguments = case | changes
-    return AttackTask(Game(scenario, like=like), arguments.pop("compromised"), **arguments)
+    game = Game(scenario, arguments.pop("trust_model", "role-trust"), like)
+    return AttackTask(game, arguments.pop("compromised"), **arguments)
 
 
 def rng(seed: int = 0, like: Any = None) -> Random:

@@ -11,6 +11,7 @@ from attack_cases import EVERY_ACCESS, busy, deeds, make, play
 
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.consumer import buy
+from roletrust_env.game.make_task import make_task
 from roletrust_env.world.presence import PRESENT
 
 SELLERS = {"compromised": ("sp_1", "srsp_2", "sp_4"), "objective": "mislead"}
@@ -39,6 +40,38 @@ def test_misled_is_who_went_to_the_most_trusted(access: str) -> None:
         losses.append(max(qualities[k] for k in known) - got)
         assert outcome.objective == pytest.approx(losses[-1], abs=1e-12)
     assert max(losses) > 0.01
+
+
+@EVERY_ACCESS
+@pytest.mark.parametrize("model", ["role-trust", "qor"])
+def test_each_honest_rater_goes_by_what_it_knows(access: str, model: str) -> None:
+    task = make(busy(access), {**SELLERS, "consumers": "raters", "trust_model": model})
+    game, roster, losses = task.game, task.game.roster, []
+    attacked = {*task.identities, *task.joint_policy.attackers}
+    for (before, after, outcome), action in zip(play(task), deeds(task, 0), strict=True):
+        qualities = dict.fromkeys(roster.provider_names, 1.0) | {
+            "sp_1": action[0],
+            "srsp_2": action[1],
+            "sp_4": action[-1],
+        }
+        state, phase = before.game, dict(zip(roster.names, before.game.population.phase, strict=True))
+        bought = []
+        for i, rater in enumerate(roster.rater_names):
+            if rater in attacked or phase[rater] != PRESENT:
+                continue
+            own = game.published(state)[1] if model == "role-trust" else state.trust.trust[i]
+            trust = dict(zip(roster.provider_names, own, strict=True))
+            known = [k for k in trust if k != rater and phase[k] == PRESENT and serving(game, state, after.game, k)]
+            most = [qualities[k] for k in known if trust[k] == max(trust[k] for k in known)]
+            bought.append((fmean(most), max(qualities[k] for k in known)) if known else (0.0, 0.0))
+        losses.append(fmean(best - got for got, best in bought) if bought else 0.0)
+        assert outcome.objective == pytest.approx(losses[-1], abs=1e-12)
+    assert max(losses) > 0.01
+
+
+def test_without_honest_raters_nobody_consumes() -> None:
+    with pytest.raises(ValueError, match="consumers are the honest raters, and there is none"):
+        make_task("paper-3x3", ("sr_0", "sr_1", "sr_2"), consumers="raters")
 
 
 def test_what_is_offered_does_not_depend_on_who_comes() -> None:

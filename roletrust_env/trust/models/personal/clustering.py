@@ -5,9 +5,9 @@ from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import MaskedRatings, smooth
 from roletrust_env.trust.judges import (
+    Personal,
     credences,
     product,
-    published_providers,
     published_raters,
     weighted_advice,
     with_self,
@@ -16,7 +16,7 @@ from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 
 @checked_dataclass
-class Clustering:
+class Clustering(Personal):
     """Clustering: mean of the ratings by the raters in the judge's own cluster, then the usual smoothing.
 
     The idea is that of iCLUB (Liu et al. 2011). Its clustering could not be checked, so this is not claimed to be that
@@ -35,7 +35,6 @@ class Clustering:
     initial: Share = 0.5
     threshold: Share = 0.3
     rates_raters = True
-    family = "personal"
     source = "after Liu et al. (2011)"
     differentiable = False
     cost = "S^2 P + S^3 log S"
@@ -59,10 +58,6 @@ class Clustering:
     def rater_trust(self, state: Likened) -> Array:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
-
-    def provider_trust(self, state: Likened) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)
 
 
 def _connected(links: Array) -> Array:

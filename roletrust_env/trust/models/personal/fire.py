@@ -9,6 +9,7 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
+    Personal,
     absorb,
     by_judges,
     compare_opinions,
@@ -20,7 +21,6 @@ from roletrust_env.trust.judges import (
     mean,
     nothing_yet,
     others,
-    published_providers,
     published_raters,
     remember,
 )
@@ -50,7 +50,7 @@ class FireState(NamedTuple):
 
 
 @checked_dataclass
-class Fire:
+class Fire(Personal):
     """FIRE's interaction trust and witness reputation, each weighted by its reliability.
 
     Huynh, Jennings and Shadbolt, "An integrated trust and reputation model for open multi-agent systems" (2006), with
@@ -79,7 +79,6 @@ class Fire:
     tolerance: PositiveFloat = 0.5
     credibility: Share = 0.5
     rates_raters = True
-    family = "personal"
     source = "Huynh, Jennings and Shadbolt (2006)"
     differentiable = False
     cost = "S^2 P"
@@ -111,10 +110,6 @@ class Fire:
     def rater_trust(self, state: FireState) -> Array:
         """Return the mean credibility of each rater with the others, mapped from [-1, 1] to [0, 1], shape (S, ...)."""
         return published_raters(0.5 + 0.5 * state.credibility)
-
-    def provider_trust(self, state: FireState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)
 
 
 def _interaction(values: Array, weights: Array) -> tuple[Array, Array]:

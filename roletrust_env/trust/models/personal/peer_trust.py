@@ -4,14 +4,14 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import MaskedRatings
-from roletrust_env.trust.judges import credences, published_providers, published_raters, weighted_advice
+from roletrust_env.trust.judges import Personal, credences, published_raters, weighted_advice
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding
 
 
 @checked_dataclass
-class PeerTrust:
+class PeerTrust(Personal):
     """PeerTrust (PSM): mean of all ratings so far, each weighted by the similarity of its rater to the judge.
 
         Sim(v, w) = 1 - sqrt(mean over providers both have rated of the squared difference of their mean ratings)
@@ -28,7 +28,6 @@ class PeerTrust:
 
     initial: Share = 0.5
     rates_raters = True
-    family = "personal"
     source = "Xiong and Liu (2004)"
     cost = "S^2 P"
 
@@ -50,7 +49,3 @@ class PeerTrust:
     def rater_trust(self, state: Likened) -> Array:
         """Return the other judges' mean similarity to each rater, shape (S, ...)."""
         return published_raters(state.credence)
-
-    def provider_trust(self, state: Likened) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)

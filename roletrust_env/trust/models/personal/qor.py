@@ -8,6 +8,7 @@ from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Share
 from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import (
+    Personal,
     absorb,
     compare_opinions,
     credence_sum,
@@ -17,7 +18,6 @@ from roletrust_env.trust.judges import (
     mask_ratings,
     mean,
     nothing_yet,
-    published_providers,
     published_raters,
     remember,
 )
@@ -46,7 +46,7 @@ class QorState(NamedTuple):
 
 
 @checked_dataclass
-class QualityOfRecommendation:
+class QualityOfRecommendation(Personal):
     """Quality of recommendation: faded ratings, each multiplied by the quality of its rater's earlier ratings.
 
     Ben Saied, Olivereau, Zeghlache and Laurent, "Trust management system design for the Internet of Things: a
@@ -73,7 +73,6 @@ class QualityOfRecommendation:
     initial: Share = 0.5
     theta: Factor = 0.7
     rates_raters = True
-    family = "personal"
     source = "Ben Saied et al. (2013)"
     cost = "S^2 P"
 
@@ -100,7 +99,3 @@ class QualityOfRecommendation:
     def rater_trust(self, state: QorState) -> Array:
         """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1], shape (S, ...)."""
         return published_raters(0.5 + 0.5 * state.quality)
-
-    def provider_trust(self, state: QorState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)

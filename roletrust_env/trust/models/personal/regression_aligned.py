@@ -6,7 +6,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Ridge, Share
 from roletrust_env.trust.algorithms import MaskedRatings, smooth
-from roletrust_env.trust.judges import by_judges, credences, in_common, product, published_providers
+from roletrust_env.trust.judges import Personal, by_judges, credences, in_common, product
 
 
 class Moments(NamedTuple):
@@ -58,7 +58,7 @@ class RegressionAlignedState(NamedTuple):
 
 
 @checked_dataclass
-class RegressionAligned:
+class RegressionAligned(Personal):
     """Regression-aligned mean: ratings mapped to the judge's own scale by a regression of common ratings, all alike.
 
     Zeynalvand et al. (2018) had the idea to align subjective ratings to the seeker's scale by regression. No formula of
@@ -82,7 +82,6 @@ class RegressionAligned:
     initial: Share = 0.5
     ridge: Ridge = 1.0
     rates_raters = False
-    family = "personal"
     source = "after Zeynalvand et al. (2018)"
     cost = "S^2 P"
 
@@ -115,10 +114,6 @@ class RegressionAligned:
     def rater_trust(self, state: RegressionAlignedState) -> Array:
         """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
         return state.tor
-
-    def provider_trust(self, state: RegressionAlignedState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)
 
 
 def _at_least_1(count: Array) -> Array:

@@ -6,13 +6,13 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.judges import (
+    Personal,
     by_judges,
     compare_opinions,
     credences,
     is_rated,
     mask_ratings,
     others,
-    published_providers,
     published_raters,
 )
 from roletrust_env.trust.opinions import Opinion
@@ -37,7 +37,7 @@ class SubjectiveLogicState(NamedTuple):
 
 
 @checked_dataclass
-class SubjectiveLogic:
+class SubjectiveLogic(Personal):
     """Subjective logic (TNA-SL): own opinion of a provider, fused with opinions of advisers discounted by trust.
 
     Jøsang, Hayward and Pope, "Trust network analysis with subjective logic" (2006); the algebra is that of
@@ -60,7 +60,6 @@ class SubjectiveLogic:
 
     initial: Share = 0.5
     rates_raters = True
-    family = "personal"
     source = "Jøsang, Hayward and Pope (2006)"
     cost = "S^2 P"
 
@@ -88,7 +87,3 @@ class SubjectiveLogic:
     def rater_trust(self, state: SubjectiveLogicState) -> Array:
         """Return the mean expectation of the others for each rater, shape (S, ...)."""
         return published_raters(Opinion.of(state.agreed, state.differed).expectation(self.initial))
-
-    def provider_trust(self, state: SubjectiveLogicState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)

@@ -10,7 +10,7 @@ from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
-from roletrust_env.trust.judges import others, published_providers, published_raters
+from roletrust_env.trust.judges import Personal, others, published_raters
 
 _FLAT = 1 / math.sqrt(12)
 """Standard deviation of the uniform distribution, to which an opinion without credibility is reduced."""
@@ -37,7 +37,7 @@ class TravosState(NamedTuple):
 
 
 @checked_dataclass
-class Travos:
+class Travos(Personal):
     """TRAVOS: a judge with little experience asks others, and weights opinions by the accuracy of earlier ones.
 
     Teacy, Patel, Jennings and Luck, "TRAVOS: Trust and Reputation in the Context of Inaccurate Information Sources"
@@ -70,7 +70,6 @@ class Travos:
     threshold: Share = 0.95
     bins: PositiveInt = 5
     rates_raters = True
-    family = "personal"
     source = "Teacy et al. (2006)"
     differentiable = False
     cost = "S^2 P"
@@ -137,7 +136,3 @@ class Travos:
     def rater_trust(self, state: TravosState) -> Array:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(state.credence)
-
-    def provider_trust(self, state: TravosState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)

@@ -8,6 +8,7 @@ from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Share
 from roletrust_env.trust.judges import (
+    Personal,
     compare_opinions,
     credence_sum,
     credences,
@@ -16,7 +17,6 @@ from roletrust_env.trust.judges import (
     mean,
     nothing_yet,
     others,
-    published_providers,
     published_raters,
     remember,
 )
@@ -42,7 +42,7 @@ class YuSinghState(NamedTuple):
 
 
 @checked_dataclass
-class YuSingh:
+class YuSingh(Personal):
     """Yu-Singh-Sycara: own experience, and advisers whose credence falls with every error (weighted majority).
 
     Yu, Singh and Sycara, "Developing trust in large-scale peer-to-peer systems" (2004), for judge i, adviser k and
@@ -68,7 +68,6 @@ class YuSingh:
     beta: Factor = 0.5
     memory: PositiveInt = 10
     rates_raters = True
-    family = "personal"
     source = "Yu, Singh and Sycara (2004)"
     cost = "S^2 P"
 
@@ -95,10 +94,6 @@ class YuSingh:
     def rater_trust(self, state: YuSinghState) -> Array:
         """Return the mean credence of the others in each rater, shape (S, ...)."""
         return published_raters(namespace(state.trust).exp(state.log_credence))
-
-    def provider_trust(self, state: YuSinghState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)
 
 
 def _relative(log_credence: Array) -> Array:

@@ -8,10 +8,10 @@ from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Inside, Lam, Share
 from roletrust_env.trust.algorithms import MaskedRatings, smooth
 from roletrust_env.trust.judges import (
+    Personal,
     compare_opinions,
     credences,
     in_common,
-    published_providers,
     published_raters,
     weighted_advice,
     with_self,
@@ -37,7 +37,7 @@ class ZhangCohenState(NamedTuple):
 
 
 @checked_dataclass
-class ZhangCohen:
+class ZhangCohen(Personal):
     """Zhang-Cohen: advisers weighted by agreement with the judge, and with all raters while evidence is scarce.
 
         private = (agreeing + 1) / (N + 2)         over the N ratings that judge and adviser have in common
@@ -66,7 +66,6 @@ class ZhangCohen:
     confidence: Inside = 0.8
     error: Inside = 0.25
     rates_raters = True
-    family = "personal"
     source = "Zhang and Cohen (2008)"
     differentiable = False
     cost = "S^2 P"
@@ -114,7 +113,3 @@ class ZhangCohen:
     def rater_trust(self, state: ZhangCohenState) -> Array:
         """Return the other judges' mean credence in each rater, shape (S, ...)."""
         return published_raters(self._credence(*state[:4]))
-
-    def provider_trust(self, state: ZhangCohenState) -> Array:
-        """Return the judges' mean trust in each provider, shape (P, ...)."""
-        return published_providers(state.trust)

@@ -1,0 +1,111 @@
+"""Agreement of claimed numbers with those of a run on this machine, up to the noise of sampling."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_env.benchmark.schema import CellResult
+from roletrust_env.benchmark.submission import CellClaim, Claim, Score, make_claim
+
+ROUNDING = 1e-9
+
+CHOSEN = "chosen utility"
+"""Name of the utility in the games that choose the worst case."""
+
+_LEAST_ERROR = 1e-4  # where all games are alike, another processor rounds otherwise
+_NORMAL_95, _NORMAL_999 = 1.96, 3.09  # quantiles of the normal distribution, for both sides and for one
+
+
+class Check(NamedTuple):
+    """Result of a check.
+
+    Attributes:
+        subject: Part of the submission.
+        ok: Whether the part is correct.
+        message: Explanation of the result.
+    """
+
+    subject: str
+    ok: bool
+    message: str
+
+
+def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
+    """Compare the claim for a cell with its result on this machine.
+
+    Args:
+        claim: Claim for the cell.
+        result: Result of the cell on this machine.
+        same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
+    """
+    subject = f"cell {claim.cell.key}"
+    if result.failed:
+        return Check(subject, False, f"failed here: {result.failed}")
+    own_claim = make_claim(claim.cell, result)
+    claimed, own = ({one.attack: one for one in each.attacks} for each in (claim, own_claim))
+    if different := sorted(claimed.keys() ^ own.keys()):
+        name = different[0]
+        return Check(subject, False, f"{name}: {'only in the claim' if name in claimed else 'missing in the claim'}")
+    if same:
+        wrong = [name for name in claimed if claimed[name] != own[name]]
+        return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
+    for name, one in claimed.items():
+        pairs = [(metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured]
+        for metric, score, own_score in [*pairs, (CHOSEN, *_chosen(one, result))]:
+            if not within(score, own_score):
+                return Check(subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}")
+    return Check(subject, True, "within the intervals")
+
+
+def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> list[Check]:
+    """Compare claimed utilities with those here over all cells together.
+
+    Each one may exceed the own one by noise, but not all of them: the mean of the differences in standard errors is
+    tested on one side, at a level of 0.001. The utility of a cell is that of its worst attack here. By the games that
+    choose, it is the mean over the attacks, of which the lowest would be biased.
+
+    Args:
+        claims: Claims for cells.
+        results: Results of the same cells on this machine.
+    """
+    found: dict[str, list[float]] = {"utility": [], CHOSEN: []}
+    for claim, result in zip(claims, results, strict=True):
+        own = {one.attack: one for one in make_claim(claim.cell, result).attacks}
+        pairs = sorted(
+            ((one, own[one.attack]) for one in claim.attacks if one.attack in own), key=lambda p: p[1].chosen
+        )
+        found["utility"].append(_excess([(one.measured.utility, other.measured.utility) for one, other in pairs[:1]]))
+        found[CHOSEN].append(_excess([_chosen(one, result) for one, _ in pairs]))
+    checks = []
+    for name, excesses in found.items():
+        known = np.array([one for one in excesses if one == one])
+        z = float(known.sum() / max(1.0, np.sqrt(known.size)))
+        message = f"claims exceed those here by {z:.1f} standard errors over {known.size} cells; {_NORMAL_999} may be"
+        checks.append(Check(f"bias of {name}", z <= _NORMAL_999, message))
+    return checks
+
+
+def _excess(pairs: Sequence[tuple[Score, Score]]) -> float:
+    """Return the mean excess of claimed scores over own ones, in standard errors of a difference; NaN without one."""
+    found = []
+    for claimed, own in pairs:
+        if claimed.mean is None or own.mean is None:
+            continue
+        error = 2**0.5 * (own.half_95 or 0.0) / _NORMAL_95
+        found.append((claimed.mean - own.mean) / max(error, _LEAST_ERROR))
+    return float(np.mean(found)) if found else np.nan
+
+
+def _chosen(claim: Claim, result: CellResult) -> tuple[Score, Score]:
+    """Return the utility in the games that choose the worst case, claimed and here."""
+    row = next(row for row in result.rows if row.attack == claim.attack)
+    return Score(mean=claim.chosen, half_95=None), Score.of(row.chosen["utility"])
+
+
+def within(claimed: Score, own: Score) -> bool:
+    """Return whether two means differ by sampling noise at most, by the own interval or else the claimed one."""
+    if claimed.mean is None or own.mean is None:
+        return claimed.mean == own.mean
+    half = own.half_95 if own.half_95 is not None else claimed.half_95 or 0.0
+    return abs(claimed.mean - own.mean) <= half * 2**0.5 + ROUNDING
