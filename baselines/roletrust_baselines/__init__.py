@@ -15,6 +15,7 @@ from roletrust_baselines.identity.whitewashing import Whitewashing
 from roletrust_baselines.identity.whitewashing_ring import WhitewashingRing
 from roletrust_baselines.provider.camouflage import Camouflage
 from roletrust_baselines.provider.conflicting import Conflicting
+from roletrust_baselines.provider.discrimination import Discrimination
 from roletrust_baselines.provider.exit import Exit
 from roletrust_baselines.provider.on_off import OnOff
 from roletrust_baselines.provider.opportunistic import Opportunistic
@@ -37,6 +38,7 @@ from roletrust_env.game.policy_registry import registry
 registry.register("on-off", OnOff)
 registry.register("camouflage", Camouflage)
 registry.register("conflicting", Conflicting)
+registry.register("discrimination", Discrimination)
 registry.register("exit", Exit)
 registry.register("opportunistic", Opportunistic)
 registry.register("reputation-lag", ReputationLag)
@@ -76,6 +78,7 @@ __all__ = [
     "Collusion",
     "Complementary",
     "Conflicting",
+    "Discrimination",
     "Exit",
     "FlipFlop",
     "MilkingRing",

@@ -73,6 +73,7 @@ class SmoothTask(AttackTask):
             knowledge=task.knowledge,
             others=task.joint_policy.policies,
             accomplices=task.accomplices,
+            consumers=task.consumers,
         )
         self.temperature = temperature
 

@@ -20,6 +20,7 @@ _VALIDATION, _START = 1_000_000_000, 1_000_000_001
 """Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
 
 _START_GAMES = 4  # but no more than a validation has
+_KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
 _CELLS = 400_000  # limit on the ratings of a round in one batch
 
@@ -48,7 +49,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         architecture: Architecture of the network.
         steps: Number of steps so far.
         rounds: Number of rounds that were played.
-        best: Best validated network; None before the first validation.
+        best: Best validated network; None before the first validation. The best known networks are validated first, for
+            a training can end below its start.
     """
 
     def __init__(
@@ -63,7 +65,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         self.architecture = DeepSetArchitecture(units=settings.units)
         self.steps = self.rounds = 0
         self.best: Validated | None = None
-        self._starts = self._order([weights for weights in known if len(weights) == self.architecture.size])
+        fitting = [weights for weights in known if len(weights) == self.architecture.size]
+        self._starts = self._order(fitting)
+        self._validate_known(fitting)
         self._begin()
 
     @abstractmethod
@@ -120,7 +124,10 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
 
     def validate(self) -> Mean:
         """Return the score of the weights in the games for validation, and keep them if they are the best."""
-        weights, games = self.weights.copy(), self.settings.validation
+        return self._validate(self.weights.copy())
+
+    def _validate(self, weights: Floats) -> Mean:
+        games = self.settings.validation
         network = self.networks(weights[None, :])
         score = over_games(np.mean([self.play(task, network, games, _VALIDATION)[0] for task in self.tasks], axis=0))
         self.rounds += games * len(self.tasks) * self.length
@@ -142,6 +149,13 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
             parts.append(mean_rewards(task, CoalitionAttacker(part), seed, batch, SEARCHED)[0])
         scores: Floats = np.concatenate(parts).astype(np.float64)
         return scores
+
+    def _validate_known(self, known: list[Floats]) -> None:
+        """Validate the best of the known networks."""
+        each = self.settings.validation * self.length * len(self.tasks)
+        first = [weights for weights in self._starts if any(weights is one for one in known)]
+        for weights in first[: min(_KNOWN, self.budget // 10 // each)]:
+            self._validate(weights)
 
     def _order(self, known: list[Floats]) -> list[Floats]:
         """Return the known networks and random ones, the best first."""

@@ -55,7 +55,8 @@ class GradientAscent(CoalitionTraining[GradientSettings]):
         self._smooth = [SmoothTask(task, self.settings.temperature) for task in self.tasks]
         self._vector: Any = torch.tensor(self._starts[0], dtype=torch.float32, requires_grad=True)
         self._adam: Any = torch.optim.Adam([self._vector], lr=self.settings.learning_rate)
-        self.validate()
+        if self.best is None:
+            self.validate()
 
     @property
     def weights(self) -> Floats:

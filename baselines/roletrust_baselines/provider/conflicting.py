@@ -34,7 +34,20 @@ class Conflicting(WindowedAttack):
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return the share of quality for each rater: bad for the chosen ones while active. See `Policy.treats`."""
-        zero = 0 * view.ratings
-        chosen = tuple(range((len(zero) + 1) // 2)) if self.raters is None else self.raters
-        badly = index_mask(chosen, zero, "raters", axis="rater") & self.active(view.round)
-        return namespace(zero).where(badly, zero + self.bad, zero + 1), memory
+        half = tuple(range((len(view.ratings) + 1) // 2))
+        chosen = half if self.raters is None else self.raters
+        return treatment(view, chosen, self.bad, self.active(view.round)), memory
+
+
+def treatment(view: ProviderView, raters: tuple[int, ...], bad: float, active: Array) -> Array:
+    """Return the share of quality for each rater, shape (S, ...): `bad` for some while the attack is active, else 1.
+
+    Args:
+        view: View of the provider.
+        raters: Indices of the raters that it serves badly.
+        bad: Quality for these raters as a share of the quality for the others.
+        active: Whether the attack is active, boolean.
+    """
+    zero = 0 * view.ratings
+    badly = index_mask(raters, zero, "raters", axis="rater") & active
+    return namespace(zero).where(badly, zero + bad, zero + 1)

@@ -89,11 +89,19 @@ def test_it_learns():
     assert evolution.validate().mean > first + 0.03
 
 
-def test_it_begins_with_the_best_known_network():
+def test_it_begins_with_the_best_known_network_and_does_not_end_below_it():
     weights = evolved(30).best.weights
-    evolution = Evolution(tasks(), SMALL, 3, 10_000, [np.zeros_like(weights), weights, weights[:-1]])
-    assert evolution.best is None
+    known = [np.zeros_like(weights), weights, weights[:-1]]
+    evolution = Evolution(tasks(), SMALL, 3, 10_000, known)
+    assert np.array_equal(evolution.weights, weights)
     assert np.array_equal(evolution.network.flatten(), weights.astype(np.float32))
+    assert evolution.rounds == 10 * (5 * 4 + 2 * 4)  # five networks in a few games, then a validation of the known ones
+    wild = Evolution(tasks(), SMALL.model_copy(update={"spread": 50.0}), 3, 10_000, known)
+    first = wild.best.score
+    for _ in range(3):
+        wild.step()
+        wild.validate()
+    assert wild.best.score >= first
 
 
 def test_all_rounds_are_counted():

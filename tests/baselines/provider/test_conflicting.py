@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from roletrust_baselines import Conflicting
-from roletrust_env import Game, JointPolicy, make_scenario, record
+from roletrust_baselines import Conflicting, Discrimination
+from roletrust_env import Game, JointPolicy, evaluate, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.views import ProviderView
 
 PAPER = make_scenario("paper-3x3").change(noise=0.0, perturbations=(), max_cycles=40)
 
 
-def treated(attack: Conflicting, raters: int, round: int = 0) -> list[float]:
+def treated(attack: Conflicting | Discrimination, raters: int, round: int = 0) -> list[float]:
     zero = np.zeros(raters)
     view = ProviderView(np.array(round), *[np.array(0.0)] * 3, zero, zero > 0)
     treatment = attack.treats(view, None, None)[0]  # type: ignore[arg-type]
@@ -23,6 +23,22 @@ def test_half_of_the_raters_or_those_that_are_named() -> None:
     assert treated(Conflicting(bad=0.2), 3) == [0.2, 0.2, 1]
     assert treated(Conflicting(raters=(1, 3)), 4) == [1, 0, 1, 0]
     assert treated(Conflicting(start=3, stop=5), 2, round=2) == treated(Conflicting(start=3, stop=5), 2, 5) == [1, 1]
+
+
+def test_a_few_raters() -> None:
+    assert treated(Discrimination(), 10) == [0] * 3 + [1] * 7
+    assert treated(Discrimination(share=0.05, bad=0.5), 4) == [0.5, 1, 1, 1]
+    assert treated(Discrimination(stop=5), 2, 5) == [1, 1]
+
+
+def test_a_filter_takes_the_few_for_liars() -> None:
+    crowd = [{"role": "SR", "count": 10, "noise": 0.05}, {"role": "SP", "count": 10, "ability": [0.3, 1.0]}]
+    scenario = make_scenario("crowd-10x10").change(max_cycles=50, agents=crowd)
+    few, half = (
+        evaluate("beta-filtered", name, scenario, games=60, share=0.3).utility
+        for name in ("discrimination", "conflicting")
+    )
+    assert few.mean + few.half < half.mean - half.half
 
 
 def test_a_named_rater_that_tells_the_truth_looks_like_a_liar() -> None:
