@@ -45,7 +45,8 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
+            help="Suite to play: quick, standard-2, standard, full, learners, learners-quick, or the path of a .toml "
+            "file.",
             autocompletion=completion.suites,
         ),
     ] = "quick",
@@ -54,7 +55,8 @@ def benchmark(
         typer.Option(
             metavar=NAMED,
             help="Trust model to play instead of the suite's; repeat for more; `all` are the installed ones. NAME may "
-            "be your own class, package.module:Class, whose module is then imported.",
+            "be your own class, package.module:Class, whose module is then imported; a program is exec:COMMAND, a "
+            "service its URL.",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -116,8 +118,8 @@ def benchmark(
     [dim]# all models, all scripts and a small search in a small market, in some minutes[/]
     [cyan]roletrust benchmark[/]
 
-    [dim]# the time that the standard suite takes[/]
-    [cyan]roletrust benchmark --suite standard --dry-run[/]
+    [dim]# the time that the suite of the leaderboard takes[/]
+    [cyan]roletrust benchmark --suite standard-2 --dry-run[/]
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]
