@@ -43,13 +43,13 @@ test-site: docs
 test-extras: setup
 	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
 
-# Teams of processes on DDS, one after the other.
+# Teams of processes on DDS, one after the other. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
-	$(BIN)/pytest -m live tests/live
+	$(BIN)/pytest --reruns 2 -m live tests/live
 
 # A peer of ROS 2 in an environment of its own, which is made first.
 test-ros2: setup
-	$(BIN)/pytest -m ros2 tests/live
+	$(BIN)/pytest --reruns 2 -m ros2 tests/live
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup

@@ -118,13 +118,14 @@ class Raters(Listener):
         lost: Probability that a message is lost.
         late: Probability that a message is up to a period late.
         sent: Delay of each message by (rater, stamp), seconds; None if it was lost.
+        overdue: Times at which a message was due that a busy machine kept back for half the manager's deadline.
     """
 
     def __init__(self, keys):
         super().__init__()
         self.silent, self.flooded, self.off = set(), set(), {}
         self.lost = self.late = 0.0
-        self.sent = {}
+        self.sent, self.overdue = {}, set()
         self._signers = {name: Signer(keys, name) for name in TEAM.raters}
         self._voices = {name: self.node.writer(f"/{name}/ratings", messages.RATINGS) for name in TEAM.raters}
         self._random = np.random.default_rng(0)
@@ -144,6 +145,8 @@ class Raters(Listener):
             while (now := time.time_ns()) < stamp:
                 for one in [one for one in waiting if one[0] <= now]:
                     self._voices[one[1]].write(one[2])
+                    if time.time_ns() - one[0] > 0.35 * PERIOD:
+                        self.overdue.add(one[0])
                     waiting.remove(one)
                 time.sleep(0.005)
             waiting += [
