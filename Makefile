@@ -104,7 +104,7 @@ findings: setup
 
 # What a longer search finds, what five searches find in three conditions, and what carries over to other trust models; an
 # hour or more on two cores, and a repeat continues.
-FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --budget 1000000 --runs 5 \
+FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --budget 2000000 --runs 5 \
 	--model wary-role-trust --model beta --model role-trust --model qor
 attackers: setup
 	$(BIN)/roletrust budget --out $(OUT)/budget

@@ -19,7 +19,7 @@ SCRIPTS = "scripts"
 
 MODELS = ("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering")
 WAYS = (SCRIPTS, "random search", "agreed CMA-ES", "evolution", "gradients", "PPO", "coalition PPO")
-BUDGETS = (10_000, 30_000, 100_000, 300_000, 1_000_000)
+BUDGETS = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
 
 _LONG, _MOST = ("PPO", "recurrent PPO", "SAC", "coalition PPO", "gradients"), 100_000
 _GAMES = 40  # for each script, to choose the best
