@@ -13,6 +13,8 @@ ROUNDING = 1e-9
 CHOSEN = "chosen utility"
 """Name of the utility in the games that choose the worst case."""
 
+_CHOSEN_BLIND = "chosen blind"
+
 _LEAST_ERROR = 1e-4  # where all games are alike, another processor rounds otherwise
 _NORMAL_95, _NORMAL_999 = 1.96, 3.09  # quantiles of the normal distribution, for both sides and for one
 
@@ -52,7 +54,7 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
         return Check(subject, not wrong, f"{wrong[0]}: other numbers" if wrong else "the same to the last bit")
     for name, one in claimed.items():
         pairs = [(metric, score, getattr(own[name].measured, metric)) for metric, score in one.measured]
-        for metric, score, own_score in [*pairs, (CHOSEN, *_chosen(one, result))]:
+        for metric, score, own_score in [*pairs, *_chosen(one, result)]:
             if not within(score, own_score):
                 return Check(subject, False, f"{name}, {metric}: claimed {score.text}, here {own_score.text}")
     return Check(subject, True, "within the intervals")
@@ -76,7 +78,7 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
             ((one, own[one.attack]) for one in claim.attacks if one.attack in own), key=lambda p: p[1].chosen
         )
         found["utility"].append(_excess([(one.measured.utility, other.measured.utility) for one, other in pairs[:1]]))
-        found[CHOSEN].append(_excess([_chosen(one, result) for one, _ in pairs]))
+        found[CHOSEN].append(_excess([_chosen(one, result)[0][1:] for one, _ in pairs]))
     checks = []
     for name, excesses in found.items():
         known = np.array([one for one in excesses if one == one])
@@ -97,10 +99,13 @@ def _excess(pairs: Sequence[tuple[Score, Score]]) -> float:
     return float(np.mean(found)) if found else np.nan
 
 
-def _chosen(claim: Claim, result: CellResult) -> tuple[Score, Score]:
-    """Return the utility in the games that choose the worst case, claimed and here."""
+def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, Score, Score]]:
+    """Return the utilities in the games for choosing, by trust and of a blind choice, claimed and here."""
     row = next(row for row in result.rows if row.attack == claim.attack)
-    return Score(mean=claim.chosen, half_95=None), Score.of(row.chosen["utility"])
+    claimed = {CHOSEN: (claim.chosen, "utility"), _CHOSEN_BLIND: (claim.chosen_blind, "blind")}
+    return [
+        (name, Score(mean=mean, half_95=None), Score.of(row.chosen[kind])) for name, (mean, kind) in claimed.items()
+    ]
 
 
 def within(claimed: Score, own: Score) -> bool:

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from roletrust_env import Game
-from roletrust_env.benchmark.leaderboard import AttackScores, Condition
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
+from roletrust_env.benchmark.worst_case import AttackScores, Condition
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits

@@ -1,20 +1,19 @@
-"""Leaderboard: the worst case of each trust model over all attacks, chosen in some games and measured in others.
+"""Leaderboard: the trust models in the order of their mean score in the worst case of each condition.
 
-A condition is a scenario, a track and a share. Its worst case is the attack that leaves consumers the least utility in
-the games for choosing. Rungs with more knowledge than a real attacker are excluded. The result is the utility in the
-games for measuring. It is never less than the utility of a blind choice there, since a consumer can always choose
-blindly. A model that ignores ratings has exactly this utility in every condition, and is ranked last.
+On the scale of utility a score is never less than that of a blind choice, since a consumer can always choose blindly. A
+model that ignores ratings has exactly this utility in every condition, and is ranked last. On the scale of skill a
+blind choice is 0.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmark.schema import AttackResult
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
+from roletrust_env.benchmark.worst_case import AttackScores, attack_scores, least_mean, worst_cases
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_env.metrics.score import mean_or_nan
 
@@ -25,71 +24,21 @@ _DIGITS = 9
 """Number of decimal digits in which means are compared. Smaller differences are rounding errors."""
 
 
-class Condition(NamedTuple):
-    """Combination of scenario, track and share in which models are attacked.
-
-    Attributes:
-        scenario: Name of the scenario in the suite.
-        track: Name of the track in the suite.
-        share: Share of compromised agents.
-    """
-
-    scenario: str
-    track: str
-    share: float
-
-    @property
-    def description(self) -> str:
-        """Short text for tables, such as `market, raters 30%`."""
-        share = f" {self.share:.0%}" if self.share else ""
-        return f"{self.scenario}, {self.track}{share}"
-
-
-class AttackScores(NamedTuple):
-    """Scores of one attack on one model in one condition.
-
-    Attributes:
-        model: Name of the model.
-        condition: Condition of the attack.
-        attack: Name of the attack.
-        rung: Name of the rung that found the attack.
-        words: Short description of the attack.
-        chosen: Utility in the games for choosing, all seeds concatenated, (G,).
-        measured: Scores in the games for measuring, by the names of `MEASURED`, (G,) each.
-        by_round: Mean utility over the games for measuring in each round from the second on, (T - 1,).
-    """
-
-    model: str
-    condition: Condition
-    attack: str
-    rung: str
-    words: str
-    chosen: Floats
-    measured: Mapping[str, Floats]
-    by_round: Floats
-
-    @property
-    def utility(self) -> Floats:
-        """Utility of the ranking, (G,): that of the choice by trust, or of a blind choice if its mean is higher."""
-        by_trust, blind = self.measured["utility"], self.measured["blind"]
-        return by_trust if np.nanmean(by_trust) >= np.nanmean(blind) else blind
-
-
 class LeaderboardRow(NamedTuple):
     """Row of the leaderboard. Each estimate is a mean with half its 95% interval over the games.
 
     Attributes:
         rank: Rank, which counts from 1.
         model: Name of the model.
-        clean: Mean utility over the tracks on which all agents are honest.
-        worst: Mean utility of the worst case over the conditions.
-        open_worst: Mean utility of the worst case if rungs with more knowledge than a real attacker count, too.
+        clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
+        worst: Mean score of the worst case over the conditions.
+        open_worst: Mean score of the worst case if rungs with more knowledge than a real attacker count, too.
         damage: Loss of trust of honest agents in the worst case.
         false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
         detection: AUC of the detection of attackers in the worst case.
         holds: Probability of the same rank in new games.
         missing: Number of cells that failed, entirely or in part, or that have not been played.
-        worst_attack: Name of the attack that leaves the least utility in any condition. Empty if none was played.
+        worst_attack: Name of the attack that leaves the least score in any condition. Empty if none was played.
         worst_condition: Description of the condition of that attack.
     """
 
@@ -121,51 +70,6 @@ HEADER = (
 """Column names of the leaderboard as a table."""
 
 
-def attack_scores(stored: Iterable[StoredCell]) -> list[AttackScores]:
-    """Return the scores of all attacks of a run. The games of several seeds are concatenated.
-
-    Args:
-        stored: Cells of the run with their results.
-    """
-    groups: dict[tuple[str, Condition, str, str], list[AttackResult]] = {}
-    for cell, result in stored:
-        for row in result.rows:
-            condition = Condition(cell.scenario, cell.track, cell.share)
-            groups.setdefault((cell.model, condition, row.attack, cell.rung), []).append(row)
-    return [
-        AttackScores(
-            model,
-            condition,
-            attack,
-            rung,
-            "; ".join(dict.fromkeys(row.words for row in rows)),
-            np.concatenate([as_array(row.chosen["utility"]) for row in rows]),
-            {name: np.concatenate([as_array(row.measured[name]) for row in rows]) for name in rows[0].measured},
-            mean_or_nan(np.stack([as_array(row.by_round) for row in rows]), axis=0),
-        )
-        for (model, condition, attack, rung), rows in groups.items()
-    ]
-
-
-def worst_cases(
-    attacks: Iterable[AttackScores], included: frozenset[str] = frozenset()
-) -> dict[tuple[str, Condition], AttackScores]:
-    """Return the worst case of each model and condition, the attack with the least utility in the games for choosing.
-
-    Args:
-        attacks: Scores of all attacks.
-        included: Rungs of `WHITE_BOX_RUNGS` that count.
-    """
-    cases: dict[tuple[str, Condition], AttackScores] = {}
-    for one in attacks:
-        if one.rung in WHITE_BOX_RUNGS - included:
-            continue
-        key = one.model, one.condition
-        if key not in cases or _least(one.chosen) < _least(cases[key].chosen):
-            cases[key] = one
-    return cases
-
-
 def leaderboard_rows(
     suite: Suite,
     stored: Sequence[StoredCell],
@@ -182,7 +86,7 @@ def leaderboard_rows(
         cells_each: Number of cells of each model.
         attacks: Scores of the attacks in the cells. They are computed if None.
     """
-    attacks = attack_scores(stored) if attacks is None else attacks
+    attacks = attack_scores(stored, suite.score) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
     black_box, white_box = worst_cases(attacks), worst_cases(attacks, WHITE_BOX_RUNGS)
     rows, games = [], {}
@@ -194,15 +98,15 @@ def leaderboard_rows(
             one for (name, where), one in white_box.items() if name == model and where.track not in honest
         ]
         complete = sum(cell.model == model and not result.failed for cell, result in stored)
-        games[model] = _over_conditions(one.utility for one in attacked)
-        lowest = min(attacked, key=lambda one: _least(one.utility), default=None)
+        games[model] = _over_conditions(one.score for one in attacked)
+        lowest = min(attacked, key=lambda one: least_mean(one.score), default=None)
         rows.append(
             LeaderboardRow(
                 0,
                 model,
-                _estimate(one.measured["utility"] for one in clean),
-                _estimate(one.utility for one in attacked),
-                _estimate(one.utility for one in with_white_box),
+                _estimate(one.score for one in clean),
+                _estimate(one.score for one in attacked),
+                _estimate(one.score for one in with_white_box),
                 _estimate(one.measured["damage"] for one in attacked),
                 _estimate(one.measured["false_alarms"] for one in clean),
                 _estimate(one.measured["auc"] for one in attacked),
@@ -220,12 +124,6 @@ def leaderboard_rows(
         row._replace(rank=rank, holds=holds[k] if k < len(holds) else np.nan)
         for k, (row, rank) in enumerate(zip(rows, ranks, strict=True))
     ]
-
-
-def _least(utility: Floats) -> float:
-    """Return the mean utility by which the worst case is chosen; where it is undefined, any other is worse."""
-    mean = float(mean_or_nan(utility, axis=0))
-    return np.inf if np.isnan(mean) else mean
 
 
 def _shared_ranks(keys: Sequence[Any]) -> list[int]:
@@ -268,8 +166,3 @@ def _over_conditions(rows: Iterable[Floats]) -> Floats:
     length = max(map(len, columns))
     padded = [np.pad(row, (0, length - len(row)), constant_values=np.nan) for row in columns]
     return mean_or_nan(np.stack(padded), axis=0)
-
-
-def as_array(values: Sequence[float | None]) -> Floats:
-    """Return stored numbers as an array. None becomes NaN."""
-    return np.array([np.nan if x is None else x for x in values], np.float64)

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Self
 
 from roletrust_env.benchmark.caveats import caveats
 from roletrust_env.benchmark.cells import cells, model_names
-from roletrust_env.benchmark.leaderboard import HEADER, AttackScores, LeaderboardRow, attack_scores, leaderboard_rows
+from roletrust_env.benchmark.leaderboard import HEADER, LeaderboardRow, leaderboard_rows
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.worst_case import AttackScores, attack_scores
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CAPTION = (
-    "utility of choosing by trust, ± half the 95% interval over the games; clean: all agents honest; worst: mean of "
-    "the worst case over the conditions, chosen in other games; worst attack: the attack that leaves the least utility "
+_CAPTION = (
+    "{score} of choosing by trust, ± half the 95% interval over the games; clean: all agents honest; worst: mean of "
+    "the worst case over the conditions, chosen in other games; worst attack: the attack that leaves the least {score} "
     "in any condition; damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 while all "
     "agents are honest; holds: probability of the same rank in new games"
 )
-"""Explanation of the columns."""
 
 COLUMNS = ("rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
 """Columns of the displayed table."""
@@ -56,9 +56,14 @@ class Leaderboard:
             stored: Cells of the run with their results.
         """
         names = model_names(suite)
-        attacks = attack_scores(stored)
+        attacks = attack_scores(stored, suite.score)
         rows = leaderboard_rows(suite, stored, names, len(cells(suite)) // len(names), attacks)
         return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
+
+    @property
+    def caption(self) -> str:
+        """Explanation of the columns."""
+        return _CAPTION.format(score=self.suite.score)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame with the columns of `to_csv`.
@@ -121,7 +126,7 @@ class Leaderboard:
         title = f"Leaderboard, suite {escape(self.suite.name)}"
         return (
             f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-            f"<p><small>{escape(CAPTION)}.</small></p>{f'<ul>{caveats}</ul>' if caveats else ''}"
+            f"<p><small>{escape(self.caption)}.</small></p>{f'<ul>{caveats}</ul>' if caveats else ''}"
         )
 
 

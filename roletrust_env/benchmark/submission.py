@@ -9,11 +9,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from roletrust_env.benchmark.cells import Cell, attack_names, cells, model_names
-from roletrust_env.benchmark.leaderboard import as_array, leaderboard_rows
+from roletrust_env.benchmark.leaderboard import leaderboard_rows
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.sources import Sha256, Source, Word, source_of
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite
+from roletrust_env.benchmark.worst_case import as_array
 from roletrust_env.errors import explain, suggest
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.specs import check_installed, named_factory
@@ -86,6 +87,8 @@ class Claim(UntrustedModel):
     """Number of game rounds that were played to find the attack."""
     chosen: Number
     """Mean utility in the games for choosing the worst case."""
+    chosen_blind: Number
+    """Mean utility of a blind choice in these games."""
     measured: ClaimedMetrics
     """Scores in the games for measuring."""
 
@@ -118,7 +121,8 @@ class CellClaim(UntrustedModel):
         rows = []
         for one in self.attacks:
             measured = {name: [score.mean] for name, score in one.measured}
-            rows.append(AttackResult(one.attack, "", one.rounds, {"utility": [one.chosen]}, measured))
+            chosen: dict[str, list[float | None]] = {"utility": [one.chosen], "blind": [one.chosen_blind]}
+            rows.append(AttackResult(one.attack, "", one.rounds, chosen, measured))
         return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
 
 
@@ -151,7 +155,7 @@ class Software(UntrustedModel):
 class Submission(UntrustedModel):
     """Content of a submission file."""
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     software: Software
     processor: Word
     """Processor that played all cells. Empty if several machines played them."""
@@ -272,9 +276,14 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
         Claim(
             attack=row.attack,
             rounds=row.rounds,
-            chosen=float(over_games(as_array(row.chosen["utility"])).mean),
+            chosen=_mean(row.chosen["utility"]),
+            chosen_blind=_mean(row.chosen["blind"]),
             measured=ClaimedMetrics(**{name: Score.of(values) for name, values in row.measured.items()}),
         )
         for row in result.rows
     )
     return CellClaim(**cell._asdict(), attacks=rows)
+
+
+def _mean(values: Sequence[float | None]) -> float:
+    return float(over_games(as_array(values)).mean)

@@ -34,6 +34,9 @@ PLANNER = "white-box planner"
 WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
 """Rungs that use knowledge that a real attacker does not have."""
 
+Scale = Literal["utility", "skill"]
+"""Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
+
 _Part = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -99,6 +102,10 @@ class Suite(SuiteSchema):
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
+    score: Scale = "utility"
+    """How attacks are compared and worst cases count. On the scale `utility`, the attack with the least utility is the
+    worst, and it counts as a blind choice if that is better. On the scale `skill`, 1 is the best choice, 0 a blind one,
+    and a score below 0 means that the attackers steer consumers."""
     places: Literal["last", "random"] = "last"
     """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
     models of this project treat all agents alike, as their tests show, and never see them in another order."""

@@ -1,6 +1,6 @@
 """Metrics of games: harm, detection, accuracy of rankings and utility of consumers, one function each."""
 
-from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, utility
+from roletrust_env.metrics.consumers import blind_utility, robustness, share_of_best, skill, utility
 from roletrust_env.metrics.detection import Classification, auc, classify, false_alarms, rounds_to_detection
 from roletrust_env.metrics.harm import WorstAttack, damage, exploitability, recovery, return_on_attack
 from roletrust_env.metrics.ranking import absolute_error, coverage, kendall_tau, spearman
@@ -25,6 +25,7 @@ __all__ = [
     "robustness",
     "rounds_to_detection",
     "share_of_best",
+    "skill",
     "spearman",
     "utility",
 ]

@@ -7,6 +7,8 @@ import numpy as np
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.metrics.score import Flags, Floats, Score, ratio
 
+_ROUNDING = 1e-9  # a blind choice that is so near to the best one has no other that is better
+
 
 def utility(trust: Floats, offered: Floats) -> Score:
     """Return the quality that a consumer gets from the most trusted provider, as a share of the best quality offered.
@@ -36,6 +38,29 @@ def blind_utility(trust: Floats, offered: Floats) -> Score:
     """
     bought = _bought(trust, offered)
     return share_of_best(bought.blind, bought.best)
+
+
+def skill(utility: Floats, blind: Floats) -> Floats:
+    """Return the skill of the choice by trust against a blind choice in the same games, for each game.
+
+        skill = (utility - blind) / mean over games (1 - blind)
+
+    The mean over games is the skill score of forecasts (Murphy, 1988): 1 for the best choice in every round, 0 for a
+    choice no better than chance, and below 0 if trust misleads. It does not depend on how many good providers there
+    are, as utility does. NaN if a blind choice is the best in all games.
+
+    Args:
+        utility: Utility of each game, shape (G,), see `utility`; NaN where it is undefined.
+        blind: Utility of a blind choice in each game, shape (G,), see `blind_utility`.
+
+    Example:
+        >>> import numpy as np
+        >>> skill(np.array([0.9, 0.5]), np.array([0.6, 0.4])).round(2).tolist()
+        [0.6, 0.2]
+    """
+    known = ~np.isnan(utility - blind)
+    lead = (1.0 - blind)[known].mean() if known.any() else 0.0
+    return ratio(utility - blind, np.full(utility.shape, lead if lead > _ROUNDING else 0.0))
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:

@@ -6,17 +6,20 @@ from small_suites import small
 
 from roletrust_env.benchmark.caveats import caveats
 from roletrust_env.benchmark.cells import Cell, cells, model_names
-from roletrust_env.benchmark.leaderboard import attack_scores, leaderboard_rows, worst_cases
+from roletrust_env.benchmark.leaderboard import leaderboard_rows
+from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.benchmark.worst_case import attack_scores, worst_cases
 from roletrust_env.trust import register_trust_model
 from roletrust_env.trust.models.central.mean import Mean
 
+TRACKS = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}
 SUITE = small(
     models=["mean", "median"],
     rungs=["scripted", "white-box planner"],
-    tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}},
+    tracks=TRACKS,
 )
 
 
@@ -76,6 +79,30 @@ def test_the_leaderboard_by_hand() -> None:
     assert first.detection.mean == 1  # only of the game in which it is defined
     assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust, but 0.5 by a blind choice
     assert second.missing == 1  # the planner has not attacked it
+
+
+def on_blind(attack: str, utility: list[float], blind: float) -> AttackResult:
+    return row(attack, [], utility, blind)._replace(chosen={"utility": utility, "blind": [blind] * 2})
+
+
+def test_on_the_scale_of_skill_the_worst_attack_leaves_least_above_a_blind_choice() -> None:
+    milking = on_blind("milking", [0.4, 0.5], 0.2)  # little is on offer, but trust finds it
+    steering = on_blind("steering", [0.5, 0.5], 0.6)
+    suite = small(models=["mean"], rungs=["scripted"], score="skill", tracks=TRACKS)
+    honest = stored("mean", on_blind("nobody", [0.9, 0.9], 0.5), track="honest", rung="nobody")
+    (line,) = leaderboard_rows(suite, [honest, stored("mean", milking, steering)], ["mean"], 2)
+    assert line.worst_attack == "steering"
+    assert line.worst.mean == pytest.approx((0.5 - 0.6) / 0.4)  # no floor
+    assert line.clean.mean == pytest.approx(0.8)
+    (worst,) = worst_cases(attack_scores([stored("mean", milking, steering)])).values()
+    assert worst.attack == "milking"
+    assert Leaderboard.of(suite, [honest, stored("mean", milking, steering)]).caption.startswith("skill of choosing")
+
+
+def test_a_condition_in_which_all_providers_are_alike_has_no_skill() -> None:
+    suite = small(models=["mean"], rungs=["scripted"], score="skill", tracks=TRACKS)
+    (line,) = leaderboard_rows(suite, [stored("mean", on_blind("lies", [1.0, 1.0], 1.0))], ["mean"], 1)
+    assert np.isnan(line.worst.mean)
 
 
 def test_a_rank_holds_as_often_as_new_games_confirm_it() -> None:

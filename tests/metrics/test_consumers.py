@@ -5,7 +5,7 @@ import pytest
 
 from roletrust_baselines.provider.on_off import OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
-from roletrust_env.metrics import auc, damage, present_trust, robustness, utility
+from roletrust_env.metrics import auc, damage, present_trust, robustness, skill, utility
 
 
 def test_utility_goes_by_the_trust_of_the_round_before() -> None:
@@ -23,6 +23,15 @@ def test_utility_is_that_of_every_consumer_where_they_are_treated_differently() 
     assert utility(trust, quality).value == pytest.approx((0.4 + 1.0 + 1.0 + 0.0) / (0.8 + 1.0 + 1.0 + 0.2))
     alike = quality[:, :1]
     assert utility(trust, np.repeat(alike, 2, axis=1)).value == utility(trust, alike[:, 0]).value
+
+
+def test_skill_is_1_for_the_best_choice_and_0_for_a_blind_one() -> None:
+    by_trust, blind = np.array([0.9, 0.5, np.nan]), np.array([0.6, 0.4, 0.1])
+    assert np.nanmean(skill(by_trust, blind)) == pytest.approx((1.4 - 1.0) / (2 - 1.0))
+    assert np.nanmean(skill(blind, blind)) == 0
+    assert np.nanmean(skill(0 * blind + 1, blind)) == pytest.approx(1)
+    assert skill(blind - 0.1, blind).max() < 0
+    assert np.isnan(skill(np.ones(2), np.ones(2))).all()
 
 
 def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() -> None:

@@ -3,7 +3,7 @@
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.result import CAPTION, COLUMNS, Leaderboard, row_texts
+from roletrust_env.benchmark.result import COLUMNS, Leaderboard, row_texts
 from roletrust_experiments.commands.console import number_table
 
 _SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms", "AUC", "holds")]
@@ -12,7 +12,7 @@ _SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms",
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
     title = f"Leaderboard, suite {leaderboard.suite.name}"
-    table = number_table(title, CAPTION, *(COLUMNS[k] for k in _SHOWN))
+    table = number_table(title, leaderboard.caption, *(COLUMNS[k] for k in _SHOWN))
     for row in leaderboard.rows:
         cells = row_texts(row, "±")
         table.add_row(f"{row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))
@@ -21,4 +21,6 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
 
 def leaderboard_markdown(leaderboard: Leaderboard, command: str) -> str:
     """Return the leaderboard in Markdown, with what it shows and the command that made it."""
-    return f"{leaderboard.to_markdown()}\n\nSuite {leaderboard.suite.name}: {CAPTION}. Made by `{command}`.\n"
+    return (
+        f"{leaderboard.to_markdown()}\n\nSuite {leaderboard.suite.name}: {leaderboard.caption}. Made by `{command}`.\n"
+    )

@@ -7,6 +7,7 @@ from bokeh.models.annotations import ColorBar, Span, TeeHead, Whisker
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
+from roletrust_env.benchmark.suite import Scale
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.learners import Learners
 from roletrust_experiments.report.robustness import Robustness
@@ -22,7 +23,7 @@ def figures(content: Content) -> dict[str, Any]:
         found |= {
             "heatmap": _heatmap(content.robustness),
             "curves": _curves(),
-            "breakdown": _breakdown(),
+            "breakdown": _breakdown(content.robustness.suite.score),
             "tradeoff": _tradeoff(),
         }
     if content.learners:
@@ -63,14 +64,14 @@ def _curves() -> Any:
     return found
 
 
-def _breakdown() -> Any:
+def _breakdown(scale: Scale) -> Any:
     """Return a line for each model by share, with intervals."""
-    found = _figure(x_axis_label="share of the compromised", y_axis_label="utility in the worst case", height=400)
+    found = _figure(x_axis_label="share of the compromised", y_axis_label=f"{scale} in the worst case", height=400)
     found.xaxis.formatter = NumeralTickFormatter(format="0%")
     _lines(found, "lines", "model", line_width=2.2)
-    points = _source("points", "share", "utility", "utility_half_95", "low", "high", "model", "attack", *_LOOK)
-    marks = _marks_with_ends(found, "share", "utility", points)
-    _hover(found, marks, ("share", "@share{0%}"), ("under", "@attack"), ("utility", _SURE))
+    points = _source("points", "share", "score", "score_half_95", "low", "high", "model", "attack", *_LOOK)
+    marks = _marks_with_ends(found, "share", "score", points)
+    _hover(found, marks, ("share", "@share{0%}"), ("under", "@attack"), _with_half("score"))
     return found
 
 

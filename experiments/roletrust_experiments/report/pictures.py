@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from roletrust_env.benchmark.leaderboard import LeaderboardRow
 from roletrust_env.benchmark.learners.leaderboard import title
+from roletrust_env.benchmark.suite import Scale
 from roletrust_experiments.plots.learners import learners_figure
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET, tidy
 from roletrust_experiments.report.content import Content
@@ -33,19 +34,20 @@ def pictures(content: Content) -> dict[str, Figure]:
 def _of_models(robustness: Robustness) -> dict[str, Figure]:
     styles = dict(list(looks(robustness.order).items())[:_LINES])
     heat = partial(_heat, lowest=_lowest(robustness))
+    breakdown = partial(_breakdown, scale=robustness.suite.score)
     return {
-        "leaderboard": _leaderboard(robustness.leaderboard.rows),
+        "leaderboard": _leaderboard(robustness.leaderboard.rows, robustness.suite.score),
         "heatmap": _panels(
             robustness.tables["heatmap"], heat, robustness.order, (10.4, 0.3 * len(robustness.order) + 2.2)
         ),
         "curves": _panels(robustness.tables["curves"], _curves, styles, (8.4, 3.2)),
-        "breakdown": _panels(robustness.tables["breakdown"], _breakdown, styles, (8.4, 3.2)),
+        "breakdown": _panels(robustness.tables["breakdown"], breakdown, styles, (8.4, 3.2)),
         "tradeoff": _panels(robustness.tables["tradeoff"], _tradeoff, styles, (8.4, 3.6)),
     }
 
 
-def _leaderboard(standings: Sequence[LeaderboardRow]) -> Figure:
-    """Clean and worst-case utility of each model, with their intervals."""
+def _leaderboard(standings: Sequence[LeaderboardRow], scale: Scale) -> Figure:
+    """Clean and worst-case score of each model, with their intervals."""
     figure = Figure(figsize=(8.4, 1.3 + 0.3 * len(standings)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(standings))
@@ -59,7 +61,7 @@ def _leaderboard(standings: Sequence[LeaderboardRow]) -> Figure:
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
     axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings])
     axes.invert_yaxis()
-    axes.set_xlabel("utility of going by trust, with 95% intervals", color=INK)
+    axes.set_xlabel(f"{scale} of going by trust, with 95% intervals", color=INK)
     _quiet(axes, "x")
     axes.legend(frameon=False, loc="lower left", ncols=2, bbox_to_anchor=(0, 1), labelcolor=INK)
     return figure
@@ -108,15 +110,15 @@ def _curves(axes: Axes, rows: Sequence[Mapping[str, Any]], styles: Mapping[str, 
     _legend(axes)
 
 
-def _breakdown(axes: Axes, rows: Sequence[Mapping[str, Any]], styles: Mapping[str, Look]) -> None:
+def _breakdown(axes: Axes, rows: Sequence[Mapping[str, Any]], styles: Mapping[str, Look], scale: Scale) -> None:
     for model, look in styles.items():
         mine = [row for row in rows if row["model"] == model]
-        halves = np.nan_to_num([row["utility_half_95"] for row in mine])
-        shares, means = [row["share"] for row in mine], [row["utility"] for row in mine]
+        halves = np.nan_to_num([row["score_half_95"] for row in mine])
+        shares, means = [row["share"] for row in mine], [row["score"] for row in mine]
         mark = _MARKS[look.mark]
         axes.errorbar(shares, means, yerr=halves, label=model, capsize=3, marker=mark, lw=1.7, **_line(look))
     axes.set_xlabel("share of the compromised", color=INK)
-    axes.set_ylabel("worst-case utility", color=INK)
+    axes.set_ylabel(f"worst-case {scale}", color=INK)
     _quiet(axes, "y")
     _legend(axes)
 

@@ -8,15 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmark.command_line import reproduction_command
-from roletrust_env.benchmark.leaderboard import (
-    HEADER,
-    AttackScores,
-    Condition,
-    worst_cases,
-)
+from roletrust_env.benchmark.leaderboard import HEADER
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.worst_case import AttackScores, Condition, worst_cases
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.metrics.score import ratio
 from roletrust_experiments.report.table import Table
@@ -35,7 +31,7 @@ class Robustness(NamedTuple):
         software: that it was played with.
         command: that plays it.
         leaderboard: The leaderboard of the run.
-        blind: utility of choosing blindly in the games of the first one's worst cases.
+        blind: score of choosing blindly in the games of the first one's worst cases.
         conditions: in which there are attacks.
         tables: by the name of what shows them.
     """
@@ -75,6 +71,7 @@ class Robustness(NamedTuple):
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
+        blind = 0.0 if suite.score == "skill" else blind
         where = list(dict.fromkeys(one.condition.description for one in struck))
         return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
@@ -150,12 +147,12 @@ def _few(by_round: Floats) -> tuple[list[float], list[float]]:
 
 
 def _breakdown(suite: Suite, cases: _Worst) -> Table:
-    """Return worst-case utility by the share of compromised agents, from 0, where everybody is honest."""
-    header = ("where", "share", "model", "attack", "utility", "utility_half_95")
+    """Return the worst-case score by the share of compromised agents, from 0, where everybody is honest."""
+    header = ("where", "share", "model", "attack", "score", "score_half_95")
     rows = []
     for (model, where), one in cases.items():
         for scenario, track in _stand_for(suite, where):
-            mean, half = _mean(one.utility)
+            mean, half = _mean(one.score)
             rows.append((f"{scenario}, {track}", where.share, model, one.attack, mean, half))
     tracks = [f"{scenario}, {track}" for scenario in suite.scenarios for track in suite.tracks]
     rows.sort(key=lambda row: (tracks.index(row[0]), row[2], row[1]))

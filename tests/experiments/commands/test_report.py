@@ -56,6 +56,21 @@ def lines(folder: Path, name: str) -> list[dict[str, str]]:
     return list(csv.DictReader((folder / "out" / f"{name}.csv").open(encoding="utf-8")))
 
 
+def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
+    suite = small(models=["mean", "constant"], attacks=["bad-mouthing"], rungs=["scripted"], score="skill")
+    with Store(tmp_path / "results.sqlite", suite) as store:
+        for cell in cells(suite):
+            store.add(cell, play_cell(suite, cell))
+    made = run("report", str(tmp_path / "results.sqlite"), "--out", str(tmp_path / "out"))
+    assert made.exit_code == 0, made.output
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Worst-case skill" in page
+    assert "never as less" not in page
+    worst = [line for line in lines(tmp_path, "breakdown") if line["model"] == "constant"]
+    assert worst
+    assert all(abs(float(line["score"])) < 1e-9 for line in worst)
+
+
 def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
     for name in ("leaderboard", *SHOWN):
         assert lines(folder, name)

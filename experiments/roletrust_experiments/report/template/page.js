@@ -77,8 +77,8 @@ const fill = {
     source("curves", "lines").data = { xs: rows.rounds, ys: rows.utility, model, attack, colour, dash, wide, strength };
   },
   breakdown(rows) {
-    source("breakdown", "lines").data = joined("breakdown", rows, "share", "utility");
-    const ends = (sign) => rows.utility.map((x, i) => x + sign * (rows.utility_half_95[i] ?? 0));
+    source("breakdown", "lines").data = joined("breakdown", rows, "share", "score");
+    const ends = (sign) => rows.score.map((x, i) => x + sign * (rows.score_half_95[i] ?? 0));
     const { colour, mark } = look("breakdown", rows.model);
     source("breakdown", "points").data = { ...rows, low: ends(-1), high: ends(1), colour, mark };
   },
