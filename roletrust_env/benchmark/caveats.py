@@ -1,10 +1,12 @@
 """Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong enough."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from roletrust_env import Game
+from roletrust_env.arrays import Array
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
@@ -12,8 +14,12 @@ from roletrust_env.benchmark.worst_case import AttackScores, Condition
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits
+from roletrust_env.trust.model_checks import needs_watching
+from roletrust_env.trust.seats import RandomSeats
 
 _SAME = 1e-9
+_ROUNDING = 1e-6  # of sums in another order
+_GAMES = 4
 
 
 def caveats(
@@ -45,14 +51,19 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
             continue
         try:
             model = parse_trust_model(name, scenario)
-            at_random, jumps = is_random(Game(scenario, model)), not Traits.of(model).differentiable
+            game = Game(scenario, model)
+            at_random, jumps = is_random(game), not Traits.of(model).differentiable
+            places_count = not at_random and needs_watching(model) and depends_on_places(game)
         except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
             yield f"{name}: it failed after the run: {reason(error)}"
-            at_random = jumps = False
+            at_random = jumps = places_count = False
         if "white-box planner" in suite.rungs and jumps:
             discontinuous.append(name)
         if at_random:
             yield f"{name}: its trust is random, so other runs give other numbers"
+        if places_count:
+            shown = "are at random places" if suite.places == "random" else "are the last of their role"
+            yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
         clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
         informative = [one for one in clean if providers_differ(one)]
         if informative and all(ignores_ratings(one) for one in informative):
@@ -76,6 +87,25 @@ def ignores_ratings(clean: AttackScores) -> bool:
 def is_random(game: Game) -> bool:
     """Return whether the model of a game computes different trust from the same ratings."""
     return _trust(game) != _trust(game)
+
+
+def depends_on_places(game: Game) -> bool:
+    """Return whether the model of a game trusts an agent otherwise if it has another place among the agents."""
+    if not game.roster.not_self.all():  # places of raters and providers cannot change apart from each other
+        return False
+    seats: Any = RandomSeats(game.model)
+    seated = Game(game.scenario, seats)
+    return any((abs(one - other) > _ROUNDING).any() for one, other in zip(*map(_rated, (game, seated)), strict=True))
+
+
+def _rated(game: Game) -> tuple[Array, Array]:
+    """Return trust after a few rounds in which all raters and providers differ."""
+    shape = (game.roster.n_raters, game.roster.n_providers, _GAMES)
+    random, state = np.random.default_rng(0), game.start(game.draw(game.random(0), (_GAMES,), start=True))
+    for _ in range(3):
+        actions = Actions(random.random(shape[1:]), random.random(shape))
+        state, _ = game.step(state, actions, game.draw(game.random(0), (_GAMES,)))
+    return game.published(state)
 
 
 def _trust(game: Game) -> bytes:

@@ -137,6 +137,28 @@ def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
     )
 
 
+class FirstFive(Mean):
+    """A mean of five raters, as compromised agents often are the last ones."""
+
+    takes_full_rounds = False
+
+    def update(self, state, ratings, mask):  # type: ignore[no-untyped-def]
+        return super().update(state, ratings, mask & (np.arange(len(mask)) < 5).reshape(-1, *[1] * (mask.ndim - 1)))
+
+
+@pytest.mark.parametrize(
+    ("raters", "places", "words"), [(5, "last", ""), (6, "last", "the last of their role"), (6, "random", "at random")]
+)
+def test_a_model_that_goes_by_places_is_named(raters: int, places: str, words: str) -> None:
+    register_trust_model("first-five", FirstFive)
+    groups = [{"role": "SR", "count": raters}, {"role": "SP", "count": 3}]
+    stage = {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": groups}}}
+    suite = small(models=["first-five", "mean"], scenarios=stage, tracks=TRACKS, places=places)
+    run = [stored(name, row("lies", [0.5] * 2, [0.5] * 2)) for name in suite.models]
+    found = [line for line in caveats(suite, run, attack_scores(run), suite.models) if "places" in line]
+    assert [line.startswith("first-five") and words in line for line in found] == [True] * bool(words)
+
+
 class Moody(Mean):
     """Mean with random noise that is too small for the checks of a game."""
 
