@@ -31,8 +31,8 @@ def report(
     round; the share of liars that breaks a model; damage against detectability; the learners and their progress; and
     the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/]; and
-    [green]leaderboard.md[/], the leaderboard in Markdown.
+    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/];
+    [green]leaderboard.md[/], the leaderboard in Markdown; and [green]games.csv.gz[/], the utility of every game.
 
     [bold]Examples[/]
 
@@ -48,6 +48,7 @@ def report(
     require("the report", "train", "scipy", "cma")  # to read a suite of the benchmark
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
     from roletrust_experiments.report.content import read
+    from roletrust_experiments.report.games import write_games
     from roletrust_experiments.report.page import page
     from roletrust_experiments.report.pictures import pictures
 
@@ -63,7 +64,8 @@ def report(
     written = "report.html"
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
-        written += ", leaderboard.md"
+        write_games(out / "games.csv.gz", found.leaderboard.cells)
+        written += ", leaderboard.md, games.csv.gz"
     console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
     if found:
         code = needs_code((*found.suite.models, *found.suite.attacks))

@@ -1,6 +1,7 @@
 """`roletrust report`: the page in a real browser, and its files, against the file of a run."""
 
 import csv
+import gzip
 import json
 import os
 import sqlite3
@@ -85,6 +86,22 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
         line for line in lines(folder, "breakdown") if line["where"] == "market, raters" and line["share"][0] == "0"
     ]
     assert {float(line["share"]) for line in start} == {0, 0.25, 0.5}
+
+
+def test_the_games_give_the_worst_cases_of_the_leaderboard(folder: Path) -> None:
+    with gzip.open(folder / "out" / "games.csv.gz", "rt", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    lowest: dict[tuple[str, ...], tuple[float, float]] = {}
+    for row in rows:
+        if row["rung"] not in ("nobody", "white-box planner"):
+            chosen, trusted, blind = (
+                float(np.mean([float(x) for x in row[name].split()])) for name in ("chosen_utility", "utility", "blind")
+            )
+            key = row["model"], row["scenario"], row["track"], row["share"]
+            lowest[key] = min(lowest.get(key, (np.inf, np.inf)), (chosen, max(trusted, blind)))
+    for line in lines(folder, "leaderboard"):
+        own = [worst for (model, *_), (_, worst) in lowest.items() if model == line["model"]]
+        assert np.mean(own) == pytest.approx(float(line["worst"]), abs=1e-4)
 
 
 def test_a_curve_is_the_utility_of_the_rounds(folder: Path) -> None:
