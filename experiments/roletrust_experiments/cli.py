@@ -22,6 +22,7 @@ from roletrust_experiments.commands.listing import list_command
 from roletrust_experiments.commands.live.app import live
 from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
+from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.speed import speed
 from roletrust_experiments.commands.submit import submit, verify
@@ -120,6 +121,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "transfer": transfer,
     "benchmark": benchmark,
     "report": report,
+    "replay": replay,
     "submit": submit,
     "verify": verify,
     "findings": findings,

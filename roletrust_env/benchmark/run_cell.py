@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from time import perf_counter
+from typing import NamedTuple
 
 from roletrust_env.benchmark.attackers import (
     AttackBatch,
@@ -14,8 +15,10 @@ from roletrust_env.benchmark.attackers import (
 from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, task_arguments
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds
@@ -49,6 +52,48 @@ def play_cell(suite: Suite, cell: Cell) -> CellResult:
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
+
+
+class FoundAttack(NamedTuple):
+    """An attack of a cell, ready to play.
+
+    Attributes:
+        task: Task of the cell.
+        attacker: The attacker, in the row `row` of `rows` attackers that play side by side. Attackers that play side by
+            side share their random numbers, so one of them alone would play other games.
+        row: See `attacker`.
+        rows: See `attacker`.
+        words: Short description of the attack.
+    """
+
+    task: AttackTask
+    attacker: Attacker
+    row: int
+    rows: int
+    words: str
+
+
+def find_attack(suite: Suite, cell: Cell, attack: str) -> FoundAttack:
+    """Return an attack of a cell. A search runs again, with the same seed and budget.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+        attack: Name of the attack in the results of the cell.
+
+    Raises:
+        ValueError: The cell has no such attack, or see `play_cell`.
+    """
+    arguments = task_arguments(suite, cell)
+    task = exact_task(arguments)
+    if cell.rung == HONEST:
+        return FoundAttack(task, Scripted({}), 0, 1, "everyone honest")
+    known: list[str] = []
+    for batch, description in _attacks(suite, cell, task, arguments):
+        if attack in batch.names:
+            return FoundAttack(task, batch.attacker, batch.names.index(attack), len(batch.names), description)
+        known += batch.names
+    raise ValueError(f"cell {cell.key} has no attack {attack!r}{suggest(attack, known)}")
 
 
 def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:

@@ -64,8 +64,18 @@ class TaskBatch:
 
 def first_game(state: State) -> State:
     """Return the state of the first game of a batch, (E,), on the CPU; a single game's state is returned as it is."""
-    first: State = _each(lambda leaf: to_device(leaf[..., 0], "cpu"), state) if state.round.ndim else state
-    return first
+    return one_game(state, (0,)) if state.round.ndim else state
+
+
+def one_game(state: State, place: tuple[int, ...]) -> State:
+    """Return the state of one game of a batch, on the CPU.
+
+    Args:
+        state: State of a batch.
+        place: Index of the game along the axes of the batch.
+    """
+    one: State = _each(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
+    return one
 
 
 def _choose(condition: Array, yes: Any, no: Any) -> Any:

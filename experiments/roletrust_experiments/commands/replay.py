@@ -1,0 +1,151 @@
+"""`roletrust replay`: an attack of a benchmark once more, as a table, a figure and a video."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.markup import escape
+
+from roletrust_env.benchmark.cells import Cell, model_names
+from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.worst_case import as_array, least_mean, worst_cases
+from roletrust_env.errors import suggest
+from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.metrics.confidence import estimate
+from roletrust_env.metrics.score import mean_or_nan
+from roletrust_env.storage.files import prepare_folder
+from roletrust_env.trust.model import registry as trust_models
+from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
+from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import NAMED, Out
+from roletrust_experiments.playing.replay import Replay
+from roletrust_experiments.plots.figure_files import write_figure
+
+_SAME = 1e-6
+
+
+def replay(
+    results: Annotated[
+        Path, typer.Argument(help="Results of `roletrust benchmark`, a file results.sqlite.", show_default=False)
+    ] = Path("results/benchmark/results.sqlite"),
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model of the run; its worst case of all conditions is played. By default that of the best one.",
+            show_default=False,
+        ),
+    ] = None,
+    cell: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY",
+            help="Cell of the run, MODEL|SCENARIO|TRACK|SHARE|RUNG|SEED; its worst attack is played.",
+            show_default=False,
+        ),
+    ] = None,
+    attack: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Attack of this cell, in place of the worst one.")
+    ] = None,
+    video: Annotated[
+        bool, typer.Option("--video", help="Also save a video of the game with the least utility, game.mp4.")
+    ] = False,
+    allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
+    out: Out = Path("results/replay"),
+) -> None:
+    """Play [bold]an attack of a benchmark[/] again, and show what it does.
+
+    The games are those that measured the attack, and the same ones with everybody honest. A search runs again with its
+    seed and budget, and finds the same attack on the same machine; this takes as long as in the benchmark.
+
+    Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by round; and with
+    --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the video, the attacker's agents are marked.
+
+    [bold]Examples[/]
+
+    [dim]# the worst that happened to a trust model, with a video[/]
+    [cyan]roletrust replay results/quick/results.sqlite --model role-trust --video[/]
+
+    [dim]# one attack in one condition[/]
+    [cyan]roletrust replay results/quick/results.sqlite --cell 'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
+    """
+    require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    if cell and model:
+        raise ValueError("give --cell or --model; the cell names its trust model")
+    if attack and not cell:
+        raise ValueError("--attack needs the --cell in which it was played")
+    suite, place, name, stored = _choose(results, model, cell, attack, allow_code)
+    prepare_folder(out)
+    with console.status("Searching and playing"):
+        found = Replay.of(suite, place, name)
+    utility = estimate(found.score)
+    honest = estimate(mean_or_nan(found.honest, axis=0))
+    condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
+    title = f"{condition}: {name}"
+    table = number_table(escape(title), escape(found.found.words), "attack", "everybody honest")
+    table.add_row("utility of consumers", *(f"{one.mean:.3f}±{one.half:.3f}" for one in (utility, honest)))
+    table.add_row("rounds in which the most trusted provider is the attacker's", f"{found.believed.mean():.0%}", "")
+    for side in found.sides:
+        table.add_row(f"trust in {side.label}", f"{np.nanmean(side.trust):.3f}", "")
+    console.print(table)
+    if abs(utility.mean - stored) > _SAME:
+        console.print(
+            f"[yellow]The file has a utility of {stored:.3f}: with another processor or other software, a search may "
+            "find another attack.[/]",
+            soft_wrap=True,
+        )
+    from roletrust_experiments.plots.replay import replay_figure
+
+    write_figure(out / "replay.png", replay_figure(title, found))
+    written = ["replay.png"]
+    if video:
+        from roletrust_experiments.plots.video import write_video_of_states
+
+        worst, task = int(np.argmin(found.score)), found.found.task
+        with progress_bar() as progress:
+            write_video_of_states(out / "game.mp4", task.game, found.states(worst), task.identities, progress)
+        written += ["game.mp4", "game.png"]
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    print_next("report", results)
+
+
+def _choose(
+    path: Path, model: str | None, key: str | None, attack: str | None, allow_code: bool
+) -> tuple[Suite, Cell, str, float]:
+    """Return the suite, the cell and the attack to play, and the utility that the file has.
+
+    Raises:
+        ValueError: The file is none of a robustness run, or has no such model, cell or attack.
+    """
+    with Store(path) as store:
+        suite, stored = store.suite, store.all()
+    if not isinstance(suite, Suite):
+        raise ValueError(f"{path} has a suite for {suite.kind}; only attacks on trust models can be played again")
+    if not allow_code:
+        check_installed(trust_models, model_names(suite))
+        check_installed(attackers, suite.attacks)
+    played = {one.cell.key: one for one in stored if one.result.rows}
+    if key is None:
+        board = Leaderboard.of(suite, stored)
+        names = [row.model for row in board.rows if row.worst_attack]
+        model = model or (names[0] if names else "")
+        if model not in names:
+            raise ValueError(f"{path} has no attack on {model!r}{suggest(model, names)}")
+        cases = [one for (name, _), one in worst_cases(board.attacks).items() if name == model]
+        attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
+        worst = min(attacked, key=lambda one: least_mean(one.score))
+        key = Cell(model, *worst.condition, worst.rung, suite.seeds[0]).key
+        attack = worst.attack
+    if key not in played:
+        raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
+    cell, result = played[key]
+    rows = {row.attack: row for row in result.rows}
+    if attack is None:
+        attack = min(rows, key=lambda name: least_mean(as_array(rows[name].chosen["utility"])))
+    if attack not in rows:
+        raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")
+    return suite, cell, attack, estimate(as_array(rows[attack].measured["utility"])).mean

@@ -1,0 +1,127 @@
+"""An attack of a benchmark, played once more: what it does to consumers, and whom trust believes."""
+
+from collections.abc import Iterator
+from typing import NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmark.cells import Cell
+from roletrust_env.benchmark.run_cell import FoundAttack, find_attack
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.envs.task_batch import one_game
+from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import Watched, watch
+from roletrust_env.game.state import State
+from roletrust_env.metrics.score import mean_or_nan, ratio
+
+Floats = npt.NDArray[np.float64]
+
+
+class Side(NamedTuple):
+    """Trust of agents with the same role on one side; a number is the mean over the agents that are present.
+
+    Attributes:
+        label: Who they are, such as `liars`.
+        attacks: Whether they belong to the attacker.
+        rates: Whether it is trust in raters, otherwise in providers.
+        trust: Trust of the side in each round and game, shape (T, G); NaN where nobody of it is present.
+    """
+
+    label: str
+    attacks: bool
+    rates: bool
+    trust: Floats
+
+
+class Replay(NamedTuple):
+    """The games of a benchmark that measured an attack, and the same games with everybody honest.
+
+    Attributes:
+        found: The attack.
+        seed: Random seed of the games.
+        games: Number of games that chose the worst case, and of those that measure it.
+        utility: Utility of consumers in each round from the second on under the attack, shape (T - 1, G).
+        honest: The same with everybody honest.
+        score: Utility in each whole game under the attack, shape (G,).
+        believed: Whether the most trusted provider belongs to the attacker, in each round, shape (T, G).
+        sides: Trust of each side.
+    """
+
+    found: FoundAttack
+    seed: int
+    games: int
+    utility: Floats
+    honest: Floats
+    score: Floats
+    believed: Floats
+    sides: tuple[Side, ...]
+
+    @classmethod
+    def of(cls, suite: Suite, cell: Cell, attack: str) -> Self:
+        """Find the attack of a cell again and play the games that measured it.
+
+        Args:
+            suite: Suite of the run.
+            cell: Cell of the run.
+            attack: Name of the attack in the results of the cell.
+
+        Raises:
+            ValueError: See `find_attack`.
+        """
+        found = find_attack(suite, cell, attack)
+        attacked, honest = (
+            _measured(watch(found.task, attacker, cell.seed, (rows, 2 * suite.games)), row, suite.games)
+            for attacker, row, rows in ((found.attacker, found.row, found.rows), (Scripted({}), 0, 1))
+        )
+        got, best = attacked.bought.got, attacked.bought.best
+        return cls(
+            found,
+            cell.seed,
+            suite.games,
+            ratio(got, best),
+            ratio(honest.bought.got, honest.bought.best),
+            ratio(got.sum(axis=0), best.sum(axis=0)),
+            _believed(found, attacked.trust),
+            tuple(_sides(found, attacked.trust)),
+        )
+
+    def states(self, game: int) -> Iterator[State]:
+        """Play one of the games again and yield its states.
+
+        Args:
+            game: Index among the games that measure the attack.
+        """
+        task, attacker, row, rows, _ = self.found
+        sources = random_sources(task, self.seed, HELD_OUT)
+        for played in attacked_rollout(task, attacker, (rows, 2 * self.games), *sources):
+            yield one_game(played.state, (row, self.games + game))
+
+
+def _measured(seen: Watched, row: int, games: int) -> Watched:
+    """Return the record of the games that measure the attack in a row."""
+    bought = type(seen.bought)(*(part[:, row, games:] for part in seen.bought))
+    return Watched(seen.trust[:, :, row, games:], bought)
+
+
+def _believed(found: FoundAttack, trust: Floats) -> Floats:
+    """Return the probability that the most trusted provider belongs to the attacker; ties are equally likely."""
+    roster = found.task.game.roster
+    providers = [place for place, name in enumerate(roster.names) if name in roster.provider_names]
+    own = np.array([roster.names[place] in found.task.identities for place in providers])
+    top = np.where(np.isnan(trust[:, providers]), -1.0, trust[:, providers])
+    highest = top == top.max(axis=1, keepdims=True)
+    return ratio((highest & own[:, None]).sum(axis=1), highest.sum(axis=1))
+
+
+def _sides(found: FoundAttack, trust: Floats) -> Iterator[Side]:
+    roster, own = found.task.game.roster, found.task.identities
+    for names, rates, words in (
+        (roster.rater_names, True, ("honest raters", "raters of the attacker")),
+        (roster.provider_names, False, ("honest providers", "providers of the attacker")),
+    ):
+        for attacks in (False, True):
+            places = [k for k, name in enumerate(roster.names) if name in names and (name in own) == attacks]
+            if places:
+                yield Side(words[attacks], attacks, rates, mean_or_nan(trust[:, places], axis=1))

@@ -1,0 +1,98 @@
+"""`roletrust replay`: the games of a benchmark again, against the file of the run."""
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import run
+from small_suites import small
+
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.run_cell import find_attack, play_cell
+from roletrust_env.benchmark.store import Store
+from roletrust_env.evaluation.measurement import watch
+from roletrust_experiments.playing.replay import Replay
+
+SUITE = small(models=["mean", "role-trust"], rungs=["scripted", "random search"], seeds=[3])
+PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "results.sqlite"
+    with Store(path, SUITE) as store:
+        for cell in cells(SUITE):
+            store.add(cell, play_cell(SUITE, cell))
+    return path
+
+
+def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
+    with Store(file) as store:
+        stored = store.all()
+    played = 0
+    for cell, result in stored:
+        for row in result.rows:
+            found = Replay.of(SUITE, cell, row.attack)
+            assert found.score == pytest.approx(np.array(row.measured["utility"], float), nan_ok=True)
+            played += 1
+    assert played > 6
+
+
+def test_the_states_are_those_of_the_game_that_was_measured() -> None:
+    cell = next(cell for cell in cells(SUITE) if cell.rung == "random search" and cell.model == "role-trust")
+    found = Replay.of(SUITE, cell, "random search")
+    whole = watch(found.found.task, found.found.attacker, cell.seed, (1, 2 * SUITE.games))
+    for game in (0, SUITE.games - 1):
+        *_, last = found.states(game)
+        trust = found.found.task.game.agent_trust(last)
+        assert trust == pytest.approx(whole.trust[-1, :, 0, SUITE.games + game])
+
+
+def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> None:
+    suite = small(models=["constant"], attacks=["on-off"], rungs=["scripted"], tracks=PROVIDERS)
+    (cell,) = cells(suite)
+    found = Replay.of(suite, cell, "on-off")
+    roster = found.found.task.game.roster
+    mine = sum(name in found.found.task.identities for name in roster.provider_names)
+    assert found.believed == pytest.approx(mine / roster.n_providers)  # all are trusted alike
+    assert [side.label for side in found.sides] == ["honest raters", "honest providers", "providers of the attacker"]
+
+
+def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_path: Path) -> None:
+    with Store(file) as store:
+        board = Leaderboard.of(SUITE, store.all())
+    row = next(row for row in board.rows if row.model == "mean")
+    made = run("replay", str(file), "--model", "mean", "--video", "--out", str(tmp_path))
+    assert made.exit_code == 0, made.output
+    assert f"mean, {row.worst_condition}" in made.output
+    assert row.worst_attack in made.output
+    assert "The file has" not in made.output
+    assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
+
+
+def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> None:
+    other = tmp_path / "results.sqlite"
+    other.write_bytes(file.read_bytes())
+    with sqlite3.connect(other) as connection:
+        connection.execute("UPDATE attacks SET measured = replace(measured, '0.', '0.0')")
+    made = run("replay", str(other), "--model", "mean", "--out", str(tmp_path / "out"))
+    assert made.exit_code == 0, made.output
+    assert "The file has a utility of 0.0" in made.output.replace("\n", " ")
+
+
+def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> None:
+    scripted = next(cell for cell in cells(SUITE) if cell.rung == "scripted")
+    for arguments, words in (
+        (["--model", "means"], "no attack on 'means'"),
+        (["--cell", scripted.key.replace("scripted", "PPO")], "no played cell"),
+        (["--cell", scripted.key, "--attack", "bad-mouth"], "did you mean 'bad-mouthing'"),
+        (["--attack", "bad-mouthing"], "--attack needs the --cell"),
+        (["--cell", scripted.key, "--model", "mean"], "give --cell or --model"),
+    ):
+        made = run("replay", str(file), *arguments, "--out", str(tmp_path))
+        assert made.exit_code == 2
+        assert words in made.output.replace("\n", " ")
+    with pytest.raises(ValueError, match="has no attack 'nothing'"):
+        find_attack(SUITE, scripted, "nothing")
