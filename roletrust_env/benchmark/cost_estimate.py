@@ -13,8 +13,9 @@ from roletrust_env.evaluation.search import Budget, UnsuitableError
 
 _TRIAL_ROUNDS = 4
 """Number of rounds in a trial of a trust model."""
-_TRIAL_BUDGET = 6_000
-"""Maximum budget of a trial of a search, a learner or the planner, in game rounds (rounds x games)."""
+_TRIAL_BUDGETS = (6_000, 100_000)
+"""Budgets of a trial of a search, a learner or the planner, in game rounds (rounds x games); the larger one is tried if
+the smaller one does not suffice."""
 
 
 class CostEstimate(NamedTuple):
@@ -41,9 +42,21 @@ def estimate_cost(suite: Suite, cells: Sequence[Cell]) -> dict[str, CostEstimate
         suite: Suite of the cells.
         cells: Cells to play.
     """
+    seconds, costs = estimate_seconds(suite, cells), dict[str, CostEstimate]()
+    for cell in cells:
+        before = costs.get(cell.model, CostEstimate(0, 0, 0.0))
+        rounds = sum(round_counts(suite, cell))
+        costs[cell.model] = CostEstimate(
+            before.cells + 1, before.env_steps + rounds, before.seconds + seconds[cell.key]
+        )
+    return costs
+
+
+def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
+    """Return an estimate of the seconds of each cell on one core, by its key. Arguments as for `estimate_cost`."""
     speeds: dict[tuple[str, str, str], float] = {}
     overheads: dict[tuple[str, str], float] = {}
-    costs: dict[str, CostEstimate] = {}
+    seconds: dict[str, float] = {}
     for cell in cells:
         where, way = (cell.model, cell.scenario, cell.track), (cell.rung, cell.scenario)
         if where not in speeds:
@@ -51,12 +64,8 @@ def estimate_cost(suite: Suite, cells: Sequence[Cell]) -> dict[str, CostEstimate
         if way not in overheads:
             overheads[way] = _overhead(suite, cell, speeds[where]) if cell.rung in SEARCH_RUNGS else 0.0
         to_find, to_measure = round_counts(suite, cell)
-        seconds = speeds[where] * (to_find + to_measure) + overheads[way] * to_find
-        before = costs.get(cell.model, CostEstimate(0, 0, 0.0))
-        costs[cell.model] = CostEstimate(
-            before.cells + 1, before.env_steps + to_find + to_measure, before.seconds + seconds
-        )
-    return costs
+        seconds[cell.key] = speeds[where] * (to_find + to_measure) + overheads[way] * to_find
+    return seconds
 
 
 def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
@@ -91,11 +100,13 @@ def _seconds_each(suite: Suite, cell: Cell) -> float:
 
 def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
     """Return the seconds that a rung takes for each round in addition to playing it."""
-    began = process_time()
-    try:
-        search = make_search(cell.rung).search(
-            task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung), _TRIAL_BUDGET)), cell.seed
-        )
-    except UnsuitableError:
-        return 0.0
-    return max(0.0, (process_time() - began) / max(search.rounds, 1) - seconds_each)
+    for budget in _TRIAL_BUDGETS:
+        began = process_time()
+        try:
+            search = make_search(cell.rung).search(
+                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung), budget)), cell.seed
+            )
+        except UnsuitableError:
+            continue
+        return max(0.0, (process_time() - began) / max(search.rounds, 1) - seconds_each)
+    return 0.0

@@ -18,8 +18,8 @@ from roletrust_env.benchmark.suite_types import AnySuite, suite_type
 from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
 
-OnStart = Callable[[int, int], None]
-"""Callback for the start of a run. It receives the number of stored cells and the number of all cells."""
+OnStart = Callable[[Sequence[Any], int], None]
+"""Callback for the start of a run. It receives the cells to play and the number of all cells."""
 
 OnCell = Callable[[Any, CellResult], None]
 """Callback for each cell that has been played. It receives the cell and its result."""
@@ -120,7 +120,7 @@ def play_suite(
     *,
     out: Path | None = None,
     force: bool = False,
-    on_start: OnStart = lambda stored, total: None,
+    on_start: OnStart = lambda remaining, total: None,
     on_cell: OnCell = lambda cell, result: None,
 ) -> list[StoredCell]:
     """Play the cells of a suite that are not stored yet, and return all of them.
@@ -139,7 +139,7 @@ def play_suite(
     """
     every = suite_type(suite).cells(suite)
     if out is None:
-        on_start(0, len(every))
+        on_start(every, len(every))
         played = []
         with closing(pool.play(suite, every)) as playing:
             for cell, result in playing:
@@ -149,8 +149,9 @@ def play_suite(
     prepare_folder(out)
     with Store(out / "results.sqlite", suite, overwrite=force) as store:
         finished = store.finished_keys()
-        on_start(len(finished), len(every))
-        with closing(pool.play(suite, [cell for cell in every if cell.key not in finished])) as playing:
+        remaining = [cell for cell in every if cell.key not in finished]
+        on_start(remaining, len(every))
+        with closing(pool.play(suite, remaining)) as playing:
             for cell, result in playing:
                 store.add(cell, result)
                 on_cell(cell, result)
@@ -188,9 +189,9 @@ def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
 
     bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))
 
-    def begin(stored: int, total: int) -> None:
+    def begin(remaining: Sequence[Any], total: int) -> None:
         bar.total = total
-        bar.update(stored)
+        bar.update(total - len(remaining))
 
     def advance(cell: Any, result: CellResult) -> None:
         if result.failed:

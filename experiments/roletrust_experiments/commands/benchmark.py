@@ -3,16 +3,19 @@
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from roletrust_env.benchmark.cells import attack_names, cells, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.cost_estimate import estimate_cost
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.pool import LocalPool, Pool, cores
+from roletrust_env.benchmark.remaining_time import RemainingTime
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.run import play_suite, with_names
 from roletrust_env.benchmark.schema import CellResult
@@ -153,17 +156,25 @@ def benchmark(
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
-    """Play the suite with a progress bar that begins with the cells that are stored already."""
-    with progress_bar() as progress:
-        job = progress.add_task(f"Playing {suite.name}")
+    """Play the suite with a progress bar that shows the cells and the remaining time."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
+    with progress_bar(columns=columns) as progress:
+        job, began = progress.add_task(f"Playing {suite.name}", left=""), perf_counter()
+        time = RemainingTime({})
 
-        def begin(stored: int, total: int) -> None:
+        def begin(remaining: Sequence[Any], total: int) -> None:
+            nonlocal time, began
+            stored = total - len(remaining)
             progress.update(job, total=total, completed=stored)
             if stored:
                 progress.console.print(f"[dim]{stored:,} of {total:,} cells are there already.[/]")
+            if not progress.disable:
+                time, began = RemainingTime.of(suite, remaining), perf_counter()
 
         def show(cell: Any, result: CellResult) -> None:
-            progress.advance(job)
+            time.finish(cell.key)
+            left = time.seconds(perf_counter() - began)
+            progress.update(job, advance=1, left="" if left is None else f"{in_time(left)} left")
             if result.failed:
                 progress.console.print(f"[red]{escape(cell.key)}: {escape(result.failed)}[/]", soft_wrap=True)
 
