@@ -9,6 +9,9 @@ from roletrust_env.benchmark.suite_types import AnySuite
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model_checks import needs_watching
 
+_STARTING = 0.02
+"""Share of the cost below which the remaining time is unknown."""
+
 _STANDS_IN = "role-trust"
 """Model whose trial stands in for that of a model of another package, which might hang outside a process of its own."""
 
@@ -65,11 +68,11 @@ class RemainingTime:
         return sum(self._costs.values())
 
     def seconds(self, passed_s: float) -> float | None:
-        """Return the remaining time in seconds; None before the first cell is finished.
+        """Return the remaining time in seconds; None at the start, as long as processes start rather than play.
 
         Args:
             passed_s: Time since the start in seconds.
         """
         left = self._left
         finished = self._all - left
-        return passed_s * left / finished if finished > 0 else None
+        return passed_s * left / finished if finished > _STARTING * self._all else None
