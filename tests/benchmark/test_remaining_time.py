@@ -26,8 +26,8 @@ def test_after_the_first_tenth_the_estimate_is_right_within_a_factor_of_two(seed
         passed += cost
         found.finish(key)
         left = found.seconds(passed)
-        assert left is not None
         if 0.1 * whole < passed < 0.95 * whole:
+            assert left is not None
             assert 0.5 < left / (whole - passed) < 2
             checked += 1
     assert checked > 100
