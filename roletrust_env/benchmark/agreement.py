@@ -15,6 +15,7 @@ CHOSEN = "chosen utility"
 
 _CHOSEN_BLIND = "chosen blind"
 
+_SEARCH_ERROR = 0.03  # standard deviation of the worst case between searches with other seeds
 _LEAST_ERROR = 1e-4  # where all games are alike, another processor rounds otherwise
 _NORMAL_95, _NORMAL_999 = 1.96, 3.09  # quantiles of the normal distribution, for both sides and for one
 
@@ -86,6 +87,37 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
         message = f"claims exceed those here by {z:.1f} standard errors over {known.size} cells; {_NORMAL_999} may be"
         checks.append(Check(f"bias of {name}", z <= _NORMAL_999, message))
     return checks
+
+
+def check_fresh(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> Check:
+    """Compare the claimed worst cases with those of cells with a seed that nobody could know.
+
+    A model that recognises the games of a public seed is good there only. The mean of the differences over all cells is
+    tested on one side, at a level of 0.001. Cells of a scenario share their games, so their noise counts as the same.
+    Searches with other seeds find other attacks, which adds an error of its own to each cell.
+
+    Args:
+        claims: Claims for cells.
+        results: Results of the same cells with the other seed on this machine.
+    """
+    subject, differences = "games with a new seed", list[float]()
+    noises: dict[str, float] = {}
+    for claim, result in zip(claims, results, strict=True):
+        if result.failed:
+            return Check(subject, False, f"{claim.cell.key} failed here: {result.failed}")
+        own = make_claim(claim.cell, result)
+        if not claim.attacks or not own.attacks:
+            continue
+        worst = [min(each.attacks, key=lambda one: one.chosen).measured.utility for each in (claim, own)]
+        differences.append((worst[0].mean or 0.0) - (worst[1].mean or 0.0))
+        noise = np.linalg.norm([(one.half_95 or 0.0) / _NORMAL_95 for one in worst])
+        noises[claim.scenario] = noises.get(claim.scenario, 0.0) + float(noise)
+    if not differences:
+        return Check(subject, True, "no cell was played with a new seed")
+    number, lead = len(differences), float(np.mean(differences))
+    error = float(np.hypot(np.linalg.norm(list(noises.values())) / number, _SEARCH_ERROR / number**0.5))
+    message = f"claims exceed those here by {lead:.4f} on average over {number} cells; "
+    return Check(subject, lead <= _NORMAL_999 * error, message + f"{_NORMAL_999 * error:.4f} may be")
 
 
 def _excess(pairs: Sequence[tuple[Score, Score]]) -> float:

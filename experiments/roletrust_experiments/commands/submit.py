@@ -4,13 +4,14 @@ import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from random import Random
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.agreement import Check, check_bias, check_cell
+from roletrust_env.benchmark.agreement import Check, check_bias, check_cell, check_fresh
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import CellClaim, make_submission
@@ -89,6 +90,10 @@ def verify(
             show_default=False,
         ),
     ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option(help="Play the cells with a new seed, too: a model may know the games of a public one."),
+    ] = True,
     own_suite: Annotated[
         bool, typer.Option("--own-suite", help="Accept a suite that is none of this package.")
     ] = False,
@@ -98,7 +103,8 @@ def verify(
     """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
 
     With the same software and processor, a cell must give the same numbers to the last bit; otherwise every mean must
-    lie within its interval, and utilities must not be too high on the whole. The suite has to be one of this package,
+    lie within its interval, and utilities must not be too high on the whole. The same cells are played with a new seed,
+    and claims must not be much higher than what comes out there. The suite has to be one of this package,
     recognised by its hash. The exit code is 1 if a check fails, and 2 if the file cannot be read. The file may only
     name what is installed, unless --allow-code is given.
 
@@ -124,6 +130,8 @@ def verify(
         checks.append(check_cell(claim, again.result, same))
     if kept:
         checks += check_bias(asked, [again.result for again in kept])
+    if fresh and claims:
+        checks.append(_fresh(suite, claims, seed, workers))
     if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
         checks += check_scores(found, suite, kept, same)
     console.print(_table(file, checks))
@@ -143,9 +151,20 @@ def verify(
         raise typer.Exit(1)
 
 
-def _played(suite: Suite, claims: Sequence[CellClaim], workers: int | None) -> Iterator[tuple[CellClaim, StoredCell]]:
-    """Cells, each with what becomes of it here."""
-    of_cell = {claim.cell: claim for claim in claims}
+def _fresh(suite: Suite, claims: Sequence[CellClaim], seed: int, workers: int | None) -> Check:
+    """Play the cells of claims with a seed that is none of the suite, and compare."""
+    random = Random(seed)
+    while (new := random.getrandbits(31)) in suite.seeds:
+        pass
+    done = list(_played(suite, claims, workers, new))
+    return check_fresh([claim for claim, _ in done], [again.result for _, again in done])
+
+
+def _played(
+    suite: Suite, claims: Sequence[CellClaim], workers: int | None, seed: int | None = None
+) -> Iterator[tuple[CellClaim, StoredCell]]:
+    """Iterate over claims, each with the result of its cell here, played with its own seed or another one."""
+    of_cell = {claim.cell if seed is None else claim.cell._replace(seed=seed): claim for claim in claims}
     limited = suite.model_copy(update={"limit_s": min(suite.limit_s, LONGEST_S)})
     with progress_bar() as progress, closing(LocalPool(workers).play(limited, list(of_cell))) as playing:
         job = progress.add_task("Playing again", total=len(of_cell))

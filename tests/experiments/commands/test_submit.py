@@ -63,6 +63,15 @@ def test_what_is_true_is_found_so(verified: Callable) -> None:
     assert f"{len(cells(SUITE))} of {len(cells(SUITE))} cells played again" in told
 
 
+def test_games_with_a_new_seed_are_played_unless_left_out(verified: Callable) -> None:
+    code, told = verified(lambda said: None, "--cells", "4", "--workers", "1")
+    assert code == 0, told
+    assert "ok games with a new seed" in told
+    code, told = verified(lambda said: None, "--cells", "4", "--workers", "1", "--no-fresh")
+    assert code == 0, told
+    assert "new seed" not in told
+
+
 def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -> None:
     """Sums of floats depend on the order in their last bits."""
     (tmp_path / "true.json").write_text(text)
