@@ -24,6 +24,7 @@ from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
+from roletrust_experiments.commands.serve import serve
 from roletrust_experiments.commands.speed import speed
 from roletrust_experiments.commands.submit import submit, verify
 from roletrust_experiments.commands.train import train
@@ -122,6 +123,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "benchmark": benchmark,
     "report": report,
     "replay": replay,
+    "serve": serve,
     "submit": submit,
     "verify": verify,
     "findings": findings,

@@ -1,0 +1,154 @@
+"""A trust model of this package for programs in any language: the other side of `roletrust_env.trust.outside`."""
+
+import json
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from threading import Lock
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from roletrust_env.errors import explain
+from roletrust_env.trust.model import TrustModel, start_model
+
+MOST_GAMES = 100_000
+"""Number of games that a service remembers."""
+
+_MOST_BYTES = 64_000_000  # of a request
+_Count = Annotated[int, Field(ge=1, le=100_000)]
+_Place = Annotated[int, Field(ge=0)]
+_Rating = tuple[_Place, _Place, Annotated[float, Field(ge=0, le=1)]]
+
+
+class _Over(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    over: list[int]
+
+
+class _Round(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    game: int
+    round: Annotated[int, Field(ge=0)]
+    raters: _Count
+    providers: _Count
+    ratings: list[_Rating]
+
+
+class _Played(NamedTuple):
+    """A game: its next round, its numbers of agents, and the state of the trust model."""
+
+    round: int
+    shape: tuple[int, int]
+    state: Any
+
+
+class TrustService:
+    """Answers the messages of the protocol for models outside, see docs/guide/outside.md.
+
+    Args:
+        model: Trust model.
+
+    Example:
+        >>> from roletrust_env import make_trust_model
+        >>> service = TrustService(make_trust_model("mean"))
+        >>> service.answer('{"game": 1, "round": 0, "raters": 1, "providers": 2, "ratings": []}')
+        '{"providers": [0.5, 0.5]}'
+        >>> service.answer('{"game": 1, "round": 1, "raters": 1, "providers": 2, "ratings": [[0, 1, 0.9]]}')
+        '{"providers": [0.5, 0.7]}'
+    """
+
+    def __init__(self, model: TrustModel[Any]) -> None:
+        self._model = model
+        self._games: dict[int, _Played] = {}
+
+    def answer(self, line: str) -> str | None:
+        """Return the answer to a message, one line of JSON without its end; None if a message has no answer.
+
+        Raises:
+            ValueError: The message is not valid, or is of a game that is in another round.
+        """
+        try:
+            data = json.loads(line)
+            if isinstance(data, dict) and "over" in data:
+                for game in _Over.model_validate(data).over:
+                    self._games.pop(game, None)
+                return None
+            message = _Round.model_validate(data)
+        except ValidationError as error:
+            raise ValueError(explain(error)) from None
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"there is no JSON: {error}") from None
+        played = self._play(message)
+        self._games[message.game] = played
+        trust = {"providers": self._model.provider_trust(played.state).tolist()}
+        if self._model.rates_raters:
+            trust["raters"] = self._model.rater_trust(played.state).tolist()
+        return json.dumps(trust)
+
+    def _play(self, message: _Round) -> _Played:
+        """Return a game after the round of a message."""
+        game, shape = message.game, (message.raters, message.providers)
+        nothing = np.zeros(shape)
+        if message.round == 0:
+            if message.ratings:
+                raise ValueError(f"game {game} begins with ratings; they come from round 1 on")
+            if game not in self._games and len(self._games) >= MOST_GAMES:
+                raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
+            return _Played(1, shape, start_model(self._model, nothing, nothing > 0))
+        before = self._games.get(game)
+        if before is None or before.round != message.round or before.shape != shape:
+            known = "is not in progress" if before is None else f"waits for round {before.round} of {before.shape}"
+            raise ValueError(f"game {game} {known}; the message is of round {message.round} of {shape}")
+        ratings, mask = nothing.copy(), nothing > 0
+        for rater, provider, rating in message.ratings:
+            if rater >= shape[0] or provider >= shape[1]:
+                raise ValueError(f"game {game} has a rating of provider {provider} by rater {rater}; it has {shape}")
+            ratings[rater, provider], mask[rater, provider] = rating, True
+        return _Played(message.round + 1, shape, self._model.update(before.state, ratings, mask))
+
+
+def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
+    """Return a server that answers POST requests, each with messages on lines of their own.
+
+    A request with a message that is not valid has the status 400 and the reason as its body; the messages before it
+    count.
+
+    Args:
+        service: Service that answers.
+        host: Address to listen at, such as `127.0.0.1`.
+        port: Port; 0 is any free one.
+
+    Raises:
+        OSError: The port is in use.
+    """
+    lock = Lock()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            size = self.headers.get("Content-Length", "")
+            if not size.isdigit() or int(size) > _MOST_BYTES:
+                self._respond(400, f"Content-Length must be a number of at most {_MOST_BYTES} bytes\n")
+                return
+            lines = self.rfile.read(int(size)).decode("utf-8", "replace").splitlines()
+            try:
+                with lock:
+                    answers = [service.answer(line) for line in lines if line.strip()]
+            except ValueError as error:
+                self._respond(400, f"{error}\n")
+            else:
+                self._respond(200, "".join(f"{answer}\n" for answer in answers if answer is not None))
+
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+        def _respond(self, status: int, text: str) -> None:
+            body = text.encode()
+            self.send_response(status)
+            self.send_header("Content-Type", "application/x-ndjson" if status == 200 else "text/plain; charset=utf-8")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+    return HTTPServer((host, port), Handler)
