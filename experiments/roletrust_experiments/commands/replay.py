@@ -49,7 +49,7 @@ def replay(
         ),
     ] = None,
     attack: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Attack of this cell, in place of the worst one.")
+        str | None, typer.Option(metavar=NAMED, help="Attack of this cell, in place of the worst one.")
     ] = None,
     video: Annotated[
         bool, typer.Option("--video", help="Also save a video of the game with the least utility, game.mp4.")
