@@ -84,7 +84,6 @@ benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard-2 --out $(OUT)/standard-2
 	$(BIN)/roletrust report $(OUT)/standard-2/results.sqlite --out $(OUT)/standard-2/report
 	cp $(foreach kind,png csv md,$(OUT)/standard-2/report/leaderboard.$(kind)) docs/
-	cp $(OUT)/standard-2/report/games.csv.gz docs/leaderboards/standard-2-games.csv.gz
 
 # The table of what the live system's manager takes; on a quiet machine, some minutes.
 live-load: setup
