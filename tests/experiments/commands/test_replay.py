@@ -15,7 +15,13 @@ from roletrust_env.benchmark.store import Store
 from roletrust_env.evaluation.measurement import watch
 from roletrust_experiments.playing.replay import Replay
 
-SUITE = small(models=["mean", "role-trust"], rungs=["scripted", "random search"], seeds=[3])
+SUITE = small(
+    models=["mean", "role-trust"],
+    attacks=["bad-mouthing", "random-rating", "on-off", "sybil"],
+    rungs=["scripted", "random search"],
+    budget=500,
+    seeds=[3],
+)
 PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
 
 
