@@ -19,7 +19,7 @@ SUITE = small(
     models=["mean", "role-trust"],
     attacks=["bad-mouthing", "random-rating", "on-off", "sybil"],
     rungs=["scripted", "random search"],
-    budget=500,
+    budget=3000,
     seeds=[3],
 )
 PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
