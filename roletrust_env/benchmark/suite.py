@@ -103,9 +103,8 @@ class Suite(SuiteSchema):
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
     score: Scale = "utility"
-    """How attacks are compared and worst cases count. On the scale `utility`, the attack with the least utility is the
-    worst, and it counts as a blind choice if that is better. On the scale `skill`, 1 is the best choice, 0 a blind one,
-    and a score below 0 means that the attackers steer consumers."""
+    """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
+    the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
     places: Literal["last", "random"] = "last"
     """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
     models of this project treat all agents alike, as their tests show, and never see them in another order."""
