@@ -19,7 +19,7 @@ from roletrust_env.trust.seats import RandomSeats
 
 _SAME = 1e-9
 _ROUNDING = 1e-6  # of sums in another order
-_GAMES = 4
+_GAMES, _ROUNDS = 4, 12
 
 
 def caveats(
@@ -99,10 +99,10 @@ def depends_on_places(game: Game) -> bool:
 
 
 def _rated(game: Game) -> tuple[Array, Array]:
-    """Return trust after a few rounds in which all raters and providers differ."""
+    """Return trust after some rounds in which all raters and providers differ."""
     shape = (game.roster.n_raters, game.roster.n_providers, _GAMES)
     random, state = np.random.default_rng(0), game.start(game.draw(game.random(0), (_GAMES,), start=True))
-    for _ in range(3):
+    for _ in range(min(_ROUNDS, game.scenario.max_cycles)):
         actions = Actions(random.random(shape[1:]), random.random(shape))
         state, _ = game.step(state, actions, game.draw(game.random(0), (_GAMES,)))
     return game.published(state)

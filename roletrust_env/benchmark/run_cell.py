@@ -18,7 +18,7 @@ from roletrust_env.benchmark.suite import Suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
-from roletrust_env.evaluation.attackers import Attacker, Scripted
+from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds
@@ -87,7 +87,7 @@ def find_attack(suite: Suite, cell: Cell, attack: str) -> FoundAttack:
     arguments = task_arguments(suite, cell)
     task = exact_task(arguments)
     if cell.rung == HONEST:
-        return FoundAttack(task, Scripted({}), 0, 1, "everyone honest")
+        raise ValueError(f"cell {cell.key} has no attack: everybody is honest there")
     known: list[str] = []
     for batch, description in _attacks(suite, cell, task, arguments):
         if attack in batch.names:

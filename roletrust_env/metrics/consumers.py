@@ -43,11 +43,13 @@ def blind_utility(trust: Floats, offered: Floats) -> Score:
 def skill(utility: Floats, blind: Floats) -> Floats:
     """Return the skill of the choice by trust against a blind choice in the same games, for each game.
 
-        skill = (utility - blind) / mean over games (1 - blind)
+        skill = s + (utility - blind - s (1 - blind)) / mean (1 - blind)
+        s = mean (utility - blind) / mean (1 - blind)
 
-    The mean over games is the skill score of forecasts (Murphy, 1988): 1 for the best choice in every round, 0 for a
-    choice no better than chance, and below 0 if trust misleads. It does not depend on how many good providers there
-    are, as utility does. NaN if a blind choice is the best in all games.
+    The means are over games. The mean of the result is s, the skill score of forecasts (Murphy, 1988): 1 for the best
+    choice in every round, 0 for a choice no better than chance, and below 0 if trust misleads. It does not depend on
+    how many good providers there are, as utility does. Around s the games vary as the quotient of means does to first
+    order, so that the interval of their mean is that of s. NaN if a blind choice is the best in all games.
 
     Args:
         utility: Utility of each game, shape (G,), see `utility`; NaN where it is undefined.
@@ -56,11 +58,17 @@ def skill(utility: Floats, blind: Floats) -> Floats:
     Example:
         >>> import numpy as np
         >>> skill(np.array([0.9, 0.5]), np.array([0.6, 0.4])).round(2).tolist()
-        [0.6, 0.2]
+        [0.68, 0.12]
     """
-    known = ~np.isnan(utility - blind)
-    lead = (1.0 - blind)[known].mean() if known.any() else 0.0
-    return ratio(utility - blind, np.full(utility.shape, lead if lead > _ROUNDING else 0.0))
+    won = utility - blind
+    known = ~np.isnan(won)
+    possible = np.where(known, 1.0 - blind, np.nan)
+    lead = float(possible[known].mean()) if known.any() else 0.0
+    if not lead > _ROUNDING:
+        return np.full(utility.shape, np.nan)
+    mean = float(won[known].mean()) / lead
+    found: Floats = mean + (won - mean * possible) / lead
+    return found
 
 
 def robustness(served: Flags, buyers: Sequence[int], sellers: Sequence[int]) -> Score:

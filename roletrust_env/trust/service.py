@@ -1,7 +1,8 @@
 """A trust model of this package for programs in any language: the other side of `roletrust_env.trust.outside`."""
 
 import json
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from threading import Lock
 from typing import Annotated, Any, NamedTuple
 
@@ -15,19 +16,21 @@ MOST_GAMES = 100_000
 """Number of games that a service remembers."""
 
 _MOST_BYTES = 64_000_000  # of a request
+_MOST_CELLS = 1_000_000  # pairs of a rater and a provider in a game
+_PATIENCE_S = 30.0  # with a client that does not go on
 _Count = Annotated[int, Field(ge=1, le=100_000)]
 _Place = Annotated[int, Field(ge=0)]
 _Rating = tuple[_Place, _Place, Annotated[float, Field(ge=0, le=1)]]
 
 
 class _Over(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     over: list[int]
 
 
 class _Round(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     game: int
     round: Annotated[int, Field(ge=0)]
@@ -72,31 +75,47 @@ class TrustService:
         try:
             data = json.loads(line)
             if isinstance(data, dict) and "over" in data:
-                for game in _Over.model_validate(data).over:
+                for game in _Over.model_validate_json(line).over:
                     self._games.pop(game, None)
                 return None
-            message = _Round.model_validate(data)
+            message = _Round.model_validate_json(line)
         except ValidationError as error:
             raise ValueError(explain(error)) from None
         except (ValueError, RecursionError) as error:
             raise ValueError(f"there is no JSON: {error}") from None
         played = self._play(message)
-        self._games[message.game] = played
-        trust = {"providers": self._model.provider_trust(played.state).tolist()}
+        trust = {"providers": self._read("provider_trust", played.state)}
         if self._model.rates_raters:
-            trust["raters"] = self._model.rater_trust(played.state).tolist()
+            trust["raters"] = self._read("rater_trust", played.state)
+        self._games[message.game] = played
         return json.dumps(trust)
+
+    def _read(self, name: str, state: Any) -> list[float]:
+        """Return the trust of all agents of a role."""
+        trust = np.asarray(self._model_answer(getattr(self._model, name), state), np.float64)
+        if not ((trust >= 0) & (trust <= 1)).all():
+            raise ValueError(f"{name} of the model has values outside [0, 1]")
+        values: list[float] = trust.tolist()
+        return values
+
+    def _model_answer(self, ask: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return ask(*arguments)
+        except Exception as error:  # a model of another package may raise anything
+            raise ValueError(f"the model failed: {type(error).__name__}: {error}") from error
 
     def _play(self, message: _Round) -> _Played:
         """Return a game after the round of a message."""
         game, shape = message.game, (message.raters, message.providers)
+        if shape[0] * shape[1] > _MOST_CELLS:
+            raise ValueError(f"game {game} has {shape[0]} x {shape[1]} pairs; the most are {_MOST_CELLS:,}")
         nothing = np.zeros(shape)
         if message.round == 0:
             if message.ratings:
                 raise ValueError(f"game {game} begins with ratings; they come from round 1 on")
             if game not in self._games and len(self._games) >= MOST_GAMES:
                 raise ValueError(f"{MOST_GAMES:,} games are in progress, which is the most; say which ones are over")
-            return _Played(1, shape, start_model(self._model, nothing, nothing > 0))
+            return _Played(1, shape, self._model_answer(start_model, self._model, nothing, nothing > 0))
         before = self._games.get(game)
         if before is None or before.round != message.round or before.shape != shape:
             known = "is not in progress" if before is None else f"waits for round {before.round} of {before.shape}"
@@ -105,8 +124,11 @@ class TrustService:
         for rater, provider, rating in message.ratings:
             if rater >= shape[0] or provider >= shape[1]:
                 raise ValueError(f"game {game} has a rating of provider {provider} by rater {rater}; it has {shape}")
+            if mask[rater, provider]:
+                raise ValueError(f"game {game} has two ratings of provider {provider} by rater {rater} in a round")
             ratings[rater, provider], mask[rater, provider] = rating, True
-        return _Played(message.round + 1, shape, self._model.update(before.state, ratings, mask))
+        state = self._model_answer(self._model.update, before.state, ratings, mask)
+        return _Played(message.round + 1, shape, state)
 
 
 def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
@@ -126,9 +148,11 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
     lock = Lock()
 
     class Handler(BaseHTTPRequestHandler):
+        timeout = _PATIENCE_S
+
         def do_POST(self) -> None:
             size = self.headers.get("Content-Length", "")
-            if not size.isdigit() or int(size) > _MOST_BYTES:
+            if not (size.isascii() and size.isdigit()) or int(size) > _MOST_BYTES:
                 self._respond(400, f"Content-Length must be a number of at most {_MOST_BYTES} bytes\n")
                 return
             lines = self.rfile.read(int(size)).decode("utf-8", "replace").splitlines()
@@ -151,4 +175,4 @@ def http_server(service: TrustService, host: str, port: int) -> HTTPServer:
             self.end_headers()
             self.wfile.write(body)
 
-    return HTTPServer((host, port), Handler)
+    return ThreadingHTTPServer((host, port), Handler)

@@ -10,7 +10,7 @@ from roletrust_env.benchmark.agreement import check_fresh
 from roletrust_env.benchmark.cells import Cell, cells, task_arguments
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.schema import CellResult
-from roletrust_env.benchmark.submission import make_claim
+from roletrust_env.benchmark.submission import CellClaim, make_claim
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, exact_task, random_sources
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.trust import register_trust_model
@@ -22,7 +22,7 @@ SUITE = small(
     models=["mean"],
     attacks=["rank-lies", "bad-mouthing"],
     tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.25, 0.5]}},
-    games=16,
+    games=80,
 )
 
 
@@ -55,19 +55,32 @@ def results(model: str, seed: int) -> list[tuple[Cell, CellResult]]:
     return [(cell, play_cell(SUITE, cell)) for cell in played]
 
 
-def fresh(model: str, claimed: int, new: int) -> bool:
-    claims = [make_claim(cell, result) for cell, result in results(model, claimed)]
-    return check_fresh(claims, [result for _, result in results(model, new)]).ok
+def fresh(models: list[str], claimed: int, new: int, half: float | None = None) -> list[bool]:
+    pairs = [pair for model in models for pair in results(model, claimed)]
+    claims = [make_claim(cell, result) for cell, result in pairs]
+    if half is not None:
+        claims = [_wider(claim, half) for claim in claims]
+    return [
+        check.ok for check in check_fresh(claims, [result for model in models for _, result in results(model, new)])
+    ]
+
+
+def _wider(claim: CellClaim, half: float) -> CellClaim:
+    data = claim.model_dump()
+    for attack in data["attacks"]:
+        attack["measured"]["utility"]["half_95"] = half
+    return CellClaim.model_validate(data)
 
 
 def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
     register_trust_model("oracle", Oracle)
     worst = min(np.mean(row.measured["utility"]) for _, result in results("oracle", PUBLIC) for row in result.rows)
     assert worst > 0.99
-    assert not fresh("oracle", PUBLIC, 17)
+    assert fresh(["oracle"], PUBLIC, 17) == [False]
+    assert fresh(["oracle"], PUBLIC, 17, half=20.0) == [False]
+    assert fresh(["mean", "oracle", "constant"], PUBLIC, 17) == [True, False, True]
 
 
-@pytest.mark.parametrize("new", range(1, 9))
+@pytest.mark.parametrize("new", range(1, 5))
 def test_an_honest_model_is_as_good_in_games_with_a_new_seed(new: int) -> None:
-    assert fresh("mean", PUBLIC, new)
-    assert fresh("mean", new, PUBLIC)
+    assert fresh(["mean"], PUBLIC, new) == fresh(["mean"], new, PUBLIC) == [True]

@@ -34,6 +34,15 @@ def test_skill_is_1_for_the_best_choice_and_0_for_a_blind_one() -> None:
     assert np.isnan(skill(np.ones(2), np.ones(2))).all()
 
 
+def test_the_interval_of_skill_is_that_of_the_quotient_of_means() -> None:
+    random = np.random.default_rng(0)
+    blind = random.uniform(0.4, 0.9, (2000, 40))
+    by_trust = 1 - random.uniform(0, 0.1, blind.shape) * (1 - blind)  # differs little where blind differs much
+    means = np.array([skill(*pair).mean() for pair in zip(by_trust, blind, strict=True)])
+    errors = [skill(*pair).std(ddof=1) / 40**0.5 for pair in zip(by_trust, blind, strict=True)]
+    assert np.mean(errors) == pytest.approx(means.std(), rel=0.05)
+
+
 def test_robustness_is_1_where_no_liar_sells_and_below_0_where_they_sell_most() -> None:
     served = np.zeros((2, 2, 3, 1), bool)
     served[:, 0, 0] = served[0, 1, 1] = served[1, 1, 2] = True

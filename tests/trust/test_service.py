@@ -1,6 +1,7 @@
 """A trust model as a service: the same trust as in a game, over both kinds of link, and one error for bad messages."""
 
 import json
+import socket
 import sys
 import threading
 import urllib.error
@@ -14,6 +15,7 @@ from roletrust_env import evaluate, make_trust_model
 from roletrust_env.testing.trust_models import play_rounds, random_rounds, read_trust
 from roletrust_env.trust import service as services
 from roletrust_env.trust.model import registry
+from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_env.trust.service import TrustService, http_server
 
@@ -56,7 +58,7 @@ def test_games_are_apart_and_can_end():
     [
         ("nonsense", "there is no JSON"),
         ("[" * 100_000, "there is no JSON"),
-        ("[]", "dict"),
+        ("[]", "object"),
         ('{"over": 3}', "over"),
         (message(game="x"), "game"),
         (message(round=-1), "round"),
@@ -70,6 +72,10 @@ def test_games_are_apart_and_can_end():
         (message(round=1, ratings=[[0, -1, 0.5]]), "ratings"),
         (message(round=1, ratings=[[0, 0, 1.5]]), "ratings"),
         (message(round=1, ratings=[[0, 0, float("nan")]]), "ratings"),
+        (message(round=True), "round"),
+        (message(round=1, ratings=[[0, 0, "0.5"]]), "ratings"),
+        (message(round=1, ratings=[[0, 0, 0.5], [0, 0, 0.7]]), "two ratings"),
+        (message(game=2, raters=100_000, providers=100_000), "pairs"),
     ],
 )
 def test_a_bad_message_is_one_error_and_changes_nothing(line, words):
@@ -78,6 +84,35 @@ def test_a_bad_message_is_one_error_and_changes_nothing(line, words):
     with pytest.raises(ValueError, match=words):
         service.answer(line)
     assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
+
+
+class Broken(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state) + (2 if (state.top > 0.6).any() else 0)
+
+    def update(self, state, ratings, mask=None):
+        if (ratings == 0.25).any():
+            raise RuntimeError("a quarter")
+        return super().update(state, ratings, mask)
+
+
+def test_a_model_that_fails_is_one_error():
+    service = TrustService(Broken())
+    service.answer(message())
+    with pytest.raises(ValueError, match="the model failed: RuntimeError: a quarter"):
+        service.answer(message(round=1, ratings=[[0, 0, 0.25]]))
+    with pytest.raises(ValueError, match="outside"):
+        service.answer(message(round=1, ratings=[[0, 0, 1.0]]))
+    assert "providers" in json.loads(service.answer(message(round=1, ratings=[[0, 0, 0.5]])))
+
+
+def test_a_client_that_waits_holds_up_nobody():
+    with http_server(TrustService(make_trust_model("mean")), "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with socket.create_connection(("127.0.0.1", server.server_port)):
+            request = urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}", message().encode(), timeout=10)
+            assert "providers" in request.read().decode()
+        server.shutdown()
 
 
 def test_the_number_of_games_is_limited(monkeypatch):

@@ -11,7 +11,7 @@ from roletrust_env.benchmark.cells import Cell, model_names
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import Store
 from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.worst_case import as_array, least_mean, worst_cases
+from roletrust_env.benchmark.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
@@ -132,20 +132,23 @@ def _choose(
     if key is None:
         board = Leaderboard.of(suite, stored)
         names = [row.model for row in board.rows if row.worst_attack]
-        model = model or (names[0] if names else "")
+        if not names:
+            raise ValueError(f"{path} holds no attack that was played")
+        model = model or names[0]
         if model not in names:
             raise ValueError(f"{path} has no attack on {model!r}{suggest(model, names)}")
         cases = [one for (name, _), one in worst_cases(board.attacks).items() if name == model]
         attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
         worst = min(attacked, key=lambda one: least_mean(one.score))
-        key = Cell(model, *worst.condition, worst.rung, suite.seeds[0]).key
-        attack = worst.attack
+        keys = [Cell(model, *worst.condition, worst.rung, seed).key for seed in suite.seeds]
+        key, attack = next(one for one in keys if one in played), worst.attack
     if key not in played:
         raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
     cell, result = played[key]
     rows = {row.attack: row for row in result.rows}
     if attack is None:
-        attack = min(rows, key=lambda name: least_mean(as_array(rows[name].chosen["utility"])))
+        scores = attack_scores([played[key]], suite.score)
+        attack = min(scores, key=lambda one: least_mean(one.chosen)).attack
     if attack not in rows:
         raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")
     return suite, cell, attack, estimate(as_array(rows[attack].measured["utility"])).mean

@@ -131,7 +131,7 @@ def verify(
     if kept:
         checks += check_bias(asked, [again.result for again in kept])
     if fresh and claims:
-        checks.append(_fresh(suite, claims, seed, workers))
+        checks += _fresh(suite, claims, seed, workers)
     if len(kept) == len(found.cells) and not any(again.result.failed for again in kept):
         checks += check_scores(found, suite, kept, same)
     console.print(_table(file, checks))
@@ -151,20 +151,18 @@ def verify(
         raise typer.Exit(1)
 
 
-def _fresh(suite: Suite, claims: Sequence[CellClaim], seed: int, workers: int | None) -> Check:
-    """Play the cells of claims with a seed that is none of the suite, and compare."""
-    random = Random(seed)
-    while (new := random.getrandbits(31)) in suite.seeds:
-        pass
-    done = list(_played(suite, claims, workers, new))
+def _fresh(suite: Suite, claims: Sequence[CellClaim], seed: int, workers: int | None) -> list[Check]:
+    """Play the cells of claims with seeds that are none of the suite, and compare."""
+    above = max(suite.seeds) + 1 + Random(seed).getrandbits(31)
+    done = list(_played(suite, claims, workers, above))
     return check_fresh([claim for claim, _ in done], [again.result for _, again in done])
 
 
 def _played(
-    suite: Suite, claims: Sequence[CellClaim], workers: int | None, seed: int | None = None
+    suite: Suite, claims: Sequence[CellClaim], workers: int | None, above: int = 0
 ) -> Iterator[tuple[CellClaim, StoredCell]]:
-    """Iterate over claims, each with the result of its cell here, played with its own seed or another one."""
-    of_cell = {claim.cell if seed is None else claim.cell._replace(seed=seed): claim for claim in claims}
+    """Iterate over claims, each with the result of its cell here, played with its seed and a number added to that."""
+    of_cell = {claim.cell._replace(seed=claim.seed + above): claim for claim in claims}
     limited = suite.model_copy(update={"limit_s": min(suite.limit_s, LONGEST_S)})
     with progress_bar() as progress, closing(LocalPool(workers).play(limited, list(of_cell))) as playing:
         job = progress.add_task("Playing again", total=len(of_cell))

@@ -66,7 +66,7 @@ def test_what_is_true_is_found_so(verified: Callable) -> None:
 def test_games_with_a_new_seed_are_played_unless_left_out(verified: Callable) -> None:
     code, told = verified(lambda said: None, "--cells", "4", "--workers", "1")
     assert code == 0, told
-    assert "ok games with a new seed" in told
+    assert "in games with a new seed" in told
     code, told = verified(lambda said: None, "--cells", "4", "--workers", "1", "--no-fresh")
     assert code == 0, told
     assert "new seed" not in told
