@@ -84,10 +84,10 @@ def find_attack(suite: Suite, cell: Cell, attack: str) -> FoundAttack:
     Raises:
         ValueError: The cell has no such attack, or see `play_cell`.
     """
-    arguments = task_arguments(suite, cell)
-    task = exact_task(arguments)
     if cell.rung == HONEST:
         raise ValueError(f"cell {cell.key} has no attack: everybody is honest there")
+    arguments = task_arguments(suite, cell)
+    task = exact_task(arguments)
     known: list[str] = []
     for batch, description in _attacks(suite, cell, task, arguments):
         if attack in batch.names:

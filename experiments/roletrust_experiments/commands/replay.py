@@ -16,7 +16,6 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.metrics.confidence import estimate
-from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.storage.files import prepare_folder
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands.console import ALLOW_CODE, console, number_table, print_next, progress_bar
@@ -82,8 +81,7 @@ def replay(
     prepare_folder(out)
     with console.status("Searching and playing"):
         found = Replay.of(suite, place, name)
-    utility = estimate(found.score)
-    honest = estimate(mean_or_nan(found.honest, axis=0))
+    utility, honest = estimate(found.score), estimate(found.honest_score)
     condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
     title = f"{condition}: {name}"
     table = number_table(escape(title), escape(found.found.words), "attack", "everybody honest")

@@ -13,7 +13,9 @@ from roletrust_env.envs.task_batch import one_game
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Watched, watch
+from roletrust_env.game.consumer import buy
 from roletrust_env.game.state import State
+from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.score import mean_or_nan, ratio
 
 Floats = npt.NDArray[np.float64]
@@ -23,7 +25,7 @@ class Side(NamedTuple):
     """Trust of agents with the same role on one side; a number is the mean over the agents that are present.
 
     Attributes:
-        label: Who they are, such as `liars`.
+        label: Who they are, such as `honest raters`.
         attacks: Whether they belong to the attacker.
         rates: Whether it is trust in raters, otherwise in providers.
         trust: Trust of the side in each round and game, shape (T, G); NaN where nobody of it is present.
@@ -45,7 +47,8 @@ class Replay(NamedTuple):
         utility: Utility of consumers in each round from the second on under the attack, shape (T - 1, G).
         honest: The same with everybody honest.
         score: Utility in each whole game under the attack, shape (G,).
-        believed: Whether the most trusted provider belongs to the attacker, in each round, shape (T, G).
+        honest_score: The same with everybody honest.
+        believed: Probability that the most trusted provider belongs to the attacker, in each round, shape (T, G).
         sides: Trust of each side.
     """
 
@@ -55,6 +58,7 @@ class Replay(NamedTuple):
     utility: Floats
     honest: Floats
     score: Floats
+    honest_score: Floats
     believed: Floats
     sides: tuple[Side, ...]
 
@@ -75,14 +79,15 @@ class Replay(NamedTuple):
             _measured(watch(found.task, attacker, cell.seed, (rows, 2 * suite.games)), row, suite.games)
             for attacker, row, rows in ((found.attacker, found.row, found.rows), (Scripted({}), 0, 1))
         )
-        got, best = attacked.bought.got, attacked.bought.best
+        under, calm = attacked.bought, honest.bought
         return cls(
             found,
             cell.seed,
             suite.games,
-            ratio(got, best),
-            ratio(honest.bought.got, honest.bought.best),
-            ratio(got.sum(axis=0), best.sum(axis=0)),
+            ratio(under.got, under.best),
+            ratio(calm.got, calm.best),
+            share_of_best(under.got, under.best).value,
+            share_of_best(calm.got, calm.best).value,
             _believed(found, attacked.trust),
             tuple(_sides(found, attacked.trust)),
         )
@@ -110,9 +115,9 @@ def _believed(found: FoundAttack, trust: Floats) -> Floats:
     roster = found.task.game.roster
     providers = [place for place, name in enumerate(roster.names) if name in roster.provider_names]
     own = np.array([roster.names[place] in found.task.identities for place in providers])
-    top = np.where(np.isnan(trust[:, providers]), -1.0, trust[:, providers])
-    highest = top == top.max(axis=1, keepdims=True)
-    return ratio((highest & own[:, None]).sum(axis=1), highest.sum(axis=1))
+    top = trust[:, providers]
+    believed: Floats = buy(top, np.broadcast_to(own[:, None].astype(float), top.shape), axis=1).got
+    return believed
 
 
 def _sides(found: FoundAttack, trust: Floats) -> Iterator[Side]:
