@@ -24,18 +24,22 @@ class AttackBatch(NamedTuple):
         names: Names of the K attacks.
         attacker: Attacker that plays the k-th attack in the k-th row of games.
         rounds: Number of game rounds that were played to find the attacks.
+        words: Short description of the attacks.
+        record: Record of the attacker if a search found it, see `AttackResult`.
     """
 
     names: tuple[str, ...]
     attacker: Attacker
     rounds: int
+    words: str
+    record: str = ""
 
     def split(self) -> "Iterator[AttackBatch]":
         """Yield a batch of its own for each scripted attack."""
         policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
         for k, name in enumerate(self.names):
             single = {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
-            yield AttackBatch((name,), Scripted(side_by_side([single])), self.rounds)
+            yield AttackBatch((name,), Scripted(side_by_side([single])), self.rounds, self.words)
 
 
 def playable_kinds(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
@@ -71,7 +75,7 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
     attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
     rows = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
     for names in _chunks(attacks, rows):
-        yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0)
+        yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0, "at its defaults")
 
 
 SEARCH_RUNGS = (

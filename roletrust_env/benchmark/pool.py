@@ -1,7 +1,7 @@
 """Pools that play cells. The result of a cell does not depend on the pool."""
 
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from typing import Any, Protocol
 
 from roletrust_env.benchmark.entrants import register_packed
@@ -40,16 +40,20 @@ class LocalPool:
     Args:
         workers: Number of processes. None means one for each core that this process may use.
         entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
+        records: Records of the attackers that play in place of a search, by cell, see `AttackResult`.
     """
 
-    def __init__(self, workers: int | None = None, entrants: bytes = b"") -> None:
+    def __init__(
+        self, workers: int | None = None, entrants: bytes = b"", records: Mapping[AnyCell, str] | None = None
+    ) -> None:
         self.workers = workers or cores()
         self._entrants = entrants
+        self._records = records or {}
 
     def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`."""
         with cell_workers(self.workers) as workers:
-            yield from play_on(workers, suite, cells, self._entrants)
+            yield from play_on(workers, suite, cells, self._entrants, self._records)
 
 
 def cell_workers(workers: int) -> WorkerPool[AnyCell]:
@@ -57,7 +61,13 @@ def cell_workers(workers: int) -> WorkerPool[AnyCell]:
     return WorkerPool(play_safely, workers, ONE_THREAD)
 
 
-def play_on(workers: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any], entrants: bytes = b"") -> PlayedCells:
+def play_on(
+    workers: WorkerPool[AnyCell],
+    suite: AnySuite,
+    cells: Sequence[Any],
+    entrants: bytes = b"",
+    records: Mapping[AnyCell, str] | None = None,
+) -> PlayedCells:
     """Play cells on worker processes, each within the time limit of the suite. See `Pool.play`.
 
     Args:
@@ -65,8 +75,10 @@ def play_on(workers: WorkerPool[AnyCell], suite: AnySuite, cells: Sequence[Any],
         suite: Suite of the cells.
         cells: Cells to play.
         entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
+        records: Records of the attackers that play in place of a search, by cell.
     """
-    for cell, job_result in workers.run({cell: (suite, cell, entrants) for cell in cells}, suite.limit_s, TRIES):
+    jobs = {cell: (suite, cell, entrants, (records or {}).get(cell, "")) for cell in cells}
+    for cell, job_result in workers.run(jobs, suite.limit_s, TRIES):
         yield cell, _cell_result(job_result, suite)
 
 
@@ -86,11 +98,12 @@ def worker_death(detail: str) -> CellResult:
     return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {detail}")
 
 
-def play_safely(suite: AnySuite, cell: AnyCell, entrants: bytes = b"") -> CellResult:
+def play_safely(suite: AnySuite, cell: AnyCell, entrants: bytes = b"", record: str = "") -> CellResult:
     """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed result."""
     try:
         register_packed(entrants)
-        return suite_type(suite).play(suite, cell)
+        play = suite_type(suite).play
+        return play(suite, cell, record) if record else play(suite, cell)
     except (Exception, SystemExit) as error:  # plug-in code may raise anything
         return CellResult((), 0.0, failed=reason(error))
 

@@ -18,35 +18,39 @@ from roletrust_env.benchmark.suite import Suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
-from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
+from roletrust_env.evaluation.records import read_record, record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.game.attack_task import AttackTask
 
 
-def play_cell(suite: Suite, cell: Cell) -> CellResult:
+def play_cell(suite: Suite, cell: Cell, record: str = "") -> CellResult:
     """Play a cell.
 
     Args:
         suite: Suite of the cell.
         cell: Cell to play.
+        record: Record of the attacker that plays in place of a search, see `AttackResult`. Empty searches.
 
     Raises:
-        ValueError: A name in the suite is unknown, or a trust model or an attacker of a plug-in fails.
+        ValueError: A name in the suite is unknown, the record is not valid, or a trust model or an attacker of a
+            plug-in fails.
     """
     began = perf_counter()
     arguments = task_arguments(suite, cell)
     task = exact_task(arguments)
     if cell.rung == HONEST:
-        row = _row(HONEST, "everyone honest", 0, measure_honest(task, cell.seed, suite.games), 0)
+        nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")
+        row = _row(nobody, 0, measure_honest(task, cell.seed, suite.games))
         return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
     rows: list[AttackResult] = []
     failed: list[str] = []
     steps = 0
     try:
-        for batch, description in _attacks(suite, cell, task, arguments):
-            good, errors = _measure_batch(suite, cell, task, batch, description)
+        for batch in _attacks(suite, cell, task, arguments, record):
+            good, errors = _measure_batch(suite, cell, task, batch)
             rows, failed = rows + good, failed + errors
             steps += batch.rounds + 2 * (len(batch.names) + 1) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
@@ -59,27 +63,29 @@ class FoundAttack(NamedTuple):
 
     Attributes:
         task: Task of the cell.
-        attacker: The attacker, in the row `row` of `rows` attackers that play side by side. Attackers that play side by
-            side share their random numbers, so one of them alone would play other games.
-        row: See `attacker`.
-        rows: See `attacker`.
-        words: Short description of the attack.
+        batch: Attacks that play side by side. They share their random numbers, so one of them alone would play other
+            games.
+        row: Row of the attack among them.
     """
 
     task: AttackTask
-    attacker: Attacker
+    batch: AttackBatch
     row: int
-    rows: int
-    words: str
+
+    @property
+    def rows(self) -> int:
+        """Number of attacks that play side by side."""
+        return len(self.batch.names)
 
 
-def find_attack(suite: Suite, cell: Cell, attack: str) -> FoundAttack:
-    """Return an attack of a cell. A search runs again, with the same seed and budget.
+def find_attack(suite: Suite, cell: Cell, attack: str, record: str = "") -> FoundAttack:
+    """Return an attack of a cell. Without a record a search runs again, with the same seed and budget.
 
     Args:
         suite: Suite of the cell.
         cell: The cell.
         attack: Name of the attack in the results of the cell.
+        record: Record of the attacker in these results.
 
     Raises:
         ValueError: The cell has no such attack, or see `play_cell`.
@@ -89,9 +95,9 @@ def find_attack(suite: Suite, cell: Cell, attack: str) -> FoundAttack:
     arguments = task_arguments(suite, cell)
     task = exact_task(arguments)
     known: list[str] = []
-    for batch, description in _attacks(suite, cell, task, arguments):
+    for batch in _attacks(suite, cell, task, arguments, record):
         if attack in batch.names:
-            return FoundAttack(task, batch.attacker, batch.names.index(attack), len(batch.names), description)
+            return FoundAttack(task, batch, batch.names.index(attack))
         known += batch.names
     raise ValueError(f"cell {cell.key} has no attack {attack!r}{suggest(attack, known)}")
 
@@ -109,20 +115,24 @@ def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKi
     return playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
 
 
-def _attacks(suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments) -> Iterator[tuple[AttackBatch, str]]:
-    """Yield the attacks of a cell in batches, each with a description."""
+def _attacks(
+    suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments, record: str
+) -> Iterator[AttackBatch]:
+    """Yield the attacks of a cell in batches."""
+    if record:
+        yield AttackBatch((cell.rung,), read_record(record), 0, "as recorded", record)
+        return
     kinds = cell_kinds(suite, cell, task)
     if cell.rung == "scripted":
-        for batch in scripted_batches(task, kinds, 2 * suite.games):
-            yield batch, "at its defaults"
+        yield from scripted_batches(task, kinds, 2 * suite.games)
         return
     method = make_search(cell.rung, list(kinds.values()))
     search = method.search(arguments, Budget(suite.budget_of(cell.rung)), cell.seed)
-    yield AttackBatch((cell.rung,), search.attacker, search.rounds), search.description
+    yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, record_of(search.attacker))
 
 
 def _measure_batch(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, description: str
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch
 ) -> tuple[list[AttackResult], list[str]]:
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
@@ -136,24 +146,26 @@ def _measure_batch(
     except Exception as error:  # plug-in code may raise anything
         if len(batch.names) == 1:
             raise
-        return _measure_singly(suite, cell, task, batch, description, error)
-    return [_row(name, description, batch.rounds, scores, k) for k, name in enumerate(batch.names)], []
+        return _measure_singly(suite, cell, task, batch, error)
+    return [_row(batch, k, scores) for k in range(len(batch.names))], []
 
 
-def _row(name: str, description: str, rounds: int, scores: Measured, k: int) -> AttackResult:
+def _row(batch: AttackBatch, k: int, scores: Measured) -> AttackResult:
     """Return the scores of the k-th attack of a batch as plain data."""
     chosen, measured = (as_lists(half, k) for half in scores[:2])
-    return AttackResult(name, description, rounds, chosen, measured, as_curve(scores.by_round, k))
+    return AttackResult(
+        batch.names[k], batch.words, batch.rounds, chosen, measured, as_curve(scores.by_round, k), batch.record
+    )
 
 
 def _measure_singly(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, description: str, error: Exception
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, error: Exception
 ) -> tuple[list[AttackResult], list[str]]:
     """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
     rows, failed = [], []
     for single in batch.split():
         try:
-            rows += _measure_batch(suite, cell, task, single, description)[0]
+            rows += _measure_batch(suite, cell, task, single)[0]
         except Exception as own_error:
             failed.append(f"attack {single.names[0]}: {reason(own_error)}")
     if not rows:

@@ -18,8 +18,11 @@ from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 from roletrust_env.errors import explain
 from roletrust_env.storage.provenance import software
 
-FORMAT = 2
-"""Version of the file format. Files of other versions are refused."""
+FORMAT = 3
+"""Version of the file format."""
+
+READABLE = (2, FORMAT)
+"""Versions of the file format that can be read. Format 2 has no records of attackers, and such a run cannot go on."""
 
 _TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -30,6 +33,7 @@ CREATE TABLE cells (
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
     chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
+    record TEXT NOT NULL,
     PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
 """
@@ -119,11 +123,14 @@ class Store:
             result: Result of the cell.
         """
         row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
-        attacks = [(cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:])) for part in result.rows]
+        attacks = [
+            (cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:6]), part.record)
+            for part in result.rows
+        ]
         with self._transaction() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
-            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?)", attacks)
+            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?, ?)", attacks)
 
     def finished_keys(self) -> set[str]:
         """Return the keys of the cells that were played without a failure."""
@@ -157,8 +164,10 @@ class Store:
         """Return the metadata of the file after a check of its integrity and its format."""
         with self._reading() as file:
             facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
-            if facts.get("format") != FORMAT:
-                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
+            readable = READABLE if self._lock is None else (FORMAT,)
+            if facts.get("format") not in readable:
+                can = f"{'reads' if self._lock is None else 'continues'} {' and '.join(map(str, readable))}"
+                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version {can}")
             if not {"suite", "software"} <= facts.keys():
                 raise sqlite3.DatabaseError("the suite or the software is missing")
             for (message,) in file.execute("PRAGMA quick_check"):
@@ -241,9 +250,11 @@ def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
-def _attack_result(attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str) -> AttackResult:
+def _attack_result(
+    attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str, record: str = ""
+) -> AttackResult:
     scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
-    return AttackResult(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round))
+    return AttackResult(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round), record)
 
 
 def _quoted(text: str) -> str:

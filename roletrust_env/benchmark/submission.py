@@ -16,6 +16,7 @@ from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite
 from roletrust_env.benchmark.worst_case import as_array
 from roletrust_env.errors import explain, suggest
+from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.specs import check_installed, named_factory
 from roletrust_env.game.policy_registry import registry as attackers
@@ -91,6 +92,8 @@ class Claim(UntrustedModel):
     """Mean utility of a blind choice in these games."""
     measured: ClaimedMetrics
     """Scores in the games for measuring."""
+    record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
+    """Record of the attacker that a search found, see `AttackResult`."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -115,6 +118,11 @@ class CellClaim(UntrustedModel):
     def cell(self) -> Cell:
         """Cell of the claim."""
         return Cell(*(getattr(self, name) for name in Cell._fields))
+
+    @property
+    def record(self) -> str:
+        """Record of the attacker that a search found. Empty if there is none."""
+        return next((one.record for one in self.attacks if one.record), "")
 
     def as_single_game(self) -> StoredCell:
         """Return the cell with its means as the scores of a single game. A leaderboard of it has the same means."""
@@ -279,6 +287,7 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
             chosen=_mean(row.chosen["utility"]),
             chosen_blind=_mean(row.chosen["blind"]),
             measured=ClaimedMetrics(**{name: Score.of(values) for name, values in row.measured.items()}),
+            record=row.record,
         )
         for row in result.rows
     )

@@ -24,13 +24,13 @@ class SuiteType(NamedTuple):
     Attributes:
         cell: Constructor of a cell. It takes the fields of the cell as keyword arguments.
         cells: Function that returns all cells of a suite.
-        play: Function that plays a cell of a suite.
+        play: Function that plays a cell of a suite. That of a robustness suite also takes the record of an attacker.
         factories: Function that returns the factories of everything that a suite names and users may replace.
     """
 
     cell: Callable[..., AnyCell]
     cells: Callable[[Any], list[Any]]
-    play: Callable[[Any, Any], CellResult]
+    play: Callable[..., CellResult]
     factories: Callable[[Any], dict[str, Callable[..., Any]]]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack_task import AttackTask, TaskState
@@ -13,6 +13,7 @@ from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 
 
+@runtime_checkable
 class Attacker(Protocol):
     """All compromised agents of a task as one mind, in a batch of games."""
 

@@ -47,6 +47,17 @@ def test_the_worst_case_is_chosen_in_other_games_than_it_is_measured_in(expected
             assert row.chosen["utility"] != row.measured["utility"], key
 
 
+def test_a_record_plays_in_place_of_the_search():
+    suite = tiny(models=["mean"], rungs=["random search"], budget=2000)
+    cell = cells(suite)[1]
+    (row,) = play_cell(suite, cell).rows
+    (again,) = play_cell(suite, cell, row.record).rows
+    assert again == row._replace(words="as recorded", rounds=0)
+    (other,) = play_cell(suite, cell._replace(seed=9)).rows
+    (theirs,) = play_cell(suite, cell, other.record).rows
+    assert theirs.measured != row.measured
+
+
 def test_another_seed_gives_other_numbers(expected):
     assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in cells(tiny(seeds=[7]))).items() & (
         expected.items()

@@ -1,11 +1,13 @@
 """A network of a coalition as an attacker: all compromised agents decide as one mind."""
 
+from base64 import b64decode, b64encode
 from dataclasses import dataclass
 from typing import Any
 
-from roletrust_agents.learned.deep_set import DeepSet
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import Decider
 from roletrust_agents.learned.network_attacker import NetworkAttacker
+from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.attack_task import AttackTask, Knowledge, TaskState
@@ -42,6 +44,31 @@ class CoalitionAttacker:
             there = self.network.presence(coalition.identity_features(game))
             actions = actions._replace(presence=coalition.wanted(there))
         return actions, (coalition, remembered)
+
+    def record(self) -> dict[str, Any]:
+        """Return the kind and the weights. See `roletrust_env.evaluation.records.Recordable`."""
+        weights = b64encode(weights_bytes(self.network)).decode()
+        return {"kind": "coalition", "units": self.network.architecture.units, "weights": weights}
+
+
+def recorded_coalition(units: int, weights: str) -> CoalitionAttacker:
+    """Coalition with the weights of its network.
+
+    Args:
+        units: Number of units of each layer.
+        weights: Content of a safetensors file in base64.
+
+    Raises:
+        ValueError: The weights are not those of such a network.
+    """
+    try:
+        data = b64decode(weights, validate=True)
+    except (TypeError, ValueError):
+        raise ValueError("the weights of a recorded coalition must be a text in base64") from None
+    network = DeepSet(DeepSetArchitecture(units=units), read_weights(data))
+    if network.weights["layer2.bias"].ndim != 1:
+        raise ValueError("the weights of a recorded coalition must be those of one network")
+    return CoalitionAttacker(network)
 
 
 def joint_decision(coalition: Coalition, decided: Array) -> Array:

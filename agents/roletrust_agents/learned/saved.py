@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from safetensors import SafetensorError
-from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.cards import Card, ModelCard, TaskCard
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
-from roletrust_agents.learned.network import MAX_WEIGHTS, Floats, Network
+from roletrust_agents.learned.network import MAX_WEIGHTS, Network
+from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.stealth import Stealth
@@ -65,11 +64,6 @@ def task_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -
 def digest(data: bytes) -> str:
     """Return the SHA-256 digest of bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
-
-
-def weights_bytes(network: Network | DeepSet) -> bytes:
-    """Return the weights as the content of a safetensors file. The same weights give the same bytes."""
-    return safetensors.save({name: np.ascontiguousarray(network.weights[name]) for name in sorted(network.weights)})
 
 
 def save_attacker(attacker: SavedAttacker, path: Path, write: Callable[[Path, bytes], object]) -> None:
@@ -144,18 +138,6 @@ def parse_attacker(text: bytes, data: bytes) -> SavedAttacker:
     assert card.observation is not None  # the card has been checked
     mean, variance = (np.asarray(values, np.float32) for values in (card.observation.mean, card.observation.variance))
     return SavedAttacker(card, Network(card.architecture, mean, variance, weights))
-
-
-def read_weights(data: bytes) -> dict[str, Floats]:
-    """Return the arrays of a safetensors file.
-
-    Raises:
-        ValueError: The data is not a safetensors file.
-    """
-    try:
-        return safetensors.load(data)
-    except (SafetensorError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"the weights are not a safetensors file: {error}") from None
 
 
 def _stem(path: Path) -> Path:

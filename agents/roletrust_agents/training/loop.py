@@ -11,7 +11,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from roletrust_agents.learned.network import Network
-from roletrust_agents.learned.saved import SavedAttacker, read_weights, task_from_card, weights_bytes
+from roletrust_agents.learned.saved import SavedAttacker, task_from_card
+from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_agents.training.experience import Narrowing, StaggeredGames
 from roletrust_agents.training.learners import (
     make_model,

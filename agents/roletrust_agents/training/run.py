@@ -20,7 +20,8 @@ from roletrust_agents.learned.cards import (
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Network
 from roletrust_agents.learned.policy import play_task
-from roletrust_agents.learned.saved import SavedAttacker, digest, weights_bytes
+from roletrust_agents.learned.saved import SavedAttacker, digest
+from roletrust_agents.learned.weights import weights_bytes
 from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
 from roletrust_env.errors import explain

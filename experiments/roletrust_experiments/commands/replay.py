@@ -9,6 +9,7 @@ from rich.markup import escape
 
 from roletrust_env.benchmark.cells import Cell, model_names
 from roletrust_env.benchmark.result import Leaderboard
+from roletrust_env.benchmark.schema import AttackResult
 from roletrust_env.benchmark.store import Store
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.benchmark.worst_case import as_array, attack_scores, least_mean, worst_cases
@@ -58,8 +59,9 @@ def replay(
 ) -> None:
     """Play [bold]an attack of a benchmark[/] again, and show what it does.
 
-    The games are those that measured the attack, and the same ones with everybody honest. A search runs again with its
-    seed and budget, and finds the same attack on the same machine; this takes as long as in the benchmark.
+    The games are those that measured the attack, and the same ones with everybody honest. What a search has found is
+    in the file, except for networks of Stable-Baselines3 and for plans: there the search runs again, with its seed and
+    budget, and takes as long as in the benchmark.
 
     Written: [green]replay.png[/], the utility of consumers and the trust of both sides, round by round; and with
     --video [green]game.mp4[/] and its last round, [green]game.png[/]. In the video, the attacker's agents are marked.
@@ -77,14 +79,15 @@ def replay(
         raise ValueError("give --cell or --model; the cell names its trust model")
     if attack and not cell:
         raise ValueError("--attack needs the --cell in which it was played")
-    suite, place, name, stored = _choose(results, model, cell, attack, allow_code)
+    suite, place, row = _choose(results, model, cell, attack, allow_code)
     prepare_folder(out)
-    with console.status("Searching and playing"):
-        found = Replay.of(suite, place, name)
+    with console.status("Playing"):
+        found = Replay.of(suite, place, row.attack, row.record)
+    stored = estimate(as_array(row.measured["utility"])).mean
     utility, honest = estimate(found.score), estimate(found.honest_score)
     condition = f"{place.model}, {place.scenario}, {place.track} {place.share:.0%}"
-    title = f"{condition}: {name}"
-    table = number_table(escape(title), escape(found.found.words), "attack", "everybody honest")
+    title = f"{condition}: {row.attack}"
+    table = number_table(escape(title), escape(row.words), "attack", "everybody honest")
     table.add_row("utility of consumers", *(f"{one.mean:.3f}±{one.half:.3f}" for one in (utility, honest)))
     table.add_row("rounds in which the most trusted provider is the attacker's", f"{found.believed.mean():.0%}", "")
     for side in found.sides:
@@ -92,8 +95,8 @@ def replay(
     console.print(table)
     if abs(utility.mean - stored) > _SAME:
         console.print(
-            f"[yellow]The file has a utility of {stored:.3f}: with another processor or other software, a search may "
-            "find another attack.[/]",
+            f"[yellow]The file has a utility of {stored:.3f}: another processor or other software computes other "
+            "numbers, and may find another attack where the file has no record of the attacker.[/]",
             soft_wrap=True,
         )
     from roletrust_experiments.plots.replay import replay_figure
@@ -113,8 +116,8 @@ def replay(
 
 def _choose(
     path: Path, model: str | None, key: str | None, attack: str | None, allow_code: bool
-) -> tuple[Suite, Cell, str, float]:
-    """Return the suite, the cell and the attack to play, and the utility that the file has.
+) -> tuple[Suite, Cell, AttackResult]:
+    """Return the suite, the cell and the attack to play, with the results that the file has.
 
     Raises:
         ValueError: The file is none of a robustness run, or has no such model, cell or attack.
@@ -149,4 +152,4 @@ def _choose(
         attack = min(scores, key=lambda one: least_mean(one.chosen)).attack
     if attack not in rows:
         raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")
-    return suite, cell, attack, estimate(as_array(rows[attack].measured["utility"])).mean
+    return suite, cell, rows[attack]

@@ -1,7 +1,7 @@
 """`roletrust submit` and `roletrust verify`: a benchmark's numbers as one file, and whether they are true."""
 
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from random import Random
@@ -16,6 +16,7 @@ from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import CellClaim, make_submission
 from roletrust_env.benchmark.suite import Suite, suites
+from roletrust_env.benchmark.suite_types import AnyCell
 from roletrust_env.benchmark.verification import (
     LONGEST_S,
     check_claims,
@@ -102,11 +103,11 @@ def verify(
 ) -> None:
     """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
 
-    With the same software and processor, a cell must give the same numbers to the last bit; otherwise every mean must
-    lie within its interval, and utilities must not be too high on the whole. The same cells are played with a new seed,
-    and claims must not be much higher than what comes out there. The suite has to be one of this package,
-    recognised by its hash. The exit code is 1 if a check fails, and 2 if the file cannot be read. The file may only
-    name what is installed, unless --allow-code is given.
+    With the same software and processor, a cell must give the same numbers to the last bit. Otherwise the attackers of
+    the submission play, every mean must lie within its interval, and utilities must not be too high on the whole. The
+    cells are then searched and played with a new seed, and claims must not be much higher than what comes out there.
+    The suite has to be one of this package, recognised by its hash. The exit code is 1 if a check fails, and 2 if the
+    file cannot be read. The file may only name what is installed, unless --allow-code is given.
 
     [bold]Examples[/]
 
@@ -124,7 +125,9 @@ def verify(
     seed = secrets.randbelow(2**32) if seed is None else seed
     claims, same = sample_claims(found, number, seed), is_same_platform(found)
     kept, asked = [], []
-    for claim, again in _played(suite, claims, workers):
+    # Rounding decides what a search finds, so elsewhere the attackers of the claims play.
+    records: dict[AnyCell, str] = {} if same else {claim.cell: claim.record for claim in claims}
+    for claim, again in _played(suite, claims, workers, records=records):
         kept.append(again)
         asked.append(claim)
         checks.append(check_cell(claim, again.result, same))
@@ -159,12 +162,25 @@ def _fresh(suite: Suite, claims: Sequence[CellClaim], seed: int, workers: int | 
 
 
 def _played(
-    suite: Suite, claims: Sequence[CellClaim], workers: int | None, above: int = 0
+    suite: Suite,
+    claims: Sequence[CellClaim],
+    workers: int | None,
+    above: int = 0,
+    records: Mapping[AnyCell, str] | None = None,
 ) -> Iterator[tuple[CellClaim, StoredCell]]:
-    """Iterate over claims, each with the result of its cell here, played with its seed and a number added to that."""
+    """Iterate over claims, each with the result of its cell here, played with its seed and a number added to that.
+
+    Args:
+        suite: Suite of the claims.
+        claims: Claims to check.
+        workers: Number of processes.
+        above: Number that is added to the seed.
+        records: Records of the attackers that play in place of a search, by cell.
+    """
     of_cell = {claim.cell._replace(seed=claim.seed + above): claim for claim in claims}
     limited = suite.model_copy(update={"limit_s": min(suite.limit_s, LONGEST_S)})
-    with progress_bar() as progress, closing(LocalPool(workers).play(limited, list(of_cell))) as playing:
+    pool = LocalPool(workers, records=records)
+    with progress_bar() as progress, closing(pool.play(limited, list(of_cell))) as playing:
         job = progress.add_task("Playing again", total=len(of_cell))
         for cell, done in playing:
             progress.advance(job)

@@ -63,21 +63,22 @@ class Replay(NamedTuple):
     sides: tuple[Side, ...]
 
     @classmethod
-    def of(cls, suite: Suite, cell: Cell, attack: str) -> Self:
+    def of(cls, suite: Suite, cell: Cell, attack: str, record: str = "") -> Self:
         """Find the attack of a cell again and play the games that measured it.
 
         Args:
             suite: Suite of the run.
             cell: Cell of the run.
             attack: Name of the attack in the results of the cell.
+            record: Record of its attacker in these results, which is then not searched again.
 
         Raises:
             ValueError: See `find_attack`.
         """
-        found = find_attack(suite, cell, attack)
+        found = find_attack(suite, cell, attack, record)
         attacked, honest = (
             _measured(watch(found.task, attacker, cell.seed, (rows, 2 * suite.games)), row, suite.games)
-            for attacker, row, rows in ((found.attacker, found.row, found.rows), (Scripted({}), 0, 1))
+            for attacker, row, rows in ((found.batch.attacker, found.row, found.rows), (Scripted({}), 0, 1))
         )
         under, calm = attacked.bought, honest.bought
         return cls(
@@ -98,9 +99,9 @@ class Replay(NamedTuple):
         Args:
             game: Index among the games that measure the attack.
         """
-        task, attacker, row, rows, _ = self.found
+        task, batch, row = self.found
         sources = random_sources(task, self.seed, HELD_OUT)
-        for played in attacked_rollout(task, attacker, (rows, 2 * self.games), *sources):
+        for played in attacked_rollout(task, batch.attacker, (self.found.rows, 2 * self.games), *sources):
             yield one_game(played.state, (row, self.games + game))
 
 

@@ -15,7 +15,8 @@ from roletrust_agents.learned.cards import (
     observation_fields,
 )
 from roletrust_agents.learned.network import Architecture, Network
-from roletrust_agents.learned.saved import SavedAttacker, digest, save_attacker, task_from_card, weights_bytes
+from roletrust_agents.learned.saved import SavedAttacker, digest, save_attacker, task_from_card
+from roletrust_agents.learned.weights import weights_bytes
 from roletrust_env import Random, make_scenario
 from roletrust_env.game.attack_task import AttackTask
 

@@ -40,16 +40,18 @@ def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
     played = 0
     for cell, result in stored:
         for row in result.rows if cell.track != "honest" else ():
-            found = Replay.of(SUITE, cell, row.attack)
-            assert found.score == pytest.approx(np.array(row.measured["utility"], float), nan_ok=True)
-            played += 1
+            assert bool(row.record) == (cell.rung != "scripted")
+            for record in {"", row.record}:  # searched again, and as recorded
+                found = Replay.of(SUITE, cell, row.attack, record)
+                assert found.score == pytest.approx(np.array(row.measured["utility"], float), nan_ok=True)
+                played += 1
     assert played > 6
 
 
 def test_the_states_are_those_of_the_game_that_was_measured() -> None:
     cell = next(cell for cell in cells(SUITE) if cell.rung == "random search" and cell.model == "role-trust")
     found = Replay.of(SUITE, cell, "random search")
-    whole = watch(found.found.task, found.found.attacker, cell.seed, (1, 2 * SUITE.games))
+    whole = watch(found.found.task, found.found.batch.attacker, cell.seed, (1, 2 * SUITE.games))
     for game in (0, SUITE.games - 1):
         *_, last = found.states(game)
         trust = found.found.task.game.agent_trust(last)

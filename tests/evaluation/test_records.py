@@ -1,0 +1,112 @@
+"""Records of attackers: what they keep, and what they refuse."""
+
+import json
+
+import numpy as np
+import pytest
+
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.training.coalition_methods import universal_coalitions
+from roletrust_env import Policy
+from roletrust_env.arrays import Array
+from roletrust_env.evaluation.attack_space import HONEST
+from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.composite import Both
+from roletrust_env.evaluation.measurement import watch
+from roletrust_env.evaluation.records import MAX_RECORD, read_record, record_of
+from roletrust_env.evaluation.scripts import Scripts
+from roletrust_env.game.make_task import make_task
+from roletrust_env.game.policy_registry import make_attacker
+
+TASK = make_task("market", ["sr_1", "sp_1"])
+
+
+class Unnamed(Policy):
+    """Policy that is not registered."""
+
+
+def every_policy() -> list[Policy]:
+    from roletrust_env.benchmark.cells import attack_names
+    from roletrust_env.benchmark.suite import load_suite
+
+    names = attack_names(load_suite("full"))
+    needs = {"accomplices": (0, 1), "length": 50}
+    return [make_attacker(name, **_accepted(name, needs)) for name in names]
+
+
+def _accepted(name: str, offered: dict[str, object]) -> dict[str, object]:
+    from roletrust_env.game.policy_registry import registry
+
+    return registry.accepted_parameters(name, offered)
+
+
+@pytest.mark.parametrize("policy", every_policy(), ids=repr)
+def test_every_script_is_the_same_after_its_record(policy: Policy) -> None:
+    attack = {"sr_0": policy, "sp_0": Both(policy, HONEST)}
+    again = read_record(record_of(Scripted(attack)))
+    assert isinstance(again, Scripted)
+    assert again.policies == attack
+
+
+def test_every_point_of_a_search_space_is_the_same_after_its_record() -> None:
+    scripts, random = Scripts.of(TASK), np.random.default_rng(0)
+    for _ in range(20):
+        attack = scripts.decode(random.random(scripts.size))
+        again = read_record(record_of(Scripted(attack)))
+        assert isinstance(again, Scripted)
+        assert again.policies == attack
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_coalition_plays_the_same_game_to_the_last_bit_after_its_record(dtype: type) -> None:
+    weights = random_weights(DeepSetArchitecture(), np.random.default_rng(1)).astype(dtype)
+    attacker = CoalitionAttacker(DeepSet.unflatten(DeepSetArchitecture(), weights))
+    again = read_record(record_of(attacker))
+    assert np.array_equal(trust(attacker), trust(again))
+    assert not np.array_equal(trust(attacker), trust(CoalitionAttacker(universal_coalitions()["universal-raters"])))
+
+
+def trust(attacker: object) -> Array:
+    return watch(TASK, attacker, 0, (1, 2)).trust  # type: ignore[arg-type]
+
+
+def test_what_has_no_record_says_so_by_an_empty_text() -> None:
+    assert record_of(OpenLoop(np.zeros((3, 2)))) == ""
+    assert record_of(Scripted({"sr_0": Unnamed()})) == ""
+    many = np.zeros((2, DeepSetArchitecture().size), np.float32)
+    assert record_of(CoalitionAttacker(DeepSet.unflatten(DeepSetArchitecture(), many))) == ""
+
+
+COALITION = json.loads(record_of(CoalitionAttacker(universal_coalitions()["universal-raters"])))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "JSON|Expecting"),
+        ("[]", "object with a kind"),
+        ('{"kind": 3}', "object with a kind"),
+        ('{"kind": "nothing"}', "unknown kind of recorded attacker 'nothing'"),
+        ('{"kind": "scripts"}', "policies"),
+        ('{"kind": "scripts", "policies": [], "more": 1}', "more"),
+        ('{"kind": "scripts", "policies": []}', "policies must be an object"),
+        ('{"kind": "scripts", "policies": {"sr_0": 3}}', "a policy must be an object"),
+        ('{"kind": "scripts", "policies": {"sr_0": {"kind": 3}}}', "a policy must have a name"),
+        ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouth"}}}', "bad-mouth"),
+        ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouthing", "start": "x"}}}', "start"),
+        ('{"kind": "scripts", "policies": {"sr_0": NaN}}', "NaN"),
+        ('{"kind": "scripts", "name": "coalition"}', "name"),
+        (json.dumps(COALITION | {"weights": 3}), "base64"),
+        (json.dumps(COALITION | {"weights": "AAAA"}), "safetensors"),
+        (json.dumps(COALITION | {"weights": COALITION["weights"][:-400]}), "safetensors"),
+        (json.dumps(COALITION | {"units": 13}), "shape"),
+        (json.dumps(COALITION | {"units": 10**9}), "256"),
+        ("[" * 100_000, "nested"),
+        (" " * (MAX_RECORD + 1), "the limit is"),
+    ],
+)
+def test_a_bad_record_is_one_clear_error(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words) as error:
+        read_record(text)
+    assert "\n" not in str(error.value)

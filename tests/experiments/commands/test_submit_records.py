@@ -1,0 +1,62 @@
+"""`roletrust verify`: attackers that a search found on another machine."""
+
+import json
+from pathlib import Path
+
+import pytest
+from benchmark_cases import tiny
+from command_line import run
+
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.store import Store
+
+
+@pytest.fixture(scope="module")
+def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A true submission of another machine, whose searches find other attackers than those here."""
+    folder, suite = tmp_path_factory.mktemp("elsewhere"), tiny(rungs=["random search"], budget=2000, models=["mean"])
+    with Store(folder / "results.sqlite", suite) as store:
+        for cell in cells(suite):
+            other = play_cell(suite, cell._replace(seed=99)).rows[0].record
+            store.add(cell, play_cell(suite, cell, other))
+    made = run("submit", str(folder / "results.sqlite"), "--out", str(folder / "theirs.json"))
+    assert made.exit_code == 0, made.output
+    said = json.loads((folder / "theirs.json").read_text())
+    said["processor"] = "another processor"
+    return json.dumps(said)
+
+
+def verified_text(path: Path, text: str) -> tuple[int, str]:
+    path.write_text(text)
+    made = run("verify", str(path), "--own-suite", "--cells", "100", "--workers", "1", "--no-fresh")
+    return made.exit_code, " ".join(made.output.split())
+
+
+def test_attackers_that_were_found_on_another_machine_are_played(tmp_path: Path, found_elsewhere: str) -> None:
+    code, told = verified_text(tmp_path / "theirs.json", found_elsewhere)
+    assert code == 0, told
+    said = json.loads(found_elsewhere)
+    for claim in said["cells"]:
+        for attack in claim["attacks"]:
+            attack.pop("record")
+    code, told = verified_text(tmp_path / "theirs.json", json.dumps(said))
+    assert code == 1, told
+    assert "random search, " in told  # another attacker is found here, with other numbers
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        ("{}", "failed here: the record"),
+        ('{"kind":"scripts","policies":{}}', "random search, utility: claimed"),
+    ],
+)
+def test_a_record_of_another_attacker_is_found(tmp_path: Path, found_elsewhere: str, record: str, words: str) -> None:
+    said = json.loads(found_elsewhere)
+    for claim in said["cells"]:
+        for attack in claim["attacks"] if claim["track"] != "honest" else ():
+            attack["record"] = record
+    code, told = verified_text(tmp_path / "theirs.json", json.dumps(said))
+    assert code == 1
+    assert words in told
