@@ -12,6 +12,7 @@ from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, with_paper
 from roletrust_env.evaluation.search import SearchMethod, search_methods
 from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.policy import Policy
 
 _CELLS = 200_000
 """Maximum number of ratings that are computed at once in a round."""
@@ -36,10 +37,13 @@ class AttackBatch(NamedTuple):
 
     def split(self) -> "Iterator[AttackBatch]":
         """Yield a batch of its own for each scripted attack."""
-        policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
         for k, name in enumerate(self.names):
-            single = {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
-            yield AttackBatch((name,), Scripted(side_by_side([single])), self.rounds, self.words)
+            yield AttackBatch((name,), Scripted(side_by_side([self.scripts(k)])), self.rounds, self.words)
+
+    def scripts(self, k: int) -> dict[str, Policy]:
+        """Return the policies of the k-th scripted attack, by the name of the agent."""
+        policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
+        return {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
 
 
 def playable_kinds(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:

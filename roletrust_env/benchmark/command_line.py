@@ -16,14 +16,18 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
         path: Path of that file.
 
     Returns:
-        Command for a shell. A suite that is not part of the project is given by the name of its file.
+        Command for a shell. A suite that is not part of the project is given by the name of its file, and known attacks
+        by the file `known.json`.
     """
     options = ["--suite", f"{suite.name}.toml"]
     if suite.name in suites():
         bundled = load_suite(suite.name)
         names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
+        more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
+        if more:
+            names |= {field: getattr(suite, field) for field in ("known", "rungs")}
         if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
-            options = ["--suite", suite.name, *_options(bundled, suite)]
+            options = ["--suite", suite.name, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
     return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
 
 

@@ -80,6 +80,8 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         return 0, each
     if cell.rung == "scripted":
         return 0, each * (len(attack_names(suite)) + 1)
+    if cell.rung == "known":
+        return 0, 2 * each * sum(one.condition == cell[1:4] for one in suite.known)
     return suite.budget_of(cell.rung), 2 * each
 
 

@@ -126,6 +126,13 @@ def _attacks(
     if cell.rung == "scripted":
         yield from scripted_batches(task, kinds, 2 * suite.games)
         return
+    if cell.rung == "known":
+        attacks = [one for one in suite.known if one.condition == cell[1:4]]
+        if not attacks:
+            raise UnsuitableError("there is no known attack for this condition")
+        for one in attacks:
+            yield AttackBatch((one.name,), read_record(one.record), 0, one.words)
+        return
     method = make_search(cell.rung, list(kinds.values()))
     search = method.search(arguments, Budget(suite.budget_of(cell.rung)), cell.seed)
     yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, record_of(search.attacker))

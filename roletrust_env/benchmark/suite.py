@@ -1,14 +1,14 @@
 """Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
 
 import tomllib
-from collections.abc import Mapping
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PositiveInt, ValidationError, model_validator
 
 from roletrust_env import Scenario, make_scenario
+from roletrust_env.benchmark.known_attacks import KnownAttack, check_names, read_known_attacks
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.errors import explain, suggest
@@ -17,6 +17,7 @@ from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal[
     "scripted",
+    "known",
     "universal",
     "random search",
     "CMA-ES",
@@ -26,7 +27,8 @@ Rung = Literal[
     "PPO",
     "white-box planner",
 ]
-"""Way to find an attack. The planner has full knowledge, so its result is shown apart and is never the worst case."""
+"""Way to find an attack; known attacks were found before. The planner has full knowledge, so its result is shown apart
+and is never the worst case."""
 
 PLANNER = "white-box planner"
 """Name of the rung that follows gradients."""
@@ -36,6 +38,8 @@ WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
 
 Scale = Literal["utility", "skill"]
 """Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
+
+_FOLDER = Path(__file__).parent / "suites"
 
 _Part = Annotated[float, Field(gt=0, lt=1)]
 
@@ -102,6 +106,8 @@ class Suite(SuiteSchema):
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
+    known: tuple[KnownAttack, ...] = ()
+    """Attacks that the rung `known` plays. In a TOML file it is the name of their JSON file, which lies beside it."""
     score: Scale = "utility"
     """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
@@ -118,6 +124,8 @@ class Suite(SuiteSchema):
         if not self.models or not self.attacks:
             raise ValueError("models and attacks must not be empty")
         check_unique(rungs=self.rungs)
+        check_names(self.known)
+        self._check_known()
         for rung in self.budgets:
             if rung not in self.rungs:
                 raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
@@ -125,6 +133,21 @@ class Suite(SuiteSchema):
             if not isinstance(names, str):
                 check_unique(**{what: names})
         return self
+
+    def _check_known(self) -> None:
+        """Check that there are known attacks if and only if they are played, and that their conditions exist."""
+        if ("known" in self.rungs) != bool(self.known):
+            raise ValueError("known and the rung 'known' belong together; give both or none")
+        for one in self.known:
+            if one.condition not in self.conditions:
+                where = f"{one.scenario}, {one.track} {one.share:g}"
+                raise ValueError(f"known attack {one.name!r} is for {where}, which the suite does not have")
+
+    @property
+    def conditions(self) -> list[tuple[str, str, float]]:
+        """Scenario, track and share of each condition in which models are attacked."""
+        tracks = self.tracks.items()
+        return [(stage, name, share) for stage in self.scenarios for name, track in tracks for share in track.shares]
 
     def budget_of(self, rung: str) -> int:
         """Return the budget of a rung in a cell, in game rounds."""
@@ -135,6 +158,24 @@ def suites() -> dict[str, str]:
     """Return the descriptions of the suites of the project, by name."""
     names = sorted(path.name.removesuffix(".toml") for path in _FOLDER.iterdir() if path.name.endswith(".toml"))
     return {name: load_suite(name).description for name in names}
+
+
+def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
+    """Return the suite with further known attacks, those of its own conditions.
+
+    Args:
+        suite: Suite to change.
+        attacks: Known attacks. Those of conditions that the suite does not have are left out.
+
+    Raises:
+        ValueError: None is for a condition of the suite, or two in a condition have the same name.
+    """
+    fitting = tuple(one for one in attacks if one.condition in suite.conditions)
+    if not fitting:
+        raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
+    rungs = suite.rungs if "known" in suite.rungs else (*suite.rungs, "known")
+    check_names(suite.known + fitting)
+    return suite.model_copy(update={"known": suite.known + fitting, "rungs": rungs})
 
 
 def load_suite(suite: str | Path) -> Suite | LearnersSuite:
@@ -152,7 +193,7 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ValueError(f"suite {path} cannot be read: {error}") from None
-        return read_suite({"name": path.stem, **_parse(text, path)}, f"suite {path}")
+        return read_suite({"name": path.stem, **_parse(text, path, path.parent)}, f"suite {path}")
     known = sorted(entry.name.removesuffix(".toml") for entry in _FOLDER.iterdir() if entry.name.endswith(".toml"))
     if str(suite) not in known:
         raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, known)}, or the path of a .toml file")
@@ -181,7 +222,6 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_FOLDER = files("roletrust_env.benchmark") / "suites"
 _EXTENDABLE = ("quick", "standard", "full")
 
 
@@ -189,12 +229,20 @@ def _text(name: str) -> str:
     return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _parse(text: str, source: str | Path) -> dict[str, Any]:
-    """Return the fields in a text, and those of the suite that it extends where it has none of its own."""
+def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, Any]:
+    """Return the fields in a text, and those of the suite that it extends where it has none of its own.
+
+    Args:
+        text: Content of a TOML file.
+        source: Name of the suite or path of the file, for error messages.
+        folder: Folder of the file, which also has the known attacks.
+    """
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"suite {source} is not valid TOML: {error}") from None
+    if isinstance(data.get("known"), str):
+        data["known"] = read_known_attacks(folder / data["known"])
     if "extends" not in data:
         return data
     base = data.pop("extends")

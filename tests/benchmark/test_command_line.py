@@ -8,7 +8,8 @@ from small_suites import small
 
 from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
-from roletrust_env.benchmark.suite import load_suite
+from roletrust_env.benchmark.known_attacks import KnownAttack
+from roletrust_env.benchmark.suite import load_suite, with_known
 from roletrust_experiments.commands.benchmark import _asked
 
 FILE = Path("results/my run/results.sqlite")
@@ -34,6 +35,12 @@ def test_a_suite_of_the_project_is_given_by_its_name(suite, fields):
     assert options.pop("--suite") == [suite]
     assert options.pop("--out") == ["results/my run"]
     assert {key: tuple(names) for key, names in options.items()} == {f"--{key[:-1]}": fields[key] for key in fields}
+
+
+def test_known_attacks_are_a_file():
+    known = [KnownAttack(name="mine", scenario="crowd", track="raters", share=0.5, record="{}")]
+    command = reproduction_command(with_known(load_suite("standard-2"), known), FILE)
+    assert command == "roletrust benchmark --suite standard-2 --known known.json --out 'results/my run'"
 
 
 def test_the_stored_suite_gives_the_command():

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from roletrust_env.benchmark.cells import attack_names, cells, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.cost_estimate import estimate_cost
+from roletrust_env.benchmark.known_attacks import read_known_attacks
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.pool import LocalPool, Pool, cores
 from roletrust_env.benchmark.remaining_time import RemainingTime
@@ -20,7 +21,7 @@ from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.run import play_suite, with_names
 from roletrust_env.benchmark.schema import CellResult
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite, load_suite
+from roletrust_env.benchmark.suite import Suite, load_suite, with_known
 from roletrust_env.benchmark.suite_types import AnySuite
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
@@ -71,6 +72,14 @@ def benchmark(
             help="Scripted attack to play instead of the suite's; repeat for more; `all` are the installed ones. NAME "
             "may be your own class, package.module:Class, whose module is then imported.",
             autocompletion=completion.named_attacks,
+            show_default=False,
+        ),
+    ] = None,
+    known: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Known attacks to play besides the suite's, a file of `roletrust submit --attacks`.",
             show_default=False,
         ),
     ] = None,
@@ -134,9 +143,14 @@ def benchmark(
     if ray is not None:
         require("--ray", "ray", "ray")
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)
+    if known is not None:
+        if isinstance(asked, LearnersSuite):
+            raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
+        asked = with_known(asked, read_known_attacks(known))
     if dry_run:
         _tell_cost(asked, workers)
         names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
+        names += option("--known", known)
         print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
     try:

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.benchmark.agreement import Check, check_bias, check_cell, check_fresh
+from roletrust_env.benchmark.attack_entries import make_entries
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import CellClaim, make_submission
@@ -50,6 +51,16 @@ def submit(
             show_default=False,
         ),
     ] = None,
+    attacks: Annotated[
+        bool,
+        typer.Option(
+            "--attacks", help="Write the worst attacks of the run instead, which `roletrust benchmark --known` plays."
+        ),
+    ] = False,
+    finder: Annotated[
+        str,
+        typer.Option(help="Name of the finder of the attacks, for tables; only with --attacks.", show_default=False),
+    ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
     """Write [bold]the benchmark results of your trust model[/] to one file that others can check.
@@ -58,13 +69,26 @@ def submit(
     of each trust model and attack, and the means of each attack in each cell, which `roletrust verify` measures again.
     The run must be complete, without failed cells: otherwise a model could avoid an attack by failing under it.
 
+    With --attacks the file holds the worst attack on each trust model in each condition instead: the attackers
+    themselves, which anybody can play without a search, and without code of yours. They may be networks of coalitions,
+    and scripted attacks with your parameters.
+
     [bold]Examples[/]
 
     [dim]# submit a model of your own[/]
     [cyan]roletrust benchmark --suite standard --model mypackage.mymodel:MyModel --out results/mine[/]
     [cyan]roletrust submit results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
+
+    [dim]# submit attacks, here a script of yours and what searches find, against one trust model[/]
+    [cyan]roletrust benchmark --suite standard-2 --attack rank-lies:bend=2 --model beta --out results/lies[/]
+    [cyan]roletrust submit results/lies/results.sqlite --attacks --finder "A. Author" --out lies.json[/]
     """
     require("a submission", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    if finder and not attacks:
+        raise ValueError("--finder is for --attacks")
+    if attacks:
+        _submit_attacks(results, out, model or (), finder, allow_code)
+        return
     with Store(results) as store:
         found = make_submission(store, model or (), allow_code=allow_code)
     write_json(out, found.model_dump(mode="json"))
@@ -75,6 +99,22 @@ def submit(
     console.print(f"Written: {out}, {len(found.cells):,} cells", soft_wrap=True)
     own = None if found.suite["name"] in suites() else "--own-suite"
     print_next("verify", out, own, needs_code((*found.models, *found.attacks)))
+
+
+def _submit_attacks(results: Path, out: Path, models: Sequence[str], finder: str, allow_code: bool) -> None:
+    """Write the worst attacks of a run as known attacks."""
+    with Store(results) as store:
+        suite, stored = store.suite, store.all()
+    if not isinstance(suite, Suite):
+        raise ValueError(f"{results} has a suite for {suite.kind}; only attacks on trust models can be submitted")
+    if not allow_code:
+        check_names(suite)
+    found, lost = make_entries(suite, stored, models, finder)
+    write_json(out, found.model_dump(mode="json"))
+    for line in lost:
+        console.print(f"[yellow]{escape(line)} cannot be recorded, and is left out.[/]", soft_wrap=True)
+    console.print(f"Written: {out}, {len(found.attacks):,} attacks", soft_wrap=True)
+    print_next("benchmark", "--suite", suite.name if suite.name in suites() else f"{suite.name}.toml", "--known", out)
 
 
 def verify(

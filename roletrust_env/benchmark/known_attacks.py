@@ -1,0 +1,92 @@
+"""Known attacks: attackers that somebody found, and that play again without a search."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from roletrust_env.benchmark.schema import Label
+from roletrust_env.errors import explain
+from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.storage.untrusted import parse_json, read_limited
+from roletrust_env.world.base_model import FrozenModel
+
+MAX_BYTES = 64_000_000
+"""Maximum size of a file of known attacks."""
+
+
+class KnownAttack(FrozenModel):
+    """Attacker of a condition of a suite."""
+
+    name: Annotated[Label, Field(max_length=300)]
+    """Name in tables, which says how it was found and against which trust model."""
+    scenario: Label
+    """Name of the scenario in the suite."""
+    track: Label
+    """Name of the track in the suite."""
+    share: Annotated[float, Field(gt=0, lt=1)]
+    """Share of compromised agents."""
+    finder: Annotated[str, Field(max_length=300)] = ""
+    """Who found the attack. Empty for the project."""
+    record: Annotated[str, Field(min_length=1, max_length=MAX_RECORD)]
+    """Record of the attacker, see `roletrust_env.evaluation.records`."""
+
+    @property
+    def words(self) -> str:
+        """Short description."""
+        return f"known attack, found by {self.finder}" if self.finder else "known attack"
+
+    @property
+    def condition(self) -> tuple[str, str, float]:
+        """Scenario, track and share."""
+        return self.scenario, self.track, self.share
+
+
+class KnownAttacks(FrozenModel):
+    """Content of a file of known attacks."""
+
+    format: Literal["roletrust-attacks"] = "roletrust-attacks"
+    format_version: Literal[1] = 1
+    attacks: Annotated[tuple[KnownAttack, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        check_names(self.attacks)
+        return self
+
+
+def check_names(attacks: Iterable[KnownAttack]) -> None:
+    """Check that no two attacks of a condition have the same name.
+
+    Raises:
+        ValueError: Two have the same name.
+    """
+    seen = set()
+    for one in attacks:
+        key = one.name, one.condition
+        if key in seen:
+            raise ValueError(f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} {one.share:.0%}")
+        seen.add(key)
+
+
+def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:
+    """Read a file of known attacks. This executes no code, and makes no attacker.
+
+    Args:
+        path: Path of the file.
+
+    Raises:
+        ValueError: The file does not exist, or its content is not allowed.
+        OSError: The file cannot be read.
+    """
+    if not path.is_file():
+        raise ValueError(f"there is no file {path}; `roletrust submit --attacks` creates one")
+    text = read_limited(path, MAX_BYTES)
+    try:
+        parse_json(text)
+        return KnownAttacks.model_validate_json(text).attacks
+    except ValidationError as error:
+        raise ValueError(f"known attacks {path}: {explain(error)}") from None
+    except ValueError as error:
+        raise ValueError(f"known attacks {path}: {error}") from None

@@ -1,0 +1,159 @@
+"""Known attacks: they play as they were found, in a suite of their own or of others, and bad files are refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from benchmark_cases import results, tiny
+
+from roletrust_env.benchmark import Leaderboard, load_suite
+from roletrust_env.benchmark.attack_entries import make_entries
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, read_known_attacks
+from roletrust_env.benchmark.run_cell import find_attack, play_cell
+from roletrust_env.benchmark.store import StoredCell
+from roletrust_env.benchmark.suite import with_known
+from roletrust_env.benchmark.worst_case import worst_cases
+
+SUITE = tiny(rungs=["scripted", "random search"], budget=2000)
+
+
+def play(suite: Any) -> list[StoredCell]:
+    return [StoredCell(cell, play_cell(suite, cell)) for cell in cells(suite)]
+
+
+@pytest.fixture(scope="module")
+def stored() -> list[StoredCell]:
+    return play(SUITE)
+
+
+@pytest.fixture(scope="module")
+def found(stored: list[StoredCell]) -> KnownAttacks:
+    entries, lost = make_entries(SUITE, stored, finder="A. Author")
+    assert lost == []
+    return entries
+
+
+def test_there_is_the_worst_attack_on_each_model_in_each_condition(
+    found: KnownAttacks, stored: list[StoredCell]
+) -> None:
+    cases = worst_cases(Leaderboard.of(SUITE, stored).attacks)
+    attacked = {key: case.attack for key, case in cases.items() if key[1].track == "raters"}
+    assert {(f"{attack} against {model}", tuple(where)) for (model, where), attack in attacked.items()} == {
+        (one.name, one.condition) for one in found.attacks
+    }
+
+
+def test_a_known_attack_scores_as_in_the_run_that_found_it(found: KnownAttacks, stored: list[StoredCell]) -> None:
+    again = {cell.key: result for cell, result in play(with_known(SUITE, found.attacks)) if cell.rung == "known"}
+    compared = 0
+    for cell, result in stored:
+        if cell.rung != "random search":  # scripts side by side share their random numbers
+            continue
+        (row,) = result.rows
+        for theirs in again[cell._replace(rung="known").key].rows:
+            assert theirs.words == "known attack, found by A. Author"
+            if theirs.attack == f"random search against {cell.model}":
+                assert (theirs.chosen, theirs.measured) == (row.chosen, row.measured)
+                compared += 1
+    assert compared
+
+
+def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) -> None:
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), found.attacks)
+    board = Leaderboard.of(suite, play(suite))
+    names = {one.attack for one in board.attacks if one.rung == "known"}
+    assert any(name.endswith("against role-trust") for name in names)
+    assert any(case.rung == "known" for case in worst_cases(board.attacks).values())
+    assert board.rows[0].worst_attack in {one.attack for one in board.attacks}
+
+
+def test_a_script_with_parameters_is_recorded_with_them() -> None:
+    spec = "bad-mouthing:level=0.25,start=2"
+    suite = tiny(
+        models=["mean"], rungs=["scripted"], attacks=[spec], tracks={"raters": {"roles": ["SR"], "shares": [0.3]}}
+    )
+    entries, _ = make_entries(suite, play(suite))
+    (one,) = entries.attacks
+    assert one.name == f"{spec} against mean"
+    assert '"start":2' in one.record
+    assert '"level":0.25' in one.record
+
+
+def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
+    suite = with_known(SUITE, found.attacks)
+    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    name = next(one.name for one in found.attacks if one.condition == cell[1:4])
+    assert find_attack(suite, cell, name).batch.names == (name,)
+
+
+def test_a_condition_without_known_attacks_is_said(found: KnownAttacks) -> None:
+    few = [one for one in found.attacks if one.share == 0.3]
+    suite = with_known(SUITE, few)
+    by_share = {cell.share: result for cell, result in play(suite) if cell.rung == "known"}
+    assert by_share[0.3].rows
+    assert by_share[0.5].unsuitable == "there is no known attack for this condition"
+    assert results(play(SUITE)).items() <= results(play(suite)).items()  # the other cells stay as they are
+
+
+def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text(found.model_dump_json())
+    text = """
+        rungs = ["known"]
+        known = "mine.json"
+        models = ["mean"]
+        [scenarios.market]
+        preset = "market"
+        [tracks.raters]
+        roles = ["SR"]
+        shares = [0.3, 0.5]
+    """
+    (tmp_path / "suite.toml").write_text(text)
+    assert load_suite(tmp_path / "suite.toml").known == found.attacks  # type: ignore[union-attr]
+    (tmp_path / "mine.json").unlink()
+    with pytest.raises(ValueError, match=r"there is no file .*mine.json; `roletrust submit --attacks`"):
+        load_suite(tmp_path / "suite.toml")
+
+
+ONE = {"name": "mine", "scenario": "market", "track": "raters", "share": 0.3, "record": "{}"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "Expecting"),
+        ("[]", "object|dictionary"),
+        ('{"attacks": []}', "attacks"),
+        (json.dumps({"attacks": [ONE, ONE]}), "two known attacks 'mine' in market, raters 30%"),
+        (json.dumps({"attacks": [ONE | {"share": 1.5}]}), "share"),
+        (json.dumps({"attacks": [ONE | {"name": "a|b"}]}), "name"),
+        (json.dumps({"attacks": [ONE | {"more": 1}]}), "more"),
+        (json.dumps({"format": "other", "attacks": [ONE]}), "format"),
+        (json.dumps({"format_version": 2, "attacks": [ONE]}), "format_version"),
+        ('{"attacks": NaN}', "NaN"),
+    ],
+)
+def test_a_bad_file_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "attacks.json").write_text(text)
+    with pytest.raises(ValueError, match=words) as error:
+        read_known_attacks(tmp_path / "attacks.json")
+    assert "\n" not in str(error.value)
+
+
+def test_attacks_that_no_suite_can_play_are_refused() -> None:
+    one = KnownAttack(**ONE)
+    with pytest.raises(ValueError, match="none of the 1 known attacks is for a condition of the suite"):
+        with_known(SUITE, [one.model_copy(update={"track": "others"})])
+    with pytest.raises(ValueError, match="two known attacks"):
+        with_known(with_known(SUITE, [one]), [one])
+    with pytest.raises(ValueError, match="give both or none"):
+        tiny(known=[ONE])
+    with pytest.raises(ValueError, match="give both or none"):
+        tiny(rungs=["known"])
+    with pytest.raises(ValueError, match="which the suite does not have"):
+        tiny(rungs=["known"], known=[ONE | {"share": 0.4}])
+    with pytest.raises(ValueError, match="no trust model 'men'"):
+        make_entries(SUITE, [], ["men"])
+    with pytest.raises(ValueError, match="no attack that can be recorded"):
+        make_entries(SUITE, [])
