@@ -11,7 +11,7 @@ _SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms",
 
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
-    title = f"Leaderboard, suite {leaderboard.suite.name}"
+    title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
     table = number_table(title, leaderboard.caption, *(COLUMNS[k] for k in _SHOWN))
     for row in leaderboard.rows:
         cells = row_texts(row, "±")

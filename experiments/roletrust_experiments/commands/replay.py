@@ -110,7 +110,7 @@ def replay(
         with progress_bar() as progress:
             write_video_of_states(out / "game.mp4", task.game, found.states(worst), task.identities, progress)
         written += ["game.mp4", "game.png"]
-    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+    console.print(escape(f"Written to {out}: {', '.join(written)}"), soft_wrap=True)
     print_next("report", results)
 
 

@@ -9,7 +9,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_UNDATED: dict[str, dict[str, None]] = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+"""Metadata of formats that have a date by default. Without it, equal figures give equal bytes."""
+
+
 def write_figure(path: Path, figure: "Figure") -> None:
-    """Write a figure at a resolution for the web and for print."""
+    """Write a figure at a resolution for the web and for print.
+
+    Its titles and labels are plain text: a `$` in a name begins no formula.
+
+    Args:
+        path: Path of the file; its suffix gives the format.
+        figure: Figure, which must not have been drawn yet.
+    """
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if text.get_text():  # numbers of ticks, some of which are formulas, are written when the figure is drawn
+            text.set_parse_math(False)
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=160, facecolor="white")
+        figure.savefig(temporary, dpi=160, facecolor="white", metadata=_UNDATED.get(path.suffix))

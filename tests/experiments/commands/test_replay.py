@@ -80,6 +80,20 @@ def test_the_command_plays_the_worst_case_of_the_leaderboard(file: Path, tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {"replay.png", "game.mp4", "game.png"}
 
 
+def test_names_are_neither_markup_nor_formulas(tmp_path: Path) -> None:
+    track = "liars $_$ [red]"
+    suite = small(models=["mean"], attacks=["bad-mouthing"], tracks={track: {"roles": ["SR"], "shares": [0.5]}})
+    with Store(tmp_path / "results.sqlite", suite) as store:
+        for cell in cells(suite):
+            store.add(cell, play_cell(suite, cell))
+    out = tmp_path / "out [red]"
+    made = run("replay", str(tmp_path / "results.sqlite"), "--out", str(out))
+    assert made.exit_code == 0, made.output
+    assert f"mean, market, {track} 50%" in " ".join(made.output.split())
+    assert f"Written to {out}: replay.png" in made.output
+    assert (out / "replay.png").stat().st_size > 5000
+
+
 def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> None:
     other = tmp_path / "results.sqlite"
     other.write_bytes(file.read_bytes())
