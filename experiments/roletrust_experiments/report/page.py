@@ -29,14 +29,17 @@ def page(content: Content, command: str) -> str:
         content: Content of the report.
         command: Command that writes the page.
     """
+    told = content.robustness
     styles = {
         who: {name: look._asdict() for name, look in looks(part.order).items()}
-        for who, part in (("model", content.robustness), ("learner", content.learners))
+        for who, part in (("model", told), ("learner", content.learners))
         if part is not None
     }
     data = {
         "tables": {name: _plain(table.columns()) for name, table in content.tables.items()},
         "looks": styles,
+        "heat": {name: heat._asdict() for name, heat in told.heat_maps.items()} if told else {},
+        "worst": told.worst_conditions if told else {},
         "figures": {name: json_item(found) for name, found in figures(content).items()},
     }
     environment = Environment(
@@ -47,7 +50,7 @@ def page(content: Content, command: str) -> str:
     )
     environment.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
     return environment.get_template("page.html").render(
-        told=content.robustness,
+        told=told,
         learned=content.learners,
         sections=content.parts,
         command=command,

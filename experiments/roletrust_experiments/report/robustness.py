@@ -11,9 +11,10 @@ from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.leaderboard import HEADER
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.worst_case import AttackScores, Condition, worst_cases
+from roletrust_env.benchmark.suite import Scale, Suite
+from roletrust_env.benchmark.worst_case import AttackScores, Condition, least_mean, worst_cases
 from roletrust_env.metrics.confidence import over_games
+from roletrust_env.metrics.consumers import skill
 from roletrust_env.metrics.score import ratio
 from roletrust_experiments.report.table import Table
 
@@ -21,6 +22,18 @@ _POINTS = 40
 """Maximum number of points of a curve; the rounds of longer games are averaged a few at a time."""
 
 Floats = npt.NDArray[np.float64]
+
+
+class HeatMap(NamedTuple):
+    """What a heat map shows of its table.
+
+    Attributes:
+        column: Name of the column with the values.
+        lowest: Lowest value, at which the colours begin. They end at 1.
+    """
+
+    column: str
+    lowest: float
 
 
 class Robustness(NamedTuple):
@@ -64,7 +77,8 @@ class Robustness(NamedTuple):
         cases = worst_cases(attacks)
         tables = {
             "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
-            "heatmap": _heatmap(struck, cases),
+            "heatmap": _heatmap(suite.score, struck, cases),
+            "worst_cases": _worst_cases(cases, [row.model for row in rows]),
             "curves": _curves(suite, attacks, cases),
             "breakdown": _breakdown(suite, cases),
             "tradeoff": _tradeoff(attacks, cases),
@@ -79,6 +93,18 @@ class Robustness(NamedTuple):
     def warnings(self) -> list[str]:
         """Lines on what limits the numbers."""
         return self.leaderboard.caveats
+
+    @property
+    def heat_maps(self) -> dict[str, HeatMap]:
+        """The heat maps by the name of their table."""
+        columns = {"heatmap": self.suite.score, "worst_cases": "score"}
+        values = {name: self.tables[name].columns()[column] for name, column in columns.items()}
+        return {name: HeatMap(columns[name], float(np.fmin.reduce(one, initial=1.0))) for name, one in values.items()}
+
+    @property
+    def worst_conditions(self) -> dict[str, str]:
+        """Condition with the lowest worst case of each model."""
+        return {row.model: row.worst_condition for row in self.leaderboard.rows}
 
     @property
     def order(self) -> list[str]:
@@ -105,24 +131,42 @@ def _is_worst(one: AttackScores, cases: _Worst) -> bool:
     return cases.get((one.model, one.condition)) is one
 
 
-def _heatmap(struck: Sequence[AttackScores], cases: _Worst) -> Table:
-    """Return utility under each attack; in each condition the attack with the most harm to all models comes first."""
-    harm: dict[tuple[Condition, str], list[float]] = {}
-    for one in struck:
-        harm.setdefault((one.condition, one.attack), []).append(_mean(one.measured["utility"])[0])
-    means = {key: float(np.nanmean(values)) for key, values in harm.items()}
-    where = list(dict.fromkeys(one.condition for one in struck))
-    struck = sorted(struck, key=lambda one: (where.index(one.condition), means[one.condition, one.attack]))
-    header = ("condition", "attack", "model", "rung", "utility", "utility_half_95", "blind", "worst")
-    return Table(header, [(*_name(one), one.rung, *_utility(one), _is_worst(one, cases)) for one in struck])
+def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Table:
+    """Return what each attack leaves; in each condition the attack with the most harm to all models comes first."""
+    header = (
+        "condition", "attack", "model", "rung",
+        "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst",
+    )  # fmt: skip
+    rows: list[tuple[Any, ...]] = [(*_name(one), one.rung, *_both_scales(one), _is_worst(one, cases)) for one in struck]
+    place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
+    for row in rows:
+        harm.setdefault(row[:2], []).append(row[place])
+    means = {key: least_mean(np.array(values)) for key, values in harm.items()}
+    where = list(dict.fromkeys(row[0] for row in rows))
+    return Table(header, sorted(rows, key=lambda row: (where.index(row[0]), means[row[:2]])))
 
 
 def _name(one: AttackScores) -> tuple[str, str, str]:
     return one.condition.description, one.attack, one.model
 
 
-def _utility(one: AttackScores) -> tuple[float, float, float]:
-    return *_mean(one.measured["utility"]), _mean(one.measured["blind"])[0]
+def _both_scales(one: AttackScores) -> tuple[float, ...]:
+    """Return utility and skill with half their intervals, and the utility of a blind choice."""
+    by_trust, blind = one.measured["utility"], one.measured["blind"]
+    return *_mean(by_trust), *_mean(skill(by_trust, blind)), _mean(blind)[0]
+
+
+def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
+    """Return the worst case of each model in each condition, also in those without attackers, as it counts."""
+    header = (
+        "model", "scenario", "track", "share", "attack", "rung", "score", "score_half_95", "blind", "games",
+    )  # fmt: skip
+    rows = []
+    for (model, where), one in cases.items():
+        mean, half, games = over_games(one.score)
+        blind, _ = _mean(one.measured["blind"])
+        rows.append((model, *where, one.attack, one.rung, float(mean), float(half), blind, int(games)))
+    return Table(header, sorted(rows, key=lambda row: order.index(row[0])))
 
 
 def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Table:

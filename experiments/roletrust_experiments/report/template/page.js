@@ -19,7 +19,7 @@ for (const table of Object.values(told.tables)) {
 }
 
 function chosen(name) {
-  if (name === "heatmap") return new Set(ranked(name));
+  if (told.heat[name]) return new Set(ranked(name));
   return new Set([...chooser(name).querySelectorAll("input:checked")].map((box) => box.value));
 }
 
@@ -29,6 +29,7 @@ function picked(name) {
   const names = chosen(name);
   const asked = [...section(name).querySelectorAll("select")].map((select) => [select.dataset.column, select.value]);
   const fits = ([column, value], i) => {
+    if (value === "" && name === "curves") return table.condition[i] === told.worst[table.model[i]];
     if (value === WORST || value === "") return table.worst[i];
     return value === ALL || table[column][i] === value;
   };
@@ -53,6 +54,25 @@ function joined(name, rows, x, y) {
   };
 }
 
+// The numbers in the cells of a heat map, light on dark and dark on light.
+function numbers(name, rows) {
+  const { column, lowest } = told.heat[name];
+  return {
+    text: rows[column].map((x) => (x === null ? "" : String(Math.round(100 * x)))),
+    ink: rows[column].map((x) => (x - lowest < 0.5 * (1 - lowest) ? "#ffffff" : "#000000")),
+  };
+}
+
+// Sets an axis to what is shown, with a margin; Reset returns there.
+function fit(range, shown) {
+  const there = shown.flat().filter((x) => x !== null && !Number.isNaN(x));
+  if (!there.length) return;
+  const [low, high] = [Math.min(...there), Math.max(...there)];
+  const margin = Math.max(0.05 * (high - low), 0.01);
+  const [start, end] = [low - margin, high + margin];
+  range.setv({ start, end, reset_start: start, reset_end: end });
+}
+
 const fill = {
   heatmap(rows) {
     const plot = plots.heatmap;
@@ -62,36 +82,50 @@ const fill = {
     plot.x_range.factors = columns;
     plot.y_range.factors = ranked("heatmap").filter((model) => rows.model.includes(model)).reverse();
     section("heatmap").querySelector(".figure").style.minWidth = `${220 + 25 * columns.length}px`;
-    const least = Math.min(...told.tables.heatmap.utility.filter((x) => x !== null));
-    const ink = rows.utility.map((x) => (x - least < 0.5 * (1 - least) ? "#ffffff" : "#000000"));
+    const { text, ink } = numbers("heatmap", rows);
     const frame = rows.worst.map((worst, i) => (worst && !overview ? ink[i] : "#00000000"));
-    const text = rows.utility.map((x) => (x === null ? "" : String(Math.round(100 * x))));
     source("heatmap", "cells").data = { ...rows, column, text, ink, frame };
+  },
+  worst_cases(rows) {
+    const plot = plots.worst_cases;
+    const percent = (share) => `${+(100 * share).toFixed(1)}%`;
+    const shares = [...new Set(told.tables.worst_cases.share)].sort((a, b) => a - b);
+    const row = rows.track.map((track, i) => `${rows.scenario[i]}, ${track}`);
+    plot.x_range.factors = shares.map(percent);
+    plot.y_range.factors = [...new Set(row)].reverse();
+    source("worst_cases", "cells").data = { ...rows, column: rows.share.map(percent), row, ...numbers("worst_cases", rows) };
   },
   curves(rows) {
     const { colour, dash } = look("curves", rows.model);
-    const { model, attack } = rows;
+    const { model, attack, condition } = rows;
     const all = section("curves").querySelector("[data-column=attack]").value === ALL;
     const wide = rows.worst.map((worst) => (!all ? 2.2 : worst ? 3.2 : 1));
     const strength = rows.worst.map((worst) => (!all || worst ? 1 : 0.4));
-    source("curves", "lines").data = { xs: rows.rounds, ys: rows.utility, model, attack, colour, dash, wide, strength };
+    const lines = { xs: rows.rounds, ys: rows.utility };
+    source("curves", "lines").data = { ...lines, model, attack, condition, colour, dash, wide, strength };
+    fit(plots.curves.x_range, lines.xs);
+    fit(plots.curves.y_range, lines.ys);
   },
   breakdown(rows) {
     source("breakdown", "lines").data = joined("breakdown", rows, "share", "score");
     const ends = (sign) => rows.score.map((x, i) => x + sign * (rows.score_half_95[i] ?? 0));
     const { colour, mark } = look("breakdown", rows.model);
-    source("breakdown", "points").data = { ...rows, low: ends(-1), high: ends(1), colour, mark };
+    const [low, high] = [ends(-1), ends(1)];
+    source("breakdown", "points").data = { ...rows, low, high, colour, mark };
+    fit(plots.breakdown.x_range, rows.share);
+    fit(plots.breakdown.y_range, [...low, ...high]);
   },
   tradeoff(rows) {
     const { colour, mark } = look("tradeoff", rows.model);
     source("tradeoff", "points").data = { ...rows, size: rows.worst.map((worst) => (worst ? 15 : 7)), colour, mark };
+    fit(plots.tradeoff.y_range, rows.damage);
   },
   learners(rows) {
     source("learners", "lines").data = joined("learners", rows, "budget", "share");
     const end = (column) => rows[column].map((x, i) => x ?? rows.share[i]);
     const { colour, mark } = look("learners", rows.learner);
     const [low, high] = [Math.min(...end("share_low_95"), 0), Math.max(...end("share_high_95"), 1)];
-    plots.learners.y_range.setv({ start: Math.max(low, -0.5) - 0.04, end: high + 0.04 }); // far below honest is as bad
+    fit(plots.learners.y_range, [Math.max(low, -0.5), high]); // far below honest is as bad
     source("learners", "points").data = { ...rows, low: end("share_low_95"), high: end("share_high_95"), colour, mark };
   },
 };
@@ -112,7 +146,7 @@ function writeLegend(name, names) {
 function refresh(name) {
   const rows = picked(name);
   fill[name](rows);
-  if (name !== "heatmap") writeLegend(name, rows[who(name)]);
+  if (!told.heat[name]) writeLegend(name, rows[who(name)]);
   const details = section(name).querySelector(".numbers");
   if (details.open) write(details.querySelector("div"), rows);
 }
@@ -182,7 +216,7 @@ async function start() {
   paint();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
   each(".chooser", (place) => {
-    const mine = Object.keys(plots).filter((name) => name !== "heatmap" && who(name) === place.dataset.who);
+    const mine = Object.keys(plots).filter((name) => !told.heat[name] && who(name) === place.dataset.who);
     place.addEventListener("change", () => mine.forEach(refresh));
     place.querySelectorAll("[data-choose]").forEach((button) => button.addEventListener("click", () => {
       place.querySelectorAll("input").forEach((box, i) => { box.checked = i < Number(button.dataset.choose); });

@@ -1,0 +1,55 @@
+"""A small run, the report on it, and the numbers of both."""
+
+import csv
+import json
+import sqlite3
+from pathlib import Path
+
+import large_run
+import numpy as np
+from command_line import run
+from small_suites import small
+
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.store import Store
+
+SHOWN = {
+    "heatmap": "cells",
+    "worst_cases": "cells",
+    "curves": "lines",
+    "breakdown": "points",
+    "tradeoff": "points",
+    "learners": "points",
+}
+SUITE = small(models=["mean", "role-trust", "constant"], description="<script>alert(1)</script>")
+
+
+def write_report(here: Path) -> None:
+    """Write a run of three models, one of learners whose numbers are drawn, and the report on both."""
+    with Store(here / "results.sqlite", SUITE) as store:
+        for cell in cells(SUITE):
+            store.add(cell, play_cell(SUITE, cell))
+    with Store(here / "learners.sqlite", large_run.learners()) as store:
+        for trial, done in large_run.stored_trials(large_run.learners()):
+            store.add(trial, done)
+    made = run(
+        "report", *(str(here / f"{name}.sqlite") for name in ("results", "learners")), "--out", str(here / "out")
+    )
+    assert made.exit_code == 0, made.output
+
+
+def mean(folder: Path, model: str, attack: str, track: str, share: float, name: str = "utility") -> float:
+    """Of what was measured, read from the file of the run by itself."""
+    file = sqlite3.connect(folder / "results.sqlite")
+    ((found,),) = file.execute(
+        "SELECT measured FROM attacks JOIN cells ON attacks.cell = key WHERE cells.cell ->> 'model' = ? "
+        "AND attack = ? AND cells.cell ->> 'track' = ? AND cells.cell ->> 'share' = ?",
+        (model, attack, track, share),
+    )
+    file.close()
+    return float(np.mean([x for x in json.loads(found)[name] if x is not None]))
+
+
+def lines(folder: Path, name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / "out" / f"{name}.csv").open(encoding="utf-8")))
