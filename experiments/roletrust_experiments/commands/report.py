@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_experiments.commands.console import ALLOW_CODE, console, needs_code, print_next
@@ -31,8 +32,11 @@ def report(
     round; the share of liars that breaks a model; damage against detectability; the learners and their progress; and
     the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/];
-    [green]leaderboard.md[/], the leaderboard in Markdown; and [green]games.csv.gz[/], the utility of every game.
+    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/], of which
+    [green]worst_cases.csv[/] has a row for each model and condition; [green]leaderboard.md[/], the leaderboard in
+    Markdown; [green]games.csv.gz[/], the utility of every game; and for papers, in the folder [green]paper[/], each
+    figure as [green].pdf[/] and [green].svg[/] at the width of a column, and [green]leaderboard.tex[/], the leaderboard
+    in LaTeX.
 
     [bold]Examples[/]
 
@@ -50,6 +54,7 @@ def report(
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.games import write_games
     from roletrust_experiments.report.page import page
+    from roletrust_experiments.report.paper import write_paper
     from roletrust_experiments.report.pictures import pictures
 
     paths = results or [Path("results/benchmark/results.sqlite")]
@@ -60,13 +65,15 @@ def report(
     for name, picture in pictures(content).items():
         write_figure(out / f"{name}.png", picture)
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
+    write_paper(out / "paper", content, command)
     write_text(out / "report.html", page(content, command))
     written = "report.html"
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         written += ", leaderboard.md, games.csv.gz"
-    console.print(f"Written to {out}: {written}; {', '.join(content.tables)}, each as .csv and .png", soft_wrap=True)
+    figures = f"{', '.join(content.tables)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
+    console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
     if found:
         code = needs_code((*found.suite.models, *found.suite.attacks))
         print_next("submit", found.path, code, "--out", out / "submission.json")

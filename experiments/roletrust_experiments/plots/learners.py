@@ -27,11 +27,7 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
         scales: Scales of the tasks.
     """
     names = ranking(found)
-    colours = [*HONEST, *ATTACKERS]
-    looks = {
-        name: {"color": colours[k % len(colours)], "linestyle": DASHES[k // len(colours) % len(DASHES)]}
-        for k, name in enumerate(names)
-    }
+    looks = _looks(names)
     rows = -(-len(scales) // _COLUMNS)
     above, below = 1.2 + 0.4 * max(len(names), 5), 3.0 * rows
     figure = Figure(figsize=(11.6, above + below), layout="constrained")
@@ -50,6 +46,30 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
     for axes in [curve, *grid[:, 0]]:
         axes.set_ylabel("share, interquartile mean", color=INK)
     return figure
+
+
+def learners_column(found: Sequence[LearnerResult], width: float) -> Figure:
+    """Return a figure for a column of a paper: the share of each learner over all tasks by its budget.
+
+    Args:
+        found: See `learners_figure`.
+        width: Width in inches.
+    """
+    figure = Figure(figsize=(width, 2.6), layout="constrained")
+    axes = figure.subplots()
+    _curves(axes, [one for one in found if one.task == ALL_TASKS], _looks(ranking(found)))
+    axes.set_ylabel("share, interquartile mean", color=INK)
+    figure.legend(frameon=False, loc="outside lower center", ncols=3, labelcolor=INK)
+    return figure
+
+
+def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the colour and the dash of each learner."""
+    colours = [*HONEST, *ATTACKERS]
+    return {
+        name: {"color": colours[k % len(colours)], "linestyle": DASHES[k // len(colours) % len(DASHES)]}
+        for k, name in enumerate(names)
+    }
 
 
 def _bars(
@@ -83,7 +103,7 @@ def _curves(axes: Axes, found: Sequence[LearnerResult], looks: Mapping[str, dict
         budgets = [one.budget for one in mine]
         value, low, high = np.maximum(np.array([one.share for one in mine]).reshape(-1, 3).T, _LOWEST)
         axes.fill_between(budgets, low, high, color=look["color"], alpha=0.13, linewidth=0)
-        axes.plot(budgets, value, marker="o", markersize=3.5, linewidth=1.7, label=name, **look)
+        axes.plot(budgets, value, marker="o", markersize=3.5, label=name, **look)
     axes.axhline(1, color=QUIET, linewidth=0.8, linestyle="--")
     axes.axhline(0, color=QUIET, linewidth=0.8)
     budgets = sorted({one.budget for one in found})

@@ -109,8 +109,9 @@ def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:
     made = run("report", str(folder / "learners.sqlite"), "--out", str(tmp_path / "out"))
     assert made.exit_code == 0, made.output
     files = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
-    assert files == {"report.html", "learners.csv", "learners.png"}
-    for name in ("learners.csv", "learners.png"):
+    paper = {"paper/learners.pdf", "paper/learners.svg"}
+    assert files == {"report.html", "learners.csv", "learners.png", *paper}
+    for name in ("learners.csv", "learners.png", *paper):
         assert (tmp_path / "out" / name).read_bytes() == (folder / "out" / name).read_bytes()
 
 
