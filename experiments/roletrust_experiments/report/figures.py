@@ -156,7 +156,8 @@ def _figure(**options: Any) -> Any:
         sizing_mode="stretch_width", tools=_TOOLS, active_drag=None, toolbar_location="below", min_width=280, **options
     )
     found.toolbar.logo = None
-    found.outline_line_color = None
+    # Never white, not even at first, of which a dark page would keep a thin line.
+    found.update(outline_line_color=None, background_fill_color=None, border_fill_color=None)
     return found
 
 

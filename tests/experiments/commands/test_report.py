@@ -3,6 +3,7 @@
 import csv
 import gzip
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,12 @@ def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path
     assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 8
     assert page.count(f"<code>roletrust benchmark --suite custom.toml --out {folder}</code>") == 6
     assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
+
+
+def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
+    links = set(re.findall(r'href="([^#"]+\.\w+)"', (folder / "out" / "report.html").read_text(encoding="utf-8")))
+    assert {"paper/worst_cases.pdf", "paper/leaderboard.tex", "learners.csv"} <= links
+    assert [link for link in links if not (folder / "out" / link).is_file()] == []
 
 
 def test_learners_alone_have_a_page(folder: Path, tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ function joined(name, rows, x, y) {
 function numbers(name, rows) {
   const { column, lowest } = told.heat[name];
   return {
-    text: rows[column].map((x) => (x === null ? "" : String(Math.round(100 * x)))),
+    text: rows[column].map((x) => (x === null ? "" : String(Math.round(100 * x)).replace("-", "\u2212"))),
     ink: rows[column].map((x) => (x - lowest < 0.5 * (1 - lowest) ? "#ffffff" : "#000000")),
   };
 }
@@ -185,7 +185,6 @@ function paint() {
   const style = getComputedStyle(document.documentElement);
   const [ink, quiet, line] = ["--ink", "--quiet", "--line"].map((name) => style.getPropertyValue(name).trim());
   for (const plot of Object.values(plots)) {
-    plot.setv({ background_fill_color: null, border_fill_color: null });
     for (const part of [...plot.left, ...plot.right, ...plot.above, ...plot.below]) {
       if (part.type === "ColorBar") {
         part.setv({ title_text_color: ink, major_label_text_color: ink, bar_line_color: null });
