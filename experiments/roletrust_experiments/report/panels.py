@@ -8,7 +8,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from roletrust_env.benchmark.leaderboard import LeaderboardRow
 from roletrust_env.benchmark.suite import Scale
@@ -108,10 +108,18 @@ def draw_heat(axes: Axes, shown: Grid, lowest: float, *, numbers: bool, rotation
                 axes.text(column, row, text, color=ink, ha="center", va="center", fontsize="x-small")
 
 
-def draw_colours(figure: Figure, axes: Any, lowest: float, label: str, **size: float) -> None:
-    """Draw the bar of colours of heat maps beside their axes."""
+def draw_colours(figure: Figure | SubFigure, beside: Any, lowest: float, label: str, *, aspect: float = 20) -> None:
+    """Draw the bar of colours of heat maps.
+
+    Args:
+        figure: Figure.
+        beside: Axes of the heat maps.
+        lowest: Value at which the colours begin.
+        label: Label of the bar.
+        aspect: Height of the bar divided by its width.
+    """
     colours = ScalarMappable(Normalize(lowest, 1), "cividis")
-    bar: Any = figure.colorbar(colours, ax=axes, label=label, **size)
+    bar: Any = figure.colorbar(colours, ax=beside, label=label, pad=0.01, aspect=aspect)
     bar.outline.set_visible(False)
 
 

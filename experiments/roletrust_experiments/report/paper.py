@@ -56,8 +56,6 @@ _STYLE: Any = {
     "svg.hashsalt": "roletrust",
 }
 
-_BAR = {"pad": 0.02, "aspect": 25}
-
 
 def write_paper(folder: Path, content: Content, command: str) -> None:
     """Write each figure as PDF and SVG, and the leaderboard as LaTeX.
@@ -112,7 +110,7 @@ def _heatmap(robustness: Robustness) -> Figure:
     figure, axes = _figure(1.0 + 0.15 * len(robustness.order))
     lowest = robustness.heat_maps["worst_cases"].lowest
     draw_heat(axes, shown, lowest, numbers=True, rotation=45)
-    draw_colours(figure, axes, lowest, robustness.suite.score, **_BAR)
+    draw_colours(figure, axes, lowest, robustness.suite.score, aspect=25)
     return figure
 
 
@@ -129,7 +127,7 @@ def _worst_cases(robustness: Robustness, models: list[str]) -> Figure:
         axes.set_title(model, loc="left", color=INK, pad=3)
     for axes in panels.flat[len(grids) :]:
         axes.set_visible(False)
-    draw_colours(figure, panels, lowest, robustness.suite.score, **_BAR)
+    draw_colours(figure, panels, lowest, robustness.suite.score, aspect=25)
     figure.supxlabel("share of the compromised", fontsize="medium", color=INK)
     return figure
 

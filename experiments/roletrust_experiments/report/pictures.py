@@ -54,7 +54,7 @@ def _of_models(robustness: Robustness) -> dict[str, Figure]:
     def heat(axes: Axes, rows: Rows) -> None:
         shown = robustness.heat_maps["heatmap"]
         draw_heat(axes, _attack_grid(rows, robustness.order, shown.column), shown.lowest, numbers=False, rotation=60)
-        draw_colours(axes.figure, axes, shown.lowest, scale, pad=0.01)
+        draw_colours(axes.figure, axes, shown.lowest, scale)
 
     def curves(axes: Axes, rows: Rows) -> None:
         draw_curves(axes, rows, styles, attacks=True)
@@ -101,7 +101,7 @@ def _worst_cases(robustness: Robustness) -> Figure:
         _name(axes, model)
     for axes in panels.flat[len(grids) :]:
         axes.set_visible(False)
-    draw_colours(figure, panels, lowest, f"{robustness.suite.score} in the worst case", pad=0.01, aspect=12 * many)
+    draw_colours(figure, panels, lowest, f"{robustness.suite.score} in the worst case", aspect=12 * many)
     figure.supxlabel("share of the compromised", fontsize="medium", color=INK)
     return figure
 
