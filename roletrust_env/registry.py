@@ -125,7 +125,7 @@ class Registry(Generic[T]):
         accepts_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
         return {key: value for key, value in offered.items() if accepts_all or key in known}
 
-    def make(self, name: str, **parameters: Any) -> T:
+    def make(self, name: str, /, **parameters: Any) -> T:
         """Make the object of a name, with these parameters.
 
         Raises:

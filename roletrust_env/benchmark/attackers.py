@@ -11,6 +11,7 @@ from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, with_paper
 from roletrust_env.evaluation.search import SearchMethod, search_methods
+from roletrust_env.evaluation.specs import parse_parameters
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Policy
 
@@ -102,11 +103,12 @@ def make_search(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchM
     """Return the search method of a rung.
 
     Args:
-        rung: Name of the rung, one of `SEARCH_RUNGS`.
+        rung: Name of the rung, one of `SEARCH_RUNGS`, with parameters or without.
         kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
     """
-    parameters = {} if kinds is None else {"attacks": tuple(kinds)}
-    return search_methods.make(rung, **search_methods.accepted_parameters(rung, parameters))
+    name, given = parse_parameters(rung)
+    offered = {} if kinds is None else {"attacks": tuple(kinds)}
+    return search_methods.make(name, **{**search_methods.accepted_parameters(name, offered), **given})
 
 
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:

@@ -118,7 +118,7 @@ def _policy(data: Any) -> Policy:
         return HONEST
     if not isinstance(data.get("name"), str):
         raise ValueError(f"a policy must have a name: {str(data)[:100]!r}")
-    return attackers.make(**{name: _parameter(value) for name, value in data.items()})
+    return attackers.make(data["name"], **{key: _parameter(value) for key, value in data.items() if key != "name"})
 
 
 def _parameter(value: Any) -> Any:

@@ -76,12 +76,14 @@ def known_ways(names: Sequence[str] | None) -> list[str]:
     """Return the ways to compare, by default those of `WAYS` that are installed.
 
     Raises:
-        ValueError: A name is unknown.
+        ValueError: A name is unknown, or a way has no such parameter.
     """
     installed = [SCRIPTS, *search_methods.names()]
     for name in names or ():
-        if name not in installed:
+        if _base(name) not in installed:
             raise ValueError(f"unknown way {name!r}{suggest(name, installed)}")
+        if name != SCRIPTS:
+            make_search(name)
     return list(dict.fromkeys(names or [way for way in WAYS if way in installed]))
 
 
@@ -147,10 +149,15 @@ def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str
 
 
 def _search(condition: Condition, point: Point) -> SearchResult:
-    if point.way in _LONG and point.budget > _MOST:
+    if _base(point.way) in _LONG and point.budget > _MOST:
         raise UnsuitableError(f"a learner on torch gets {_MOST:,} rounds at most, because it takes long")
     method = make_search(point.way, list(condition.kinds(point.model).values()))
-    return method.search(condition.arguments(point.model, point.way), Budget(point.budget), point.seed)
+    return method.search(condition.arguments(point.model, _base(point.way)), Budget(point.budget), point.seed)
+
+
+def _base(way: str) -> str:
+    """Return the name of a way without its parameters."""
+    return way.partition(":")[0]
 
 
 def _best_script(condition: Condition, point: Point) -> SearchResult:

@@ -61,7 +61,7 @@ def budget(
     way: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME",
+            metavar=NAMED,
             help=f"Way to attack: scripts, or a search method; repeat for more; {', '.join(WAYS)} if left out, as far "
             "as they are installed.",
             autocompletion=completion.ways,

@@ -126,6 +126,26 @@ def test_without_any_search_there_is_one_error(tmp_path):
     assert "no search was played" in result.stderr
 
 
+def test_a_way_may_have_parameters(tmp_path):
+    ways = "--way", "random search:name=mine"
+    result = run(tmp_path, "--model", "mean", *ways, "--budget", "1600", "--runs", "1")
+    assert result.exit_code == 0, result.output
+    assert [row["way"] for row in lines(tmp_path)] == ["random search:name=mine"]
+    result = run(
+        tmp_path,
+        "--force",
+        "--model",
+        "mean",
+        "--way",
+        "coalition PPO:start=random",
+        "--budget",
+        "100001",
+        "--runs",
+        "1",
+    )
+    assert "gets 100,000 rounds at most" in result.output
+
+
 def test_a_way_that_is_not_installed_is_no_default():
     installed = ["scripts", *search_methods.names()]
     assert known_ways(None) == [way for way in WAYS if way in installed]
@@ -135,6 +155,7 @@ def test_a_way_that_is_not_installed_is_no_default():
     ("arguments", "reason"),
     [
         (["--model", "betta"], "unknown trust model 'betta'; did you mean 'beta'?"),
+        (["--way", "evolution:begin=random"], "has no parameter 'begin'"),
         (["--way", "evolutoin"], "unknown way 'evolutoin'; did you mean 'evolution'?"),
         (["--scenario", "crwd"], "suite tiny has no scenario 'crwd' with attackers"),
         (["--track", "honest"], "suite tiny has no track 'honest' with attackers"),
