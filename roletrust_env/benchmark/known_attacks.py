@@ -4,19 +4,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from roletrust_env.benchmark.schema import Label
-from roletrust_env.errors import explain
 from roletrust_env.evaluation.records import MAX_RECORD
-from roletrust_env.storage.untrusted import parse_json, read_limited
-from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.storage.untrusted import UntrustedModel, read_untrusted
 
 MAX_BYTES = 64_000_000
 """Maximum size of a file of known attacks."""
 
 
-class KnownAttack(FrozenModel):
+class KnownAttack(UntrustedModel):
     """Attacker of a condition of a suite."""
 
     name: Annotated[Label, Field(max_length=300)]
@@ -43,7 +41,7 @@ class KnownAttack(FrozenModel):
         return self.scenario, self.track, self.share
 
 
-class KnownAttacks(FrozenModel):
+class KnownAttacks(UntrustedModel):
     """Content of a file of known attacks."""
 
     format: Literal["roletrust-attacks"] = "roletrust-attacks"
@@ -80,13 +78,5 @@ def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:
         ValueError: The file does not exist, or its content is not allowed.
         OSError: The file cannot be read.
     """
-    if not path.is_file():
-        raise ValueError(f"there is no file {path}; `roletrust submit --attacks` creates one")
-    text = read_limited(path, MAX_BYTES)
-    try:
-        parse_json(text)
-        return KnownAttacks.model_validate_json(text).attacks
-    except ValidationError as error:
-        raise ValueError(f"known attacks {path}: {explain(error)}") from None
-    except ValueError as error:
-        raise ValueError(f"known attacks {path}: {error}") from None
+    command = "roletrust submit --attacks"
+    return read_untrusted(KnownAttacks, path, MAX_BYTES, what="known attacks", command=command).attacks

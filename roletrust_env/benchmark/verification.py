@@ -29,7 +29,7 @@ from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.storage.provenance import software
-from roletrust_env.storage.untrusted import check_scenario_size, parse_json, parse_untrusted, read_limited
+from roletrust_env.storage.untrusted import check_scenario_size, read_untrusted
 from roletrust_env.trust.model import registry as trust_models
 
 MAX_BYTES = 64_000_000
@@ -52,12 +52,8 @@ def read_submission(path: Path) -> tuple[Submission, Suite]:
         ValueError: The file does not exist, or its content is not allowed.
         OSError: The file cannot be read.
     """
-    if not path.is_file():
-        raise ValueError(f"there is no file {path}; `roletrust submit` creates one")
-    text = read_limited(path, MAX_BYTES)
+    submission = read_untrusted(Submission, path, MAX_BYTES, what="submission", command="roletrust submit")
     try:
-        parse_json(text)
-        submission = parse_untrusted(Submission, text)
         return submission, _suite(submission)
     except ValueError as error:
         raise ValueError(f"submission {path}: {error}") from None

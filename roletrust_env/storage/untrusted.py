@@ -64,6 +64,30 @@ def parse_untrusted(kind: type[Kind], text: bytes) -> Kind:
         raise ValueError(explain(error)) from None
 
 
+def read_untrusted(kind: type[Kind], path: Path, limit: int, *, what: str, command: str) -> Kind:
+    """Read a JSON file of limited size, and validate it as data of a kind.
+
+    Args:
+        kind: Class of the data.
+        path: Path of the file.
+        limit: Largest size, bytes.
+        what: What the file is, for error messages.
+        command: Command that creates such a file, for error messages.
+
+    Raises:
+        ValueError: The file does not exist, or its content is not allowed.
+        OSError: The file cannot be read.
+    """
+    if not path.is_file():
+        raise ValueError(f"there is no file {path}; `{command}` creates one")
+    text = read_limited(path, limit)
+    try:
+        parse_json(text)
+        return parse_untrusted(kind, text)
+    except ValueError as error:
+        raise ValueError(f"{what} {path}: {error}") from None
+
+
 def check_scenario_size(scenario: Any) -> None:
     """Refuse a scenario that would take too long to validate.
 
