@@ -10,7 +10,7 @@ from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attackers import Attacker, Scripted
 from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.scripts import Scripts, with_paper
-from roletrust_env.evaluation.search import SearchMethod, search_methods
+from roletrust_env.evaluation.search import Progress, SearchMethod, search_methods
 from roletrust_env.evaluation.specs import parse_parameters
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Policy
@@ -28,6 +28,7 @@ class AttackBatch(NamedTuple):
         rounds: Number of game rounds that were played to find the attacks.
         words: Short description of the attacks.
         record: Record of the attacker if a search found it, see `AttackResult`.
+        progress: Course of the search.
     """
 
     names: tuple[str, ...]
@@ -35,6 +36,7 @@ class AttackBatch(NamedTuple):
     rounds: int
     words: str
     record: str = ""
+    progress: Progress = ()
 
     def split(self) -> "Iterator[AttackBatch]":
         """Yield a batch of its own for each scripted attack."""

@@ -11,6 +11,7 @@ from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
 from roletrust_env.benchmark.worst_case import AttackScores, Condition
+from roletrust_env.evaluation.search import Progress
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits
@@ -20,6 +21,7 @@ from roletrust_env.trust.seats import RandomSeats
 _SAME = 1e-9
 _ROUNDING = 1e-6  # of sums in another order
 _GAMES, _ROUNDS = 4, 12
+_FLAT = 0.01  # of the mean reward per round
 
 
 def caveats(
@@ -36,6 +38,7 @@ def caveats(
     return [
         *_model_caveats(suite, attacks, models),
         *_search_caveats(attacks),
+        *_progress_caveats(stored),
         *_rung_caveats(stored),
         *_condition_caveats(suite, attacks),
         *_failures(stored),
@@ -121,6 +124,34 @@ def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
         results = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
         if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
             yield f"{rung} never beat the scripts; a larger budget might"
+
+
+def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield searches that still found worse attacks at the end of their budget."""
+    gains: dict[str, list[tuple[float, str]]] = {}
+    for cell, result in stored:
+        for row in result.rows:
+            if row.progress:
+                gains.setdefault(cell.rung, []).append((late_gain(row.progress), cell.key))
+    for rung, found in gains.items():
+        rising = sum(gain > _FLAT for gain, _ in found)
+        if rising:
+            gain, key = max(found)
+            yield (
+                f"{rung}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
+                f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
+            )
+
+
+def late_gain(progress: Progress) -> float:
+    """Return how much the reward of a search rose with the last doubling of its rounds.
+
+    Args:
+        progress: Course of the search, one point or more.
+    """
+    rounds, last = progress[-1]
+    earlier = [best for played, best in progress if 2 * played <= rounds]
+    return last - earlier[-1] if earlier else 0.0
 
 
 def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:

@@ -135,7 +135,8 @@ def _attacks(
         return
     method = make_search(cell.rung, list(kinds.values()))
     search = method.search(arguments, Budget(suite.budget_of(cell.rung)), cell.seed)
-    yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, record_of(search.attacker))
+    found = record_of(search.attacker)
+    yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, found, search.progress)
 
 
 def _measure_batch(
@@ -161,7 +162,8 @@ def _row(batch: AttackBatch, k: int, scores: Measured) -> AttackResult:
     """Return the scores of the k-th attack of a batch as plain data."""
     chosen, measured = (as_lists(half, k) for half in scores[:2])
     return AttackResult(
-        batch.names[k], batch.words, batch.rounds, chosen, measured, as_curve(scores.by_round, k), batch.record
+        *(batch.names[k], batch.words, batch.rounds, chosen, measured, as_curve(scores.by_round, k)),
+        *(batch.record, batch.progress),
     )
 
 

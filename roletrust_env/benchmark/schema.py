@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, PositiveFloat, model_validator
 
+from roletrust_env.evaluation.search import Progress
 from roletrust_env.world.base_model import FrozenModel
 
 Label = Annotated[str, Field(min_length=1, pattern=r"^[^|]+$")]
@@ -59,6 +60,7 @@ class AttackResult(NamedTuple):
         by_round: Mean utility over the games for measuring in each round from the second on. None is undefined.
         record: Record of the attacker that a search found, see `roletrust_env.evaluation.records`. Empty for attacks
             that need no search, and for attackers that cannot be recorded.
+        progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
     """
 
     attack: str
@@ -68,6 +70,7 @@ class AttackResult(NamedTuple):
     measured: dict[str, list[float | None]]
     by_round: Sequence[float | None] = ()
     record: str = ""
+    progress: Progress = ()
 
 
 class CellResult(NamedTuple):

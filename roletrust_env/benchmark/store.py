@@ -22,7 +22,7 @@ FORMAT = 3
 """Version of the file format."""
 
 READABLE = (2, FORMAT)
-"""Versions of the file format that can be read. Format 2 has no records of attackers, and such a run cannot go on."""
+"""Readable versions of the file format. A run with format 2 cannot go on, for its results lack the attackers."""
 
 _TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -33,7 +33,7 @@ CREATE TABLE cells (
 CREATE TABLE attacks (
     cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
     chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
-    record TEXT NOT NULL,
+    record TEXT NOT NULL, progress TEXT NOT NULL,
     PRIMARY KEY (cell, attack)
 ) WITHOUT ROWID;
 """
@@ -41,6 +41,7 @@ CREATE TABLE attacks (
 
 _Numbers = list[FiniteFloat | None]
 _NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
+_PROGRESS = TypeAdapter(tuple[tuple[int, FiniteFloat], ...])
 
 
 class StoredCell(NamedTuple):
@@ -124,13 +125,13 @@ class Store:
         """
         row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
         attacks = [
-            (cell.key, part.attack, part.words, part.rounds, *map(json.dumps, part[3:6]), part.record)
+            (cell.key, *part[:3], *map(json.dumps, part[3:6]), part.record, json.dumps(part.progress))
             for part in result.rows
         ]
         with self._transaction() as file:
             file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
             file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
-            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?, ?)", attacks)
+            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", attacks)
 
     def finished_keys(self) -> set[str]:
         """Return the keys of the cells that were played without a failure."""
@@ -147,7 +148,7 @@ class Store:
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
             for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(_attack_result(name, words, rounds, *plain))
+                attacks.setdefault(key, []).append(_attack_result((name, words, rounds), *plain))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
@@ -250,11 +251,11 @@ def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
-def _attack_result(
-    attack: str, words: str, rounds: int, chosen: str, measured: str, by_round: str, record: str = ""
-) -> AttackResult:
+def _attack_result(named: tuple[str, str, int], chosen: str, measured: str, by_round: str, *later: str) -> AttackResult:
+    """Return the result of a row. Rows of format 2 have nothing later than the curve."""
     scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
-    return AttackResult(attack, words, rounds, *scores, _NUMBERS.validate_json(by_round), record)
+    record, progress = later or ("", "[]")
+    return AttackResult(*named, *scores, _NUMBERS.validate_json(by_round), record, _PROGRESS.validate_json(progress))
 
 
 def _quoted(text: str) -> str:

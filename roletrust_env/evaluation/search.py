@@ -54,6 +54,10 @@ class Budget:
             self._on_spent(rounds)
 
 
+Progress = tuple[tuple[int, float], ...]
+"""Course of a search: the rounds that it had played, and the best mean reward per round that it knew of then."""
+
+
 class SearchResult(NamedTuple):
     """The result of a search.
 
@@ -63,6 +67,7 @@ class SearchResult(NamedTuple):
         description: The attack in a few words.
         seconds: Duration of a search that ran earlier; None for one that ran just now.
         bound: Mean reward per round that no attack exceeds; None if none is known.
+        progress: Course of the search; empty if the method does not say.
     """
 
     attacker: Attacker
@@ -70,6 +75,7 @@ class SearchResult(NamedTuple):
     description: str
     seconds: float | None = None
     bound: float | None = None
+    progress: Progress = ()
 
 
 @runtime_checkable

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_suites import small
 
-from roletrust_env.benchmark.caveats import caveats
+from roletrust_env.benchmark.caveats import caveats, late_gain
 from roletrust_env.benchmark.cells import Cell, cells, model_names
 from roletrust_env.benchmark.leaderboard import leaderboard_rows
 from roletrust_env.benchmark.result import Leaderboard
@@ -209,6 +209,17 @@ def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
     assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(weak), []))
     strong = [weak[0], stored("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
     assert not caveats(SUITE, strong, attack_scores(strong), [])
+
+
+def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
+    flat, rising = ((10, 0.1), (50, 0.3), (100, 0.305)), ((10, 0.1), (50, 0.3), (60, 0.5), (100, 0.52))
+    assert late_gain(rising) == pytest.approx(0.22)
+    assert late_gain(((100, 0.5),)) == 0.0  # nothing to compare with
+    one = row("evolution", [0.1, 0.1], [0.1, 0.1])
+    calm, risen = (stored("mean", one._replace(progress=seen), rung="evolution") for seen in (flat, rising))
+    assert not any("doubling" in line for line in caveats(SUITE, [calm], [], []))
+    (line,) = caveats(SUITE, [calm, risen], [], [])
+    assert "evolution: the last doubling of its rounds gained more than 0.01 in 1 of 2 cells, at most 0.220" in line
 
 
 def test_unsuitable_searches_and_conditions_without_attacks_are_caveats() -> None:

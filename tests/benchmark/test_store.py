@@ -17,7 +17,9 @@ from roletrust_env.benchmark.store import Store
 SUITE = tiny()
 SCORES = {"utility": [0.25, None, 1.0]}
 RESULT = CellResult(
-    (AttackResult("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None]),), 1.5, env_steps=15
+    (AttackResult("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None], "{}", ((10, 0.25), (20, 0.5))),),
+    1.5,
+    env_steps=15,
 )
 
 

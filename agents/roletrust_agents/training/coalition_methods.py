@@ -14,7 +14,7 @@ from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import CoalitionSettings, EvolutionSettings, GradientSettings, Start
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
-from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.evaluation.search import Budget, Progress, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
@@ -78,9 +78,9 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
         settings = EvolutionSettings(**fields)
-        evolution = _trained(Evolution, settings, arguments, budget, seed, self.name)
+        evolution, progress = _trained(Evolution, settings, arguments, budget, seed, self.name)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
-        return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words)
+        return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words, progress=progress)
 
 
 @refuse_unknown
@@ -111,16 +111,18 @@ class Gradients:
         settings = GradientSettings(
             start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
         )
-        ascent = _trained(GradientAscent, settings, arguments, budget, seed, self.name)
+        ascent, progress = _trained(GradientAscent, settings, arguments, budget, seed, self.name)
         lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
         words = f"coalition, {ascent.steps} steps along gradients{lost}"
-        return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words)
+        return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words, progress=progress)
 
 
 def _trained(
     kind: type[TrainingT], settings: CoalitionSettings, arguments: TaskArguments, budget: Budget, seed: int, name: str
-) -> TrainingT:
-    """Train until the budget allows no further step, with a single game where all games are alike.
+) -> tuple[TrainingT, Progress]:
+    """Train until the budget allows no further step, and return the training and its course.
+
+    A step has a single game where all games are alike.
 
     Raises:
         UnsuitableError: The budget is too small.
@@ -133,15 +135,19 @@ def _trained(
     if budget.left < needed:
         raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {name}; give {needed} or more")
     budget.spend(_LOOK * length)
-    limit, spent = budget.left, 0
+    limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
     training = kind([task], settings, seed, limit, known_starts(settings.start))
+    if training.best is not None:  # a known network
+        progress.append((training.rounds, training.best.score))
     while training.rounds + training.most_rounds <= limit:
         training.step()
         if training.due() or training.rounds + training.most_rounds > limit:
             training.validate()
+            if training.best is not None:
+                progress.append((training.rounds, training.best.score))
         budget.spend(training.rounds - spent)
         spent = training.rounds
-    return training
+    return training, tuple(progress)
 
 
 @refuse_unknown

@@ -117,6 +117,11 @@ def test_a_search_stays_in_its_budget():
     result = Evolve(population=8, games=4).search({**TASK, "trust_model": "beta"}, budget, 0)
     assert sum(spent) == budget.spent == result.rounds <= 30_000
     assert budget.spent > 20_000
+    played, best = zip(*result.progress, strict=True)
+    assert list(played) == sorted(played)
+    assert played[-1] <= budget.spent
+    assert list(best) == sorted(best)  # of all so far
+    assert len(set(played)) == len(played) > 1
 
 
 def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
