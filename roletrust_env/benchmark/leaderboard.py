@@ -36,7 +36,7 @@ class LeaderboardRow(NamedTuple):
         damage: Loss of trust of honest agents in the worst case.
         false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
         detection: AUC of the detection of attackers in the worst case.
-        holds: Probability of the same rank in new games.
+        holds: Probability of the same rank in another run with new games.
         missing: Number of cells that failed, entirely or in part, or that have not been played.
         worst_attack: Name of the attack that leaves the least score in any condition. Empty if none was played.
         worst_condition: Description of the condition of that attack.
@@ -137,19 +137,40 @@ def _order(worst: float, clean: float) -> tuple[float, float]:
 
 
 def _rank_stability(games: Sequence[Floats]) -> list[float]:
-    """Return the probability of each rank in new games: the share of resamples of the games with the same rank.
+    """Return the probability of each rank in another run with new games.
 
     All models play the same games, so the games are resampled jointly (paired bootstrap, Efron and Tibshirani 1993).
+    Both runs are noisy. The best models of this run owe a part of their lead to luck, so means are expected nearer to
+    each other in the other run, the more so the noisier they are (empirical Bayes, Morris 1983); and the other run adds
+    noise of its own. Searches would find other attacks there, which is not counted.
     """
     if not games or any(len(row) != len(games[0]) for row in games):
         return [np.nan] * len(games)
     scores = np.stack(games)
     picks = np.random.default_rng(0).integers(0, scores.shape[1], (_RESAMPLES, scores.shape[1]))
-    means = np.stack([scores[:, pick].mean(axis=1) for pick in picks]).round(_DIGITS)
+    current = scores.mean(axis=1)
+    noise = np.stack([scores[:, pick].mean(axis=1) for pick in picks]) - current
+    known = ~np.isnan(current)
+    kept = _reliability(current[known], noise[:, known])
+    middle = float(mean_or_nan(current, axis=0))
+    expected = middle + kept * (current - middle)
+    means, current = (expected + (1 + kept) ** 0.5 * noise).round(_DIGITS), current.round(_DIGITS)
     better = (means[:, None, :] > means[:, :, None]).sum(axis=2)  # number of better models for each model
-    current = scores.mean(axis=1).round(_DIGITS)
     shares = (better == (current[None, :] > current[:, None]).sum(axis=1)).mean(axis=0)
-    return [float(share) for share in np.where(np.isnan(current), np.nan, shares)]
+    return [float(share) for share in np.where(known, shares, np.nan)]
+
+
+def _reliability(means: Floats, noise: Floats) -> float:
+    """Return the share of the variance between means that is not noise, in [0, 1].
+
+    Args:
+        means: Means of M models, shape (M,).
+        noise: Noise of the means in R resamples, shape (R, M). What all models have in common is no difference.
+    """
+    if len(means) < 2 or not means.var() > 0:
+        return 1.0
+    own = noise - noise.mean(axis=1, keepdims=True)
+    return max(0.0, 1.0 - float(own.var(axis=0).sum() / (len(means) - 1) / means.var(ddof=1)))
 
 
 def _estimate(rows: Iterable[Floats]) -> Estimate:

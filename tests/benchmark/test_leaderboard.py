@@ -39,6 +39,9 @@ def stored(model: str, *rows: AttackResult, track: str = "raters", rung: str = "
     return StoredCell(cell, CellResult(rows, 1.0))
 
 
+RATERS = {"raters": TRACKS["raters"]}
+NAMES = [f"mean:lam={0.5 + k / 20}" for k in range(10)]
+
 RUN = [
     stored("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", rung="nobody"),
     stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
@@ -112,6 +115,28 @@ def test_a_rank_holds_as_often_as_new_games_confirm_it() -> None:
     assert (
         0.4 < leaderboard_rows(SUITE, even, ["mean", "median"], 1)[0].holds < 0.8
     )  # one of four resamples has the other order
+
+
+@pytest.mark.parametrize("spread", [0.005, 0.02, 0.06])
+def test_holds_is_seen_as_often_as_it_is_said(spread: float) -> None:
+    """Two runs of ten models, whose games have luck in common and luck of their own."""
+    random, said, seen = np.random.default_rng(0), [], []
+    for _ in range(60):
+        true = random.normal(0.8, spread, (10, 1))
+        runs = [true + random.normal(0, 0.05, 40) + random.normal(0, 0.06, (10, 40)) for _ in range(2)]
+        first, second = (
+            leaderboard_rows(
+                small(models=NAMES, tracks=RATERS),
+                [stored(name, row("a", [0.5] * 2, list(games))) for name, games in zip(NAMES, run, strict=True)],
+                NAMES,
+                1,
+            )
+            for run in runs
+        )
+        ranks = {line.model: line.rank for line in second}
+        said += [line.holds for line in first]
+        seen += [line.rank == ranks[line.model] for line in first]
+    assert np.mean(said) == pytest.approx(np.mean(seen), abs=0.05)
 
 
 @pytest.fixture(scope="module")
