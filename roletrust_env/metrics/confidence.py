@@ -1,21 +1,29 @@
-"""Means over games with confidence intervals."""
+"""Means over games and seeds with confidence intervals."""
 
 import functools
 import math
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.metrics.score import mean_or_nan
+from roletrust_env.metrics.score import mean_or_nan, ratio
 
 Floats = npt.NDArray[np.float64]
 
-_MANY, _NORMAL_95 = 1000, 1.959963984540054  # degrees of freedom, and Student's quantile for infinitely many
-
+_MANY = 1000
+"""Degrees of freedom above which the peak of Student's distribution is too narrow to be integrated."""
 
 _RESAMPLES = 2000
+
+_PRIOR_SHARE = 0.5
+"""Share of the degrees of freedom of a prior that count.
+
+True variances need not scatter as the prior says. This share keeps the level of the tests for tiers where the variance
+between seeds differs from model to model, see `tests/benchmark/test_verdict.py`.
+"""
 
 
 class Estimate(NamedTuple):
@@ -52,15 +60,8 @@ def over_games(values: Floats) -> Mean:
     Args:
         values: Values of shape (..., E). Games with NaN are left out.
     """
-    known = ~np.isnan(values)
-    n = known.sum(axis=-1)
-    mean = mean_or_nan(values, axis=-1)
-    squares = np.where(known, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.sqrt(squares / (n - 1) / n)
-    counts, which = np.unique(n, return_inverse=True)
-    quantile = np.array([student_95(int(k) - 1) for k in counts])[which].reshape(n.shape)
-    return Mean(mean, np.where(n > 1, quantile * error, np.nan), n)
+    mean, variance, n = _moments(values)
+    return Mean(mean, student_quantile(n - 1) * np.sqrt(ratio(variance, n)), n)
 
 
 def estimate(per_game: Floats) -> Estimate:
@@ -69,30 +70,115 @@ def estimate(per_game: Floats) -> Estimate:
     return Estimate(float(mean), float(half))
 
 
+class SeedMean(NamedTuple):
+    """Means over the games of several seeds.
+
+    Attributes:
+        mean: Means, shape (N,).
+        error: Standard errors of the means, shape (N,); NaN where they are unknown.
+        freedom: Degrees of freedom of the standard errors, shape (N,).
+    """
+
+    mean: Floats
+    error: Floats
+    freedom: Floats
+
+    @property
+    def estimates(self) -> list[Estimate]:
+        """Means with half their 95% confidence intervals."""
+        halves = student_quantile(self.freedom) * self.error
+        return [Estimate(float(mean), float(half)) for mean, half in zip(self.mean, halves, strict=True)]
+
+
+def over_seeds(values: Floats, independent: int) -> SeedMean:
+    """Return the means over the games of some seeds, with their errors as estimates of runs with new seeds.
+
+    A seed searches and chooses attacks, and then plays its games. So the means of seeds differ by more than the noise
+    of games. With two or three seeds, the variance between the seeds of a single mean is hardly known. It is moderated
+    by a prior, as in limma (Smyth 2004, Statistical Applications in Genetics and Molecular Biology 3): the prior
+    variance is the noise of the games of that mean, plus the additional variance that the N means have on average. The
+    own estimate has S - 1 degrees of freedom, and the prior has a number that depends on how much the own estimates
+    scatter about it. A single mean has no prior. With a single seed only the noise of games is known.
+
+    Args:
+        values: Values of N means in G games of each of S seeds, shape (N, S, G). Games with NaN are left out.
+        independent: Number of the means that do not follow from others: N for scores of N models, N - 1 for all the
+            differences between them.
+    """
+    by_seed, within, games = _moments(values)
+    noise = ratio(within, games)
+    if values.shape[1] == 1:
+        return SeedMean(by_seed[:, 0], np.sqrt(noise[:, 0]), games[:, 0].astype(np.float64) - 1)
+    mean, between, seeds = _moments(by_seed)
+    noise = mean_or_nan(noise, axis=1)
+    excess = float(mean_or_nan(between - noise, axis=0))
+    prior = noise + max(0.0, excess)
+    weight = _prior_freedom(ratio(between, prior), values.shape[1] - 1, independent)
+    own = np.maximum(seeds - 1, 0)
+    variance = ratio(np.where(own > 0, own * between, 0.0) + weight * prior, own + weight)
+    return SeedMean(mean, np.sqrt(ratio(variance, seeds)), own + weight)
+
+
+def _moments(values: Floats) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+    """Return the mean, the variance and the number of the values along the last axis, without those that are NaN."""
+    known = ~np.isnan(values)
+    n = known.sum(axis=-1)
+    mean = mean_or_nan(values, axis=-1)
+    squares = np.where(known, (values - mean[..., None]) ** 2, 0.0).sum(axis=-1)
+    return mean, np.where(n > 1, ratio(squares, n - 1), np.nan), n
+
+
+def _prior_freedom(variances: Floats, freedom: int, independent: int) -> float:
+    """Return the degrees of freedom of a prior of variances, by the method of moments.
+
+    If all true variances are as the prior says, estimates of them scatter as chi-square divided by its degrees of
+    freedom, and the prior is as good as all other means together. If they scatter more, so do the true ones, and the
+    prior is worth less.
+
+    Args:
+        variances: Estimated variances as multiples of the prior.
+        freedom: Degrees of freedom of each estimate.
+        independent: Number of independent estimates.
+    """
+    limit, known = float(freedom * (independent - 1)), variances[~np.isnan(variances)]
+    spread = freedom * known.var(ddof=1) / 2 if len(known) > 1 else 0.0
+    scatter = float((4 * spread + freedom - 2) / (spread - 1)) if spread > 1 else np.inf
+    return _PRIOR_SHARE * min(limit, scatter)
+
+
+def student_quantile(freedom: npt.ArrayLike, level: float = 0.95) -> Floats:
+    """Return the t with P(|T| < t) = level for Student's distribution; NaN with less than one degree of freedom.
+
+    Args:
+        freedom: Degrees of freedom, of any shape.
+        level: Probability.
+
+    Example:
+        >>> student_quantile([1, 4, 30]).round(3).tolist()
+        [12.706, 2.776, 2.042]
+    """
+    numbers = np.asarray(freedom, np.float64)
+    distinct, which = np.unique(numbers, return_inverse=True)
+    return np.array([_student_quantile(float(one), level) for one in distinct])[which].reshape(numbers.shape)
+
+
 @functools.cache
-def student_95(freedom: int) -> float:
-    """Return the t with P(|T| < t) = 0.95 for Student's distribution; NaN without degrees of freedom.
+def _student_quantile(freedom: float, level: float) -> float:
+    """Return the quantile for one number of degrees of freedom.
 
     With T = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle) ** (freedom - 1), which is
     integrated numerically. With many degrees of freedom the peak is too narrow for that. There, the first terms of the
     series in 1 / freedom are exact to 1e-8.
-
-    Args:
-        freedom: Degrees of freedom.
-
-    Example:
-        >>> [round(student_95(k), 3) for k in (1, 4, 30)]
-        [12.706, 2.776, 2.042]
     """
-    if freedom < 1:
+    if not freedom >= 1:
         return math.nan
     if freedom > _MANY:
-        z = _NORMAL_95
+        z = NormalDist().inv_cdf((1 + level) / 2)
         return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
     angle = np.linspace(0, math.pi / 2, 20_001)
     density = np.cos(angle) ** (freedom - 1)
     area = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
-    return float(math.sqrt(freedom) * np.tan(np.interp(0.95, area / area[-1], angle)))
+    return float(math.sqrt(freedom) * np.tan(np.interp(level, area / area[-1], angle)))
 
 
 class Interval(NamedTuple):

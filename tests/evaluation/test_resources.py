@@ -12,7 +12,7 @@ from roletrust_agents.learned.saved import ZOO
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation import resources
-from roletrust_env.metrics.confidence import over_games, student_95
+from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands import play
@@ -135,7 +135,7 @@ def test_memory_is_that_of_the_kernel_and_of_the_container(monkeypatch):
 
 def test_intervals_of_very_many_games():
     for freedom, quantile in ((1000, 1.9623390808), (1001, 1.9623367056), (30_000, 1.9600430330)):
-        assert student_95(freedom) == pytest.approx(quantile, abs=2e-6)
+        assert student_quantile(freedom) == pytest.approx(quantile, abs=2e-6)
     values = np.random.default_rng(0).random((3, 200_000))
     values[1, 100_000:] = np.nan
     mean, half, games = over_games(values)

@@ -8,7 +8,7 @@ from command_line import TINY, play, run
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, __version__, make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.metrics.confidence import over_games, student_95
+from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.playing.group_measures import MEASURES, damage, measured_since
 from roletrust_experiments.plots.curves import curve_figure
@@ -222,7 +222,7 @@ def test_version_and_help():
 
 def test_students_interval():
     for freedom, quantile in ((1, 12.706), (2, 4.303), (9, 2.262), (1000, 1.962)):
-        assert student_95(freedom) == pytest.approx(quantile, abs=5e-4)
+        assert student_quantile(freedom) == pytest.approx(quantile, abs=5e-4)
     mean, half, games = over_games(np.array([1.0, 2.0, np.nan, 3.0]))
     assert (mean, games) == (2.0, 3)
     assert half == pytest.approx(4.303 / 3**0.5, abs=1e-3)
