@@ -19,14 +19,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _CAPTION = (
-    "{score} of choosing by trust, ± half the 95% interval over the games; clean: all agents honest; worst: mean of "
-    "the worst case over the conditions, chosen in other games; worst attack: the attack that leaves the least {score} "
-    "in any condition; damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 while all "
-    "agents are honest; holds: probability of the same rank in new games"
+    "{score} of choosing by trust, ± half the 95% interval over the {runs}; tier: models that are not told apart from "
+    "the first one of the tier, at 5% for the whole table; clean: all agents honest; worst: mean of the worst case "
+    "over the conditions, chosen in other games; worst attack: the attack in the condition with the least {score}; "
+    "damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 while all agents are honest; "
+    "holds: probability of the same rank in another run with new {runs}"
 )
 
-COLUMNS = ("rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
+COLUMNS = ("tier", "rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
 """Columns of the displayed table."""
+
+_MODEL = COLUMNS.index("model")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,7 @@ class Leaderboard:
         rows: Trust models from the best to the worst.
         caveats: Limitations of the numbers, one line each.
         cells: All cells with their results.
-        attacks: Scores of all attacks. The games of several seeds are concatenated.
+        attacks: Scores of all attacks.
     """
 
     suite: Suite
@@ -63,7 +66,8 @@ class Leaderboard:
     @property
     def caption(self) -> str:
         """Explanation of the columns."""
-        return _CAPTION.format(score=self.suite.score)
+        runs = "games and seeds" if len(self.suite.seeds) > 1 else "games"
+        return _CAPTION.format(score=self.suite.score, runs=runs)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame with the columns of `to_csv`.
@@ -97,7 +101,7 @@ class Leaderboard:
         lines = [[COLUMNS[k] for k in selected], aligned]
         for row in self.rows:
             texts = row_texts(row, " ± ")
-            texts[1] = f"`{texts[1]}`"
+            texts[_MODEL] = f"`{texts[_MODEL]}`"
             lines.append([texts[k].replace("|", "&#124;") for k in selected])
         return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -105,7 +109,7 @@ class Leaderboard:
         """Return the rows as a table of plain text."""
         lines = [list(COLUMNS), *(row_texts(row, "±") for row in self.rows)]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        left = {COLUMNS.index("model"), COLUMNS.index("worst attack")}
+        left = {_MODEL, COLUMNS.index("worst attack")}
         text = [
             "  ".join(
                 cell.ljust(w) if k in left else cell.rjust(w)
@@ -140,6 +144,7 @@ def row_texts(row: LeaderboardRow, between: str) -> list[str]:
     worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
     holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
     return [
+        "-" if row.tier is None else str(row.tier),
         str(row.rank),
         row.model,
         _estimate(row.clean, between),

@@ -58,6 +58,21 @@ def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
     assert cases == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
 
 
+def test_each_seed_chooses_its_own_worst_case() -> None:
+    """Lies are worse for the first seed and silence for the second one, though lies are worse for both together."""
+    first = stored("mean", row("lies", [0.1, 0.1], [0.2, 0.4]), row("silence", [0.9, 0.9], [0.9, 0.9]))
+    second = stored("mean", row("lies", [0.6, 0.6], [0.8, 0.8]), row("silence", [0.5, 0.5], [0.5, 0.7]))
+    run = [first, second._replace(cell=second.cell._replace(seed=1))]
+    (case,) = worst_cases(attack_scores(run)).values()
+    assert [one.attack for one in case.choices] == ["lies", "silence"]
+    assert case.score == pytest.approx(np.array([[0.2, 0.4], [0.5, 0.7]]))
+    assert case.attack == "lies"  # the first one of several
+    (line,) = leaderboard_rows(SUITE, run, ["mean"], 2)
+    assert line.worst.mean == pytest.approx(0.45)
+    assert line.worst.half == pytest.approx(12.706 * 0.15, abs=1e-3)  # Student's t of two seeds
+    assert (line.tier, line.holds) == (1, 1.0)
+
+
 def test_an_attack_without_a_score_is_never_the_worst_case() -> None:
     nothing = row("nothing", [None, None], [0.9, 0.7])  # type: ignore[list-item]
     found = worst_cases(attack_scores([stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
@@ -80,6 +95,7 @@ def test_the_leaderboard_by_hand() -> None:
     assert first.open_worst.mean == pytest.approx(0.3)
     assert first.damage.mean == pytest.approx(0.3)
     assert first.detection.mean == 1  # only of the game in which it is defined
+    assert (first.tier, second.tier) == (1, None)  # an incomplete model is not judged
     assert second.worst.mean == pytest.approx(0.5)  # 0.4 by trust, but 0.5 by a blind choice
     assert second.missing == 1  # the planner has not attacked it
 
@@ -273,17 +289,6 @@ def test_models_that_tie_up_to_rounding_share_a_rank() -> None:
     run = [stored(name, row("lies", [0.5] * 2, [value] * 2)) for name, value in zip(names, values, strict=True)]
     ranks = {line.model: (line.rank, line.holds) for line in leaderboard_rows(SUITE, run, names, 1)}
     assert ranks == {"mean": (1, 1.0), "median": (1, 1.0), "constant": (3, 1.0), "beta": (4, 1.0)}
-
-
-def test_a_rank_holds_with_the_probability_of_resampled_games() -> None:
-    """One of four games is better by 0.5, the others are worse by 0.1. The mean is better if that game is drawn."""
-    run = []
-    for name, values in (("mean", [0.9, 0.4, 0.4, 0.4]), ("median", [0.4, 0.5, 0.5, 0.5])):
-        scores = {"utility": values, "blind": [0.1] * 4, "damage": [0.0] * 4, "false_alarms": [0] * 4, "auc": [1] * 4}
-        run.append(stored(name, AttackResult("lies", "lies", 0, {"utility": [0.5] * 4}, scores)))
-    first = leaderboard_rows(SUITE, run, ["mean", "median"], 1)[0]
-    assert (first.model, first.rank) == ("mean", 1)
-    assert first.holds == pytest.approx(1 - 0.75**4, abs=0.04)
 
 
 def test_the_worst_attack_is_that_of_the_worst_condition() -> None:

@@ -21,7 +21,8 @@ class Mine(Mean):
 def test_an_object_a_class_and_a_name_share_a_rank() -> None:
     leaderboard = benchmark([Mine(), Mine, "mean", "constant"], SUITE, attacks=ATTACKS, workers=0, progress=False)
     assert [(row.rank, row.model) for row in leaderboard.rows][:3] == [(1, "Mine"), (1, "Mine-2"), (1, "mean")]
-    assert len({tuple(map(str, row[2:])) for row in leaderboard.rows[:3]}) == 1
+    assert len({tuple(map(str, row[3:])) for row in leaderboard.rows[:3]}) == 1
+    assert {row.tier for row in leaderboard.rows[:3]} == {1}
     assert leaderboard.rows[3].rank == 4
     assert leaderboard.rows[0].worst_attack == "bad-mouthing"
     assert "Mine" not in trust_models.names()
@@ -61,7 +62,7 @@ def test_a_leaderboard_has_several_forms(tmp_path: Path) -> None:
     )
     assert "<table>" in leaderboard._repr_html_()
     leaderboard.to_csv(tmp_path / "board.csv")
-    assert (tmp_path / "board.csv").read_text().startswith("rank,model,clean")
+    assert (tmp_path / "board.csv").read_text().startswith("tier,rank,model,clean")
     pandas = pytest.importorskip("pandas")
     assert isinstance(leaderboard.to_pandas(), pandas.DataFrame)
     assert leaderboard.to_pandas()["model"].tolist() == ["mean"]

@@ -120,10 +120,10 @@ def option(name: str, values: Sequence[object] | object | None, default: object 
     return [] if values in (None, default) else [word for value in several for word in (name, str(value))]
 
 
-def number_table(title: str, caption: str, *headings: str) -> FittedTable:
-    """Return a table of numbers, with a name at the start of each row."""
+def number_table(title: str, caption: str, *headings: str, name: str = "") -> FittedTable:
+    """Return a table of numbers, with a name at the start of each row, under the heading `name`."""
     table = FittedTable(title, caption)
-    table.column("")
+    table.column(name)
     for heading in headings:
         table.column(heading, "right")
     return table

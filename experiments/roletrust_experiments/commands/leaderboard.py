@@ -12,10 +12,10 @@ _SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms",
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
-    table = number_table(title, leaderboard.caption, *(COLUMNS[k] for k in _SHOWN))
+    table = number_table(title, leaderboard.caption, *(COLUMNS[k] for k in _SHOWN), name="tier, rank, model")
     for row in leaderboard.rows:
         cells = row_texts(row, "±")
-        table.add_row(f"{row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))
+        table.add_row(f"{cells[0]} {row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))
     return table
 
 

@@ -140,9 +140,9 @@ def _choose(
             raise ValueError(f"{path} has no attack on {model!r}{suggest(model, names)}")
         cases = [one for (name, _), one in worst_cases(board.attacks).items() if name == model]
         attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
-        worst = min(attacked, key=lambda one: least_mean(one.score))
-        keys = [Cell(model, *worst.condition, worst.rung, seed).key for seed in suite.seeds]
-        key, attack = next(one for one in keys if one in played), worst.attack
+        worst = min(attacked, key=lambda one: one.mean)
+        seeds = [seed for seed, one in zip(sorted(suite.seeds), worst.choices, strict=False) if one is worst.common]
+        key, attack = Cell(model, *worst.condition, worst.common.rung, seeds[0]).key, worst.attack
     if key not in played:
         raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
     cell, result = played[key]

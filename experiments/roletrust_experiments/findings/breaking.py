@@ -8,7 +8,7 @@ import numpy as np
 
 from roletrust_env.benchmark.cells import model_names
 from roletrust_env.benchmark.suite import Stage, Suite, Track, load_suite
-from roletrust_env.benchmark.worst_case import AttackScores, attack_scores, worst_cases
+from roletrust_env.benchmark.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_experiments.findings.finding import Finding, sign
 from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
@@ -104,10 +104,10 @@ def _between(whole: float, broken: float) -> str:
     return f"over {whole:.0%} (if at all)" if broken == 1 else f"{whole:.0%} to {broken:.0%}"
 
 
-def _over_half(case: AttackScores, calm: AttackScores) -> Estimate:
+def _over_half(case: WorstCase, calm: WorstCase) -> Estimate:
     """Return the benefit of trust over a blind choice in utility, minus half of that benefit without liars."""
     mine, full = (one.measured["utility"] - one.measured["blind"] for one in (case, calm))
-    return estimate(np.asarray(mine - _LEFT * full))
+    return estimate(np.ravel(mine - _LEFT * full))  # of a single seed
 
 
 def _suite(effort: Effort) -> Suite:

@@ -1,6 +1,7 @@
 """Panels of the report's images, each drawn on given axes: fonts have the sizes of the figure's style."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,8 +134,11 @@ def draw_leaderboard(axes: Axes, standings: Sequence[LeaderboardRow], scale: Sca
     ends = [(row.worst.mean, row.clean.mean) for row in standings]
     axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
     axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings])
+    for place, (above, below) in enumerate(pairwise(standings)):
+        if above.tier != below.tier:
+            axes.axhline(place + 0.5, color=QUIET, linestyle=":", linewidth=1)
     axes.set_ylim(len(standings) - 0.4, -0.6)
-    axes.set_xlabel(f"{scale} of going by trust, with 95% intervals", color=INK)
+    axes.set_xlabel(f"{scale} of going by trust, with 95% intervals; dotted lines between tiers", color=INK)
     _quiet(axes, "x")
     axes.legend(frameon=False, loc="lower left", ncols=2, bbox_to_anchor=(0, 1), labelcolor=INK)
 

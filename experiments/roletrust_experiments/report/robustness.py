@@ -12,10 +12,16 @@ from roletrust_env.benchmark.leaderboard import HEADER
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Scale, Suite
-from roletrust_env.benchmark.worst_case import AttackScores, Condition, least_mean, worst_cases
-from roletrust_env.metrics.confidence import over_games
-from roletrust_env.metrics.consumers import skill
-from roletrust_env.metrics.score import ratio
+from roletrust_env.benchmark.worst_case import (
+    AttackScores,
+    Condition,
+    WorstCase,
+    least_mean,
+    skill_by_seed,
+    worst_cases,
+)
+from roletrust_env.metrics.confidence import Estimate, over_seeds
+from roletrust_env.metrics.score import mean_or_nan, ratio
 from roletrust_experiments.report.table import Table
 
 _POINTS = 40
@@ -84,7 +90,7 @@ class Robustness(NamedTuple):
             "tradeoff": _tradeoff(attacks, cases),
         }
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
-        blind = float(np.mean([_mean(one.measured["blind"])[0] for one in first] or [np.nan]))
+        blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
         where = list(dict.fromkeys(one.condition.description for one in struck))
         return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
@@ -124,11 +130,13 @@ def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tupl
     return place
 
 
-_Worst = dict[tuple[str, Condition], AttackScores]
+_Worst = dict[tuple[str, Condition], WorstCase]
 
 
 def _is_worst(one: AttackScores, cases: _Worst) -> bool:
-    return cases.get((one.model, one.condition)) is one
+    """Return whether an attack is the worst case; with several seeds, whether most of them choose it."""
+    case = cases.get((one.model, one.condition))
+    return case is not None and case.common is one
 
 
 def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Table:
@@ -137,7 +145,12 @@ def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Tab
         "condition", "attack", "model", "rung",
         "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst",
     )  # fmt: skip
-    rows: list[tuple[Any, ...]] = [(*_name(one), one.rung, *_both_scales(one), _is_worst(one, cases)) for one in struck]
+    measured = [(one.measured["utility"], one.measured["blind"]) for one in struck]
+    scales = _estimates([by_trust for by_trust, _ in measured]), _estimates([skill_by_seed(*pair) for pair in measured])
+    rows: list[tuple[Any, ...]] = []
+    for one, utility, skill in zip(struck, *scales, strict=True):
+        blind = _mean(one.measured["blind"])
+        rows.append((*_name(one), one.rung, *utility[:2], *skill[:2], blind, _is_worst(one, cases)))
     place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
     for row in rows:
         harm.setdefault(row[:2], []).append(row[place])
@@ -150,22 +163,15 @@ def _name(one: AttackScores) -> tuple[str, str, str]:
     return one.condition.description, one.attack, one.model
 
 
-def _both_scales(one: AttackScores) -> tuple[float, ...]:
-    """Return utility and skill with half their intervals, and the utility of a blind choice."""
-    by_trust, blind = one.measured["utility"], one.measured["blind"]
-    return *_mean(by_trust), *_mean(skill(by_trust, blind)), _mean(blind)[0]
-
-
 def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
     """Return the worst case of each model in each condition, also in those without attackers, as it counts."""
     header = (
         "model", "scenario", "track", "share", "attack", "rung", "score", "score_half_95", "blind", "games",
     )  # fmt: skip
     rows = []
-    for (model, where), one in cases.items():
-        mean, half, games = over_games(one.score)
-        blind, _ = _mean(one.measured["blind"])
-        rows.append((model, *where, one.attack, one.rung, float(mean), float(half), blind, int(games)))
+    for one, found in zip(cases.values(), _estimates([one.score for one in cases.values()]), strict=True):
+        blind, games = _mean(one.measured["blind"]), int((~np.isnan(one.score)).sum())
+        rows.append((one.model, *one.condition, one.attack, one.common.rung, *found[:2], blind, games))
     return Table(header, sorted(rows, key=lambda row: order.index(row[0])))
 
 
@@ -194,10 +200,9 @@ def _breakdown(suite: Suite, cases: _Worst) -> Table:
     """Return the worst-case score by the share of compromised agents, from 0, where everybody is honest."""
     header = ("where", "share", "model", "attack", "score", "score_half_95")
     rows = []
-    for (model, where), one in cases.items():
-        for scenario, track in _stand_for(suite, where):
-            mean, half = _mean(one.score)
-            rows.append((f"{scenario}, {track}", where.share, model, one.attack, mean, half))
+    for one, found in zip(cases.values(), _estimates([one.score for one in cases.values()]), strict=True):
+        for scenario, track in _stand_for(suite, one.condition):
+            rows.append((f"{scenario}, {track}", one.condition.share, one.model, one.attack, *found[:2]))
     tracks = [f"{scenario}, {track}" for scenario in suite.scenarios for track in suite.tracks]
     rows.sort(key=lambda row: (tracks.index(row[0]), row[2], row[1]))
     return Table(header, rows)
@@ -215,14 +220,18 @@ def _tradeoff(attacks: Sequence[AttackScores], cases: _Worst) -> Table:
     """Return the damage and the detectability of each attack."""
     header = ("condition", "attack", "model", "damage", "damage_half_95", "auc", "auc_half_95", "worst")
     rows = []
-    for one in attacks:
-        damage, auc = _mean(one.measured["damage"]), _mean(one.measured["auc"])
-        if not np.isnan([damage[0], auc[0]]).any():
-            rows.append((*_name(one), *damage, *auc, _is_worst(one, cases)))
+    found = (_estimates([one.measured[name] for one in attacks]) for name in ("damage", "auc"))
+    for one, damage, auc in zip(attacks, *found, strict=True):
+        if not np.isnan([damage.mean, auc.mean]).any():
+            rows.append((*_name(one), *damage[:2], *auc[:2], _is_worst(one, cases)))
     return Table(header, rows)
 
 
-def _mean(values: Floats) -> tuple[float, float]:
-    """Return the mean over games and half its interval."""
-    mean, half, _ = over_games(values)
-    return float(mean), float(half)
+def _mean(values: Floats) -> float:
+    """Return the mean over seeds and games."""
+    return float(mean_or_nan(values.ravel(), axis=0))
+
+
+def _estimates(values: Sequence[Floats]) -> list[Estimate]:
+    """Return means over seeds and games, (S, G) each, with half their intervals; all show how much seeds differ."""
+    return over_seeds(np.stack(values), len(values)).estimates if values else []

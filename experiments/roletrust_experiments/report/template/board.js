@@ -3,7 +3,8 @@
 function sortTable(heading) {
   const place = heading.cellIndex;
   const table = heading.closest("table");
-  const down = heading.ariaSort === "ascending" || (heading.ariaSort === "none" && place > 1);
+  const name = table.querySelector("tbody th").cellIndex; // numbers behind the name begin with the largest
+  const down = heading.ariaSort === "ascending" || (heading.ariaSort === "none" && place > name);
   table.querySelectorAll("thead th").forEach((other) => other.setAttribute("aria-sort", "none"));
   heading.setAttribute("aria-sort", down ? "descending" : "ascending");
   const key = (row) => {

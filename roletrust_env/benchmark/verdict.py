@@ -1,0 +1,122 @@
+"""Verdict on ranks: which models a run tells apart, and how often another run gives the same rank."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.metrics.confidence import over_seeds, student_quantile
+
+Floats = npt.NDArray[np.float64]
+
+DIGITS = 9
+"""Number of decimal digits in which means are compared. Smaller differences are rounding errors."""
+
+_LEVEL = 0.95
+_RESAMPLES = 4000
+_NOTHING = 1e-12
+"""Share of the largest variance below which a variance is a rounding error."""
+
+
+class Verdict(NamedTuple):
+    """Verdict on models in the order of their ranks.
+
+    Attributes:
+        tiers: Tier of each model, which counts from 1.
+        holds: Probability of the rank of each model in another run; NaN if the noise is unknown.
+    """
+
+    tiers: list[int]
+    holds: list[float]
+
+
+class _Pairs(NamedTuple):
+    """Differences between the mean scores of models in the same games and seeds, each of shape (M, M).
+
+    Attributes:
+        difference: Score of the first model minus that of the second one.
+        error: Standard error of the difference.
+        freedom: Degrees of freedom of the error.
+    """
+
+    difference: Floats
+    error: Floats
+    freedom: Floats
+
+
+def verdict(scores: Floats) -> Verdict:
+    """Return the verdict on models.
+
+    Args:
+        scores: Scores of the models, the best one first, in the same games of the same seeds, shape (M, S, G).
+    """
+    if not len(scores):
+        return Verdict([], [])
+    pairs = _pairs(scores)
+    return Verdict(_tiers(pairs), _holds(over_seeds(scores, len(scores)).mean, pairs))
+
+
+def _pairs(scores: Floats) -> _Pairs:
+    number = len(scores)
+    above, below = np.triu_indices(number, 1)
+    found = over_seeds(scores[above] - scores[below], number - 1)
+    square = np.zeros((3, number, number))
+    square[:, above, below] = found
+    square[:, below, above] = -found.mean, found.error, found.freedom
+    return _Pairs(*square)
+
+
+def _tiers(pairs: _Pairs) -> list[int]:
+    """Return the tier of each model.
+
+    The best model without a tier leads the next tier, which reaches down to the last model that is not told apart from
+    it. Two models are told apart if Student's paired test rejects that their scores are equal. The leader is the best
+    one by the same games, so the tests of all pairs are one family, as in the honestly significant differences of
+    Tukey. By Bonferroni's correction, any two models with equal scores are told apart in at most 5% of runs.
+    """
+    number = len(pairs.error)
+    level = 1 - (1 - _LEVEL) / max(1, number * (number - 1) / 2)
+    limit = student_quantile(pairs.freedom, level) * pairs.error + 10.0**-DIGITS
+    alike = ~(abs(pairs.difference) > limit)  # also where the error is unknown
+    tiers: list[int] = []
+    while len(tiers) < number:
+        leader = len(tiers)
+        last = int(np.flatnonzero(alike[leader]).max())
+        tiers += [1 + max(tiers, default=0)] * (last + 1 - leader)
+    return tiers
+
+
+def _holds(means: Floats, pairs: _Pairs) -> list[float]:
+    """Return the probability of each rank in another run with new games, and with new seeds if there are several.
+
+    Both runs are noisy. The best models of this run owe a part of their lead to noise, so means are expected nearer to
+    each other in the other run, the more so the noisier they are (empirical Bayes, Morris 1983). The other run adds
+    noise of its own. How far models are apart and how noisy they are is known by estimates with few degrees of freedom,
+    so both variances are drawn, too. Ranks depend only on differences between models. The covariance of models that has
+    the variances of these differences is that of classical scaling (Torgerson 1952).
+
+    Args:
+        means: Mean scores of the models, shape (M,).
+        pairs: Differences between the models.
+    """
+    number, random = len(means), np.random.default_rng(0)
+    if np.isnan(pairs.error).any():
+        return [np.nan] * number
+    centre = np.eye(number) - 1 / number
+    spectrum, vectors = np.linalg.eigh(-centre @ pairs.error**2 @ centre / 2)
+    spectrum = np.where(spectrum > _NOTHING * spectrum.max(), spectrum, 0.0)
+    freedom = max(1.0, float(np.median(pairs.freedom[~np.eye(number, dtype=bool)]))) if number > 1 else 1.0
+    scale = freedom / random.chisquare(freedom, (_RESAMPLES, 1))
+    noise = np.sqrt(scale) * random.normal(size=(_RESAMPLES, number)) * np.sqrt(spectrum) @ vectors.T
+    spread = random.chisquare(max(1, number - 1), (_RESAMPLES, 1)) / max(1, number - 1)
+    squares = float(((means - means.mean()) ** 2).sum())
+    kept = np.maximum(0.0, 1.0 - scale * spread * spectrum.sum() / squares) if squares > 0 else np.ones_like(scale)
+    expected = means.mean() + kept * (means - means.mean())
+    better = _better((expected + np.sqrt(1 + kept) * noise).round(DIGITS))
+    return [float(share) for share in (better == _better(means.round(DIGITS))).mean(axis=0)]
+
+
+def _better(means: Floats) -> npt.NDArray[np.int64]:
+    """Return the number of better models for each model, (..., M)."""
+    better: npt.NDArray[np.int64] = (means[..., None, :] > means[..., :, None]).sum(axis=-1)
+    return better
