@@ -53,7 +53,8 @@ def verdict(scores: Floats) -> Verdict:
     if not len(scores):
         return Verdict([], [])
     pairs = _pairs(scores)
-    return Verdict(_tiers(pairs), _holds(over_seeds(scores, len(scores)).mean, pairs))
+    alike = _alike(pairs)
+    return Verdict(_tiers(alike), _holds(over_seeds(scores, len(scores)).mean, pairs, alike))
 
 
 def _pairs(scores: Floats) -> _Pairs:
@@ -66,54 +67,77 @@ def _pairs(scores: Floats) -> _Pairs:
     return _Pairs(*square)
 
 
-def _tiers(pairs: _Pairs) -> list[int]:
-    """Return the tier of each model.
+def _alike(pairs: _Pairs) -> npt.NDArray[np.bool_]:
+    """Return which models are not told apart, shape (M, M).
 
-    The best model without a tier leads the next tier, which reaches down to the last model that is not told apart from
-    it. Two models are told apart if Student's paired test rejects that their scores are equal. The leader is the best
-    one by the same games, so the tests of all pairs are one family, as in the honestly significant differences of
-    Tukey. By Bonferroni's correction, any two models with equal scores are told apart in at most 5% of runs.
+    Two models are told apart if Student's paired test rejects that their scores are equal. By Bonferroni's correction
+    for all pairs, any two models with equal scores are told apart in at most 5% of runs. Fewer tests would not do,
+    because the leader of a tier is the best one by the same games; the honestly significant differences of Tukey are
+    one family for the same reason.
     """
     number = len(pairs.error)
     level = 1 - (1 - _LEVEL) / max(1, number * (number - 1) / 2)
     limit = student_quantile(pairs.freedom, level) * pairs.error + 10.0**-DIGITS
-    alike = ~(abs(pairs.difference) > limit)  # also where the error is unknown
+    alike: npt.NDArray[np.bool_] = ~(abs(pairs.difference) > limit)  # also where the error is unknown
+    return alike
+
+
+def _tiers(alike: npt.NDArray[np.bool_]) -> list[int]:
+    """Return the tier of each model.
+
+    The best model without a tier leads the next tier, which reaches down to the last model that is not told apart from
+    it.
+    """
     tiers: list[int] = []
-    while len(tiers) < number:
+    while len(tiers) < len(alike):
         leader = len(tiers)
         last = int(np.flatnonzero(alike[leader]).max())
         tiers += [1 + max(tiers, default=0)] * (last + 1 - leader)
     return tiers
 
 
-def _holds(means: Floats, pairs: _Pairs) -> list[float]:
+def _holds(means: Floats, pairs: _Pairs, alike: npt.NDArray[np.bool_]) -> list[float]:
     """Return the probability of each rank in another run with new games, and with new seeds if there are several.
 
     Both runs are noisy. The best models of this run owe a part of their lead to noise, so means are expected nearer to
     each other in the other run, the more so the noisier they are (empirical Bayes, Morris 1983). The other run adds
     noise of its own. How far models are apart and how noisy they are is known by estimates with few degrees of freedom,
-    so both variances are drawn, too. Ranks depend only on differences between models. The covariance of models that has
-    the variances of these differences is that of classical scaling (Torgerson 1952).
+    so both variances are drawn, too. A model that is told apart from all others is expected where it is, and does not
+    count for how far the others are apart. Ranks depend only on differences between models. The covariance of models
+    that has the variances of these differences is that of classical scaling (Torgerson 1952).
 
     Args:
         means: Mean scores of the models, shape (M,).
         pairs: Differences between the models.
+        alike: True for two models that are not told apart, shape (M, M).
     """
     number, random = len(means), np.random.default_rng(0)
     if np.isnan(pairs.error).any():
         return [np.nan] * number
-    centre = np.eye(number) - 1 / number
-    spectrum, vectors = np.linalg.eigh(-centre @ pairs.error**2 @ centre / 2)
+    covariance = _covariance(pairs.error**2)
+    spectrum, vectors = np.linalg.eigh(covariance)
     spectrum = np.where(spectrum > _NOTHING * spectrum.max(), spectrum, 0.0)
-    freedom = max(1.0, float(np.median(pairs.freedom[~np.eye(number, dtype=bool)]))) if number > 1 else 1.0
+    freedom = float(np.median(pairs.freedom[~np.eye(number, dtype=bool)])) if number > 1 else 1.0
     scale = freedom / random.chisquare(freedom, (_RESAMPLES, 1))
     noise = np.sqrt(scale) * random.normal(size=(_RESAMPLES, number)) * np.sqrt(spectrum) @ vectors.T
-    spread = random.chisquare(max(1, number - 1), (_RESAMPLES, 1)) / max(1, number - 1)
-    squares = float(((means - means.mean()) ** 2).sum())
-    kept = np.maximum(0.0, 1.0 - scale * spread * spectrum.sum() / squares) if squares > 0 else np.ones_like(scale)
-    expected = means.mean() + kept * (means - means.mean())
+    among = np.flatnonzero(alike.sum(axis=1) > 1)
+    kept, middle = np.ones((_RESAMPLES, number)), 0.0
+    if len(among) > 1:
+        middle = float(means[among].mean())
+        squares = float(((means[among] - middle) ** 2).sum())
+        spread = random.chisquare(len(among) - 1, (_RESAMPLES, 1)) / (len(among) - 1)
+        own = float(np.trace(_covariance(pairs.error[np.ix_(among, among)] ** 2)))
+        if squares > 0:
+            kept[:, among] = np.maximum(0.0, 1.0 - scale * spread * own / squares)
+    expected = middle + kept * (means - middle)
     better = _better((expected + np.sqrt(1 + kept) * noise).round(DIGITS))
     return [float(share) for share in (better == _better(means.round(DIGITS))).mean(axis=0)]
+
+
+def _covariance(variances: Floats) -> Floats:
+    """Return the covariance of M models about their mean, from the variances of their differences, (M, M) each."""
+    centre = np.eye(len(variances)) - 1 / len(variances)
+    return -centre @ variances @ centre / 2
 
 
 def _better(means: Floats) -> npt.NDArray[np.int64]:

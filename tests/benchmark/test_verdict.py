@@ -105,3 +105,15 @@ def test_seeds_that_differ_widen_the_interval() -> None:
     noise = np.random.default_rng(0).normal(size=(1, 1, 9))
     (single,) = over_seeds(noise, 1).estimates
     assert single.half == pytest.approx(student_quantile(8) * noise.std(ddof=1) / 3)
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_a_model_far_below_does_not_make_the_ranks_of_the_others_sure(seeds: int) -> None:
+    random, said, seen = np.random.default_rng(seeds), [], []
+    for _ in range(300):
+        true, search = np.array([*random.normal(0, 1, 5), -100.0]), searches(6, seeds, random)
+        first, second = (run(true, seeds, random, search) for _ in range(2))
+        order = best_first(first)
+        said += verdict(first[order]).holds[:-1]
+        seen += (best_first(second) == order)[:-1].tolist()
+    assert np.mean(said) == pytest.approx(np.mean(seen), abs=0.03)
