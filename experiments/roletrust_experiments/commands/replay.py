@@ -141,8 +141,9 @@ def _choose(
         cases = [one for (name, _), one in worst_cases(board.attacks).items() if name == model]
         attacked = [one for one in cases if suite.tracks[one.condition.track].roles]
         worst = min(attacked, key=lambda one: one.mean)
-        seeds = [seed for seed, one in zip(sorted(suite.seeds), worst.choices, strict=False) if one is worst.common]
-        key, attack = Cell(model, *worst.condition, worst.common.rung, seeds[0]).key, worst.attack
+        seeds = sorted({cell.seed for cell, _ in played.values()})
+        seed = next(seed for seed, one in zip(seeds, worst.choices, strict=True) if one is worst.common)
+        key, attack = Cell(model, *worst.condition, worst.common.rung, seed).key, worst.attack
     if key not in played:
         raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
     cell, result = played[key]
