@@ -1,5 +1,6 @@
 """Entries of attacks: the worst attacks of a run as known attacks, which others can play."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from roletrust_env.benchmark.cells import Cell, model_names
 from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks
 from roletrust_env.benchmark.run_cell import find_attack
+from roletrust_env.benchmark.schema import FORBIDDEN
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.benchmark.worst_case import attack_scores, least_mean, worst_cases
@@ -32,37 +34,41 @@ def make_entries(
     known = model_names(suite)
     if unknown := [name for name in models if name not in known]:
         raise ValueError(f"the run has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
-    entries, lost = [], []
+    entries: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}
+    lost = []
     for place, name in _worst(suite, stored, models or known):
-        record = _record(suite, stored, place, name)
-        if not record:
+        entry = _entry(suite, stored, place, name, finder)
+        if entry is None:
             lost.append(f"{name} in {place.key}")
-            continue
-        title = f"{name} against {place.model}"
-        entries.append(
-            KnownAttack(
-                name=title, scenario=place.scenario, track=place.track, share=place.share, finder=finder, record=record
-            )
-        )
+        else:
+            entries[entry.name, entry.condition] = entry
     if not entries:
-        raise ValueError("the run has no attack that can be recorded; it must attack, and by scripts or coalitions")
-    return KnownAttacks(attacks=tuple(entries)), lost
+        what = f", such as {lost[0]}" if lost else ""
+        raise ValueError(f"the run has no attack that can be recorded{what}; scripts of packages and coalitions can")
+    return KnownAttacks(attacks=tuple(entries.values())), lost
 
 
 def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:
     """Yield the cell and the name of the worst attack on each model in each condition; of several seeds the worst."""
-    cases = worst_cases(attack_scores(stored, suite.score))
-    for (model, condition), case in cases.items():
-        if model not in models or not suite.tracks[condition.track].roles:
-            continue
-        seeds = [one.cell for one in stored if one.cell[:5] == (model, *condition, case.rung) and one.result.rows]
-        yield min(seeds, key=lambda cell: _score(suite, stored, cell, case.attack)), case.attack
+    seeds = sorted({cell.seed for cell, result in stored if result.rows})
+    for (model, condition), case in worst_cases(attack_scores(stored, suite.score)).items():
+        if model in models and suite.tracks[condition.track].roles:
+            means = [least_mean(one.chosen[k]) for k, one in enumerate(case.choices)]
+            k = int(np.argmin(means))
+            yield Cell(model, *condition, case.choices[k].rung, seeds[k]), case.choices[k].attack
 
 
-def _score(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str) -> float:
-    """Return the mean score of an attack in a cell, in the games for choosing."""
-    scores = attack_scores([one for one in stored if one.cell == place], suite.score)
-    return min((least_mean(one.chosen) for one in scores if one.attack == attack), default=np.inf)
+def _entry(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str, finder: str) -> KnownAttack | None:
+    """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
+    if place.rung == "known":
+        return next(one for one in suite.known if (one.name, one.condition) == (attack, place[1:4]))
+    record = _record(suite, stored, place, attack)
+    if not record:
+        return None
+    title = re.sub(FORBIDDEN, "-", f"{attack} against {place.model}")[:300]
+    return KnownAttack(
+        name=title, scenario=place.scenario, track=place.track, share=place.share, finder=finder, record=record
+    )
 
 
 def _record(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str) -> str:

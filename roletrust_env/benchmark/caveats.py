@@ -9,7 +9,7 @@ from roletrust_env import Game
 from roletrust_env.arrays import Array
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, Suite
+from roletrust_env.benchmark.suite import WHITE_BOX_RUNGS, WITHOUT_SEARCH, Suite
 from roletrust_env.benchmark.worst_case import AttackScores, Condition
 from roletrust_env.evaluation.search import Progress
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -118,9 +118,7 @@ def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
         if one.rung == "scripted":
             key = one.model, one.condition
             scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
-    for rung in dict.fromkeys(
-        one.rung for one in attacks if one.rung != "scripted" and one.rung not in WHITE_BOX_RUNGS
-    ):
+    for rung in dict.fromkeys(one.rung for one in attacks if one.rung not in WITHOUT_SEARCH | WHITE_BOX_RUNGS):
         results = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
         if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
             yield f"{rung} never beat the scripts; a larger budget might"

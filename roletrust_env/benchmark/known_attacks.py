@@ -6,8 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from roletrust_env.benchmark.schema import Label
-from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.benchmark.schema import Label, Name
+from roletrust_env.evaluation.records import MAX_RECORD, read_record
 from roletrust_env.storage.untrusted import UntrustedModel, read_untrusted
 
 MAX_BYTES = 64_000_000
@@ -17,7 +17,7 @@ MAX_BYTES = 64_000_000
 class KnownAttack(UntrustedModel):
     """Attacker of a condition of a suite."""
 
-    name: Annotated[Label, Field(max_length=300)]
+    name: Name
     """Name in tables, which says how it was found and against which trust model."""
     scenario: Label
     """Name of the scenario in the suite."""
@@ -25,7 +25,7 @@ class KnownAttack(UntrustedModel):
     """Name of the track in the suite."""
     share: Annotated[float, Field(gt=0, lt=1)]
     """Share of compromised agents."""
-    finder: Annotated[str, Field(max_length=300)] = ""
+    finder: Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
     """Who found the attack. Empty for the project."""
     record: Annotated[str, Field(min_length=1, max_length=MAX_RECORD)]
     """Record of the attacker, see `roletrust_env.evaluation.records`."""
@@ -66,6 +66,19 @@ def check_names(attacks: Iterable[KnownAttack]) -> None:
         if key in seen:
             raise ValueError(f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} {one.share:.0%}")
         seen.add(key)
+
+
+def check_records(attacks: Iterable[KnownAttack]) -> None:
+    """Check that the attackers of known attacks can be made.
+
+    Raises:
+        ValueError: A record is not valid, or names what is not installed.
+    """
+    for one in attacks:
+        try:
+            read_record(one.record)
+        except ValueError as error:
+            raise ValueError(f"known attack {one.name!r}: {error}") from None
 
 
 def read_known_attacks(path: Path) -> tuple[KnownAttack, ...]:

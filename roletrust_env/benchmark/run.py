@@ -9,6 +9,7 @@ from typing import Any
 
 from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.entrants import Entrant, name_entrants, pack, temporary_registration
+from roletrust_env.benchmark.known_attacks import check_records
 from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.schema import CellResult, SuiteSchema
@@ -107,6 +108,7 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
             "attacks": tuple(dict.fromkeys(attacks)) or tuple(attack_names(suite)),
         }
     )
+    check_records(selected.known)
     for stage in selected.scenarios.values():
         for name in model_names(selected):
             parse_trust_model(name, stage.scenario())

@@ -14,7 +14,7 @@ from roletrust_env.benchmark.attackers import (
 )
 from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, task_arguments
 from roletrust_env.benchmark.schema import AttackResult, CellResult, reason
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite import WITHOUT_SEARCH, Suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
@@ -50,7 +50,12 @@ def play_cell(suite: Suite, cell: Cell, record: str = "") -> CellResult:
     steps = 0
     try:
         for batch in _attacks(suite, cell, task, arguments, record):
-            good, errors = _measure_batch(suite, cell, task, batch)
+            try:
+                good, errors = _measure_batch(suite, cell, task, batch)
+            except ValueError as error:
+                if cell.rung != "known":
+                    raise
+                good, errors = [], [f"attack {batch.names[0]}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
             steps += batch.rounds + 2 * (len(batch.names) + 1) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
@@ -119,7 +124,7 @@ def _attacks(
     suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments, record: str
 ) -> Iterator[AttackBatch]:
     """Yield the attacks of a cell in batches."""
-    if record:
+    if record and cell.rung not in WITHOUT_SEARCH:
         yield AttackBatch((cell.rung,), read_record(record), 0, "as recorded", record)
         return
     kinds = cell_kinds(suite, cell, task)

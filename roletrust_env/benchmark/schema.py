@@ -8,8 +8,14 @@ from pydantic import Field, PositiveFloat, model_validator
 from roletrust_env.evaluation.search import Progress
 from roletrust_env.world.base_model import FrozenModel
 
-Label = Annotated[str, Field(min_length=1, pattern=r"^[^|]+$")]
+Label = Annotated[str, Field(min_length=1, pattern=r"^[^|\x00-\x1f\x7f]+$")]
 """Name in a suite. A vertical bar is not allowed, since it separates the names in the key of a cell."""
+
+FORBIDDEN = r"[|/\\\x00-\x1f\x7f]"
+"""Characters that a name in a file of others must not have: path separators and control characters, too."""
+
+Name = Annotated[str, Field(min_length=1, max_length=300, pattern=rf"^[^{FORBIDDEN[1:-1]}]+$")]
+"""Name in a file of others, such as a submission."""
 
 
 class SuiteSchema(FrozenModel):

@@ -6,16 +6,17 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 from filelock import FileLock, Timeout
-from pydantic import FiniteFloat, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.sources import hashes
 from roletrust_env.benchmark.suite import read_suite
 from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 from roletrust_env.errors import explain
+from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.storage.provenance import software
 
 FORMAT = 3
@@ -41,6 +42,7 @@ CREATE TABLE attacks (
 
 _Numbers = list[FiniteFloat | None]
 _NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
+_RECORD = TypeAdapter(Annotated[str, Field(max_length=MAX_RECORD)])
 _PROGRESS = TypeAdapter(tuple[tuple[int, FiniteFloat], ...])
 
 
@@ -255,7 +257,8 @@ def _attack_result(named: tuple[str, str, int], chosen: str, measured: str, by_r
     """Return the result of a row. Rows of format 2 have nothing later than the curve."""
     scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
     record, progress = later or ("", "[]")
-    return AttackResult(*named, *scores, _NUMBERS.validate_json(by_round), record, _PROGRESS.validate_json(progress))
+    found = _RECORD.validate_python(record, strict=True), _PROGRESS.validate_json(progress)
+    return AttackResult(*named, *scores, _NUMBERS.validate_json(by_round), *found)
 
 
 def _quoted(text: str) -> str:

@@ -10,10 +10,10 @@ from pydantic import Field, ValidationError, model_validator
 
 from roletrust_env.benchmark.cells import Cell, attack_names, cells, model_names
 from roletrust_env.benchmark.leaderboard import leaderboard_rows
-from roletrust_env.benchmark.schema import AttackResult, CellResult
+from roletrust_env.benchmark.schema import AttackResult, CellResult, Name, check_unique
 from roletrust_env.benchmark.sources import Sha256, Source, Word, source_of
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.suite import Stage, Suite
+from roletrust_env.benchmark.suite import WITHOUT_SEARCH, Stage, Suite
 from roletrust_env.benchmark.worst_case import as_array
 from roletrust_env.errors import explain, suggest
 from roletrust_env.evaluation.records import MAX_RECORD
@@ -28,8 +28,6 @@ from roletrust_env.trust.model import registry as trust_models
 BASE_PRESET = "paper-3x3"
 """Preset of the scenarios. A submission sets all their fields, so that its suite needs no other file."""
 
-Name = Annotated[str, Field(min_length=1, max_length=300, pattern=r"^[^|/\\\x00-\x1f\x7f]+$")]
-"""Name in a suite, without path separators and control characters."""
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(ge=0, le=10**15)]
 
@@ -118,6 +116,15 @@ class CellClaim(UntrustedModel):
     def cell(self) -> Cell:
         """Cell of the claim."""
         return Cell(*(getattr(self, name) for name in Cell._fields))
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        check_unique(attacks=tuple(one.attack for one in self.attacks))
+        if self.rung in WITHOUT_SEARCH and self.record:
+            raise ValueError(f"{self.cell.key} has a record, but the rung {self.rung} does not search")
+        if self.rung not in WITHOUT_SEARCH and any(one.attack != self.rung for one in self.attacks):
+            raise ValueError(f"{self.cell.key} has other attacks than the one that the rung {self.rung} finds")
+        return self
 
     @property
     def record(self) -> str:

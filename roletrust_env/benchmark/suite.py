@@ -33,6 +33,9 @@ and is never the worst case."""
 PLANNER = "white-box planner"
 """Name of the rung that follows gradients."""
 
+WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", "nobody"})
+"""Rungs that play what is given, and that of cells in which everybody is honest."""
+
 WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
 """Rungs that use knowledge that a real attacker does not have."""
 
@@ -142,6 +145,8 @@ class Suite(SuiteSchema):
             if one.condition not in self.conditions:
                 where = f"{one.scenario}, {one.track} {one.share:g}"
                 raise ValueError(f"known attack {one.name!r} is for {where}, which the suite does not have")
+            if one.name in self.rungs or (self.attacks != "all" and one.name in self.attacks):
+                raise ValueError(f"known attack {one.name!r} has the name of another attack of the suite")
 
     @property
     def conditions(self) -> list[tuple[str, str, float]]:

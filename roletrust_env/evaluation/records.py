@@ -20,6 +20,8 @@ from roletrust_env.storage.untrusted import parse_json
 MAX_RECORD = 200_000
 """Maximum length of a record in characters."""
 
+_DEPTH = 4
+
 recorded_attackers: Registry[Attacker] = Registry(
     "kind of recorded attacker", "roletrust_env.recorded_attackers", Attacker
 )
@@ -108,21 +110,26 @@ def _plain(value: Any) -> Any:
     return {"name": policy_name(value), **{name: _plain(getattr(value, name)) for name in parameters}}
 
 
-def _policy(data: Any) -> Policy:
+def _policy(data: Any, depth: int = 0) -> Policy:
     """Return the policy of plain data. Without a name it is honest."""
+    if depth > _DEPTH:
+        raise ValueError(f"policies must not be nested more than {_DEPTH} deep")
     if not isinstance(data, dict):
         raise ValueError(f"a policy must be an object, not {str(data)[:100]!r}")
     if data.keys() == {"serves", "rates"}:
-        return Both(_policy(data["serves"]), _policy(data["rates"]))
+        return Both(_policy(data["serves"], depth + 1), _policy(data["rates"], depth + 1))
     if not data:
         return HONEST
     if not isinstance(data.get("name"), str):
         raise ValueError(f"a policy must have a name: {str(data)[:100]!r}")
-    return attackers.make(data["name"], **{key: _parameter(value) for key, value in data.items() if key != "name"})
+    if not isinstance(attackers.factory(data["name"]), type):
+        raise ValueError(f"a record may not name {data['name']!r}, which a function makes and which may read files")
+    parameters = {key: _parameter(value, depth + 1) for key, value in data.items() if key != "name"}
+    return attackers.make(data["name"], **parameters)
 
 
-def _parameter(value: Any) -> Any:
+def _parameter(value: Any, depth: int) -> Any:
     """Return a parameter of a policy, which may itself be a policy."""
     if isinstance(value, list):
         return tuple(value)
-    return _policy(value) if isinstance(value, dict) else value
+    return _policy(value, depth) if isinstance(value, dict) else value

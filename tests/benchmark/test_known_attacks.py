@@ -10,7 +10,7 @@ from benchmark_cases import results, tiny
 from roletrust_env.benchmark import Leaderboard, load_suite
 from roletrust_env.benchmark.attack_entries import make_entries
 from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, read_known_attacks
+from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, check_records, read_known_attacks
 from roletrust_env.benchmark.run_cell import find_attack, play_cell
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import with_known
@@ -65,7 +65,7 @@ def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) ->
     board = Leaderboard.of(suite, play(suite))
     names = {one.attack for one in board.attacks if one.rung == "known"}
     assert any(name.endswith("against role-trust") for name in names)
-    assert any(case.rung == "known" for case in worst_cases(board.attacks).values())
+    assert any(case.common.rung == "known" for case in worst_cases(board.attacks).values())
     assert board.rows[0].worst_attack in {one.attack for one in board.attacks}
 
 
@@ -86,6 +86,30 @@ def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
     cell = next(cell for cell in cells(suite) if cell.rung == "known")
     name = next(one.name for one in found.attacks if one.condition == cell[1:4])
     assert find_attack(suite, cell, name).batch.names == (name,)
+
+
+def test_a_known_attack_that_cannot_play_harms_no_other(found: KnownAttacks) -> None:
+    record = json.dumps({"kind": "scripts", "policies": {"nobody_7": {"name": "bad-mouthing"}}})
+    wrong = found.attacks[0].model_copy(update={"name": "wrong", "record": record})
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), [wrong, *found.attacks])
+    cell = next(cell for cell in cells(suite) if cell.rung == "known" and cell[1:4] == wrong.condition)
+    result = play_cell(suite, cell)
+    assert result.rows
+    assert result.failed.startswith("attack wrong: ")
+
+
+def test_the_worst_attacks_of_a_run_with_known_ones_are_these(found: KnownAttacks) -> None:
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"], attacks=["random-rating"]), found.attacks)
+    again, lost = make_entries(suite, play(suite))
+    assert lost == []
+    assert set(again.attacks) & set(found.attacks)
+
+
+def test_names_that_harm_terminals_or_files_are_refused() -> None:
+    with pytest.raises(ValueError, match="name"):
+        KnownAttack(**ONE | {"name": "a/b"})
+    with pytest.raises(ValueError, match="finder"):
+        KnownAttack(**ONE, finder="a\x1b[31m")
 
 
 def test_a_condition_without_known_attacks_is_said(found: KnownAttacks) -> None:
@@ -151,6 +175,10 @@ def test_attacks_that_no_suite_can_play_are_refused() -> None:
         tiny(known=[ONE])
     with pytest.raises(ValueError, match="give both or none"):
         tiny(rungs=["known"])
+    with pytest.raises(ValueError, match="has the name of another attack of the suite"):
+        tiny(rungs=["known"], known=[ONE | {"name": "on-off"}])
+    with pytest.raises(ValueError, match="known attack 'mine': the record of an attacker must be an object"):
+        check_records([one])
     with pytest.raises(ValueError, match="which the suite does not have"):
         tiny(rungs=["known"], known=[ONE | {"share": 0.4}])
     with pytest.raises(ValueError, match="no trust model 'men'"):

@@ -71,6 +71,11 @@ def trust(attacker: object) -> Array:
     return watch(TASK, attacker, 0, (1, 2)).trust  # type: ignore[arg-type]
 
 
+def test_weights_that_are_no_real_numbers_are_refused() -> None:
+    network = DeepSet.unflatten(DeepSetArchitecture(), np.zeros(DeepSetArchitecture().size, np.complex64))
+    assert record_of(CoalitionAttacker(network)) == ""
+
+
 def test_what_has_no_record_says_so_by_an_empty_text() -> None:
     assert record_of(OpenLoop(np.zeros((3, 2)))) == ""
     assert record_of(Scripted({"sr_0": Unnamed()})) == ""
@@ -97,6 +102,11 @@ COALITION = json.loads(record_of(CoalitionAttacker(universal_coalitions()["unive
         ('{"kind": "scripts", "policies": {"sr_0": {"name": "bad-mouthing", "start": "x"}}}', "start"),
         ('{"kind": "scripts", "policies": {"sr_0": NaN}}', "NaN"),
         ('{"kind": "scripts", "name": "coalition"}', "name"),
+        ('{"kind": "scripts", "policies": {"sr_0": {"name": "learned", "path": "x"}}}', "may not name 'learned'"),
+        (
+            '{"kind": "scripts", "policies": {"a": ' + '{"rates": {}, "serves": ' * 9 + "{}" + "}" * 11,
+            "nested more than",
+        ),
         (json.dumps(COALITION | {"weights": 3}), "base64"),
         (json.dumps(COALITION | {"weights": "AAAA"}), "safetensors"),
         (json.dumps(COALITION | {"weights": COALITION["weights"][:-400]}), "safetensors"),

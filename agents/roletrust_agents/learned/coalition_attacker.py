@@ -4,6 +4,8 @@ from base64 import b64decode, b64encode
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import Decider
 from roletrust_agents.learned.network_attacker import NetworkAttacker
@@ -65,7 +67,10 @@ def recorded_coalition(units: int, weights: str) -> CoalitionAttacker:
         data = b64decode(weights, validate=True)
     except (TypeError, ValueError):
         raise ValueError("the weights of a recorded coalition must be a text in base64") from None
-    network = DeepSet(DeepSetArchitecture(units=units), read_weights(data))
+    arrays = read_weights(data)
+    if any(weights.dtype not in (np.float32, np.float64) for weights in arrays.values()):
+        raise ValueError("the weights of a recorded coalition must be numbers of single or double precision")
+    network = DeepSet(DeepSetArchitecture(units=units), arrays)
     if network.weights["layer2.bias"].ndim != 1:
         raise ValueError("the weights of a recorded coalition must be those of one network")
     return CoalitionAttacker(network)

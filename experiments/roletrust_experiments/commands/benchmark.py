@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from roletrust_env.benchmark.cells import attack_names, cells, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.cost_estimate import estimate_cost
-from roletrust_env.benchmark.known_attacks import read_known_attacks
+from roletrust_env.benchmark.known_attacks import check_records, read_known_attacks
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.pool import LocalPool, Pool, cores
 from roletrust_env.benchmark.remaining_time import RemainingTime
@@ -146,7 +146,7 @@ def benchmark(
     if known is not None:
         if isinstance(asked, LearnersSuite):
             raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
-        asked = with_known(asked, read_known_attacks(known))
+        asked = _with_known(asked, known)
     if dry_run:
         _tell_cost(asked, workers)
         names = [*option("--model", model), *option("--attack", attack), *option("--learner", learner)]
@@ -244,6 +244,16 @@ def _asked(
         check_installed(attackers, suite.attacks)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
     return with_names(suite, _expanded(model, model_names(everything)), _expanded(attack, attack_names(everything)))
+
+
+def _with_known(suite: Suite, file: Path) -> Suite:
+    """Return the suite with the known attacks of a file, and say how many do not fit."""
+    attacks = read_known_attacks(file)
+    check_records(attacks)
+    found = with_known(suite, attacks)
+    if left := len(attacks) + len(suite.known) - len(found.known):
+        console.print(f"[yellow]{left} known attacks are for conditions that {escape(suite.name)} lacks.[/]")
+    return found
 
 
 def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[str]:

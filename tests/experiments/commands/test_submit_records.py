@@ -60,3 +60,23 @@ def test_a_record_of_another_attacker_is_found(tmp_path: Path, found_elsewhere: 
     code, told = verified_text(tmp_path / "theirs.json", json.dumps(said))
     assert code == 1
     assert words in told
+
+
+def test_a_search_has_one_attack_and_others_have_no_record(tmp_path: Path, found_elsewhere: str) -> None:
+    def refused(change: str) -> str:
+        said = json.loads(found_elsewhere)
+        for claim in said["cells"]:
+            if claim["rung"] != "random search":
+                if change == "record":
+                    claim["attacks"][0]["record"] = "{}"
+            elif change == "twice":
+                claim["attacks"] *= 2
+            elif change == "other":
+                claim["attacks"][0]["attack"] = "evolution"
+        code, told = verified_text(tmp_path / "theirs.json", json.dumps(said))
+        assert code == 2, told
+        return told
+
+    assert "must not contain a value twice" in refused("twice")
+    assert "other attacks than the one" in refused("other")
+    assert "has a record, but the rung nobody does not search" in refused("record")
