@@ -111,11 +111,13 @@ attackers: setup
 	$(FIVE_RUNS) --track raters --share 0.5 --out $(OUT)/crowd-raters
 	$(FIVE_RUNS) --out $(OUT)/crowd-coalition
 	$(FIVE_RUNS) --scenario market --track raters --out $(OUT)/market-raters
-	$(BIN)/roletrust transfer --out $(OUT)/transfer
+	$(BIN)/roletrust budget --way evolution --way 'coalition PPO' --way 'coalition PPO:start=random' --budget 100000 --runs 5 \
+	  --track raters --share 0.5 $(FIVE) --out $(OUT)/ppo
+	$(BIN)/roletrust transfer --games 50 --out $(OUT)/transfer
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
-	for name in crowd-raters crowd-coalition market-raters; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
+	for name in crowd-raters crowd-coalition market-raters ppo; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 
 # Which learner finds coalitions with how many rounds; some minutes on two cores.
 learners: setup
