@@ -45,7 +45,7 @@ def run(seed: int, cells: int = 10, attacks: int = 5, raised: float = 0.0) -> li
 
 def claimed(results: list[CellResult]) -> list[CellClaim]:
     """What a submission says of them."""
-    return [make_claim(Cell("m", "s", "t", 0.3, str(k), 0), result) for k, result in enumerate(results)]
+    return [make_claim(Cell("m", "s", "t", 0.3, "scripted", k), result) for k, result in enumerate(results)]
 
 
 def test_honest_runs_with_noise_of_their_own_are_accepted() -> None:

@@ -120,7 +120,7 @@ def truncate(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("spoil", "words"),
-    [(truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version reads")],
+    [(truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version continues 3")],
 )
 def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, spoil: object, words: str) -> None:
     benchmark()

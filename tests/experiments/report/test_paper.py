@@ -85,13 +85,13 @@ def test_the_table_has_the_leaderboard_and_no_command_of_a_name(folder: Path, co
     assert not any("input" in line for line in lines)
     start, end = lines.index(r"\midrule"), lines.index(r"\bottomrule")
     for line, row in zip(lines[start + 1 : end], board.rows, strict=True):
-        rank, model, clean, worst, attack, *rest = re.split(r"(?<!\\) & ", line.removesuffix(r" \\"))
-        assert (rank, model) == (str(row.rank), escape(row.model))
+        tier, rank, model, clean, worst, attack, *rest = re.split(r"(?<!\\) & ", line.removesuffix(r" \\"))
+        assert (tier, rank, model) == (str(row.tier), str(row.rank), escape(row.model))
         assert clean == rf"{row.clean.mean:.3f} $\pm$ {row.clean.half:.3f}"
         assert worst == rf"{row.worst.mean:.3f} $\pm$ {row.worst.half:.3f}"
         assert attack == escape(f"{row.worst_attack} ({row.worst_condition})")
         assert len(rest) == 4
-    assert lines[0] == r"\begin{tabular}{@{}rlrrlrrrr@{}}"
+    assert lines[0] == r"\begin{tabular}{@{}rrlrrlrrrr@{}}"
 
 
 def test_latex_prints_special_letters() -> None:
