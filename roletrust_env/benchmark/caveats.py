@@ -162,9 +162,11 @@ def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
 
 def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield conditions in which no attack can be played, so that they do not count."""
-    played = {(one.condition.track, one.condition.share) for one in attacks}
-    for name, track in suite.tracks.items():
-        idle = [share for share in track.shares if (name, share) not in played]
+    played = {one.condition[1:] for one in attacks}
+    for name in suite.tracks:
+        idle = dict.fromkeys(
+            share for _, track, share in suite.conditions if track == name and (name, share) not in played
+        )
         if attacks and idle:
             shares = ", ".join(f"{share:g}" for share in idle)
             yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"

@@ -48,8 +48,8 @@ def cells(suite: Suite) -> list[Cell]:
     result = []
     for model in model_names(suite):
         for scenario in suite.scenarios:
-            for name, track in suite.tracks.items():
-                ways: list[tuple[float, str]] = [(share, rung) for share in track.shares for rung in suite.rungs]
+            for name, shares in suite.shares_in(scenario).items():
+                ways: list[tuple[float, str]] = [(share, rung) for share in shares for rung in suite.rungs]
                 ways = ways or [(0.0, HONEST)]
                 result += [Cell(model, scenario, name, *way, seed) for way in ways for seed in suite.seeds]
     return result
@@ -80,6 +80,20 @@ def factories(suite: Suite) -> dict[str, Callable[..., Any]]:
     return models | {f"attack {name}": named_factory(attackers, name) for name in attack_names(suite)}
 
 
+def rules(suite: Suite, cell: Cell) -> tuple[object, ...]:
+    """Return all fields of a suite that the result of a cell depends on.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+    """
+    stage, track = suite.scenarios[cell.scenario], suite.tracks[cell.track]
+    world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), suite.places, suite.consumers
+    known = [one for one in suite.known if cell.rung == "known" and one.condition == cell[1:4]]
+    attacks = known, attack_names(suite), suite.budget_of(cell.rung, cell.scenario)
+    return *world, *attacks, suite.games, suite.limit_s
+
+
 class AttackedScenario(NamedTuple):
     """Scenario of a cell, with the names of its compromised agents."""
 
@@ -108,7 +122,13 @@ def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
     roster, names = Roster.of(scenario), []
     for role in track.roles:
         known = [name for name in roster.owner_names if roster.role(name) == role]
-        names += known[len(known) - _number(cell, role, len(known)) :]
+        number = track.compromised(cell.share, len(known))
+        if number >= len(known):
+            raise ValueError(
+                f"track {cell.track!r} compromises {number} of {len(known)} agents with the role {role} in scenario "
+                f"{cell.scenario!r}; at least one must be honest"
+            )
+        names += known[len(known) - number :]
     return AttackedScenario(scenario, tuple(names))
 
 
@@ -151,23 +171,12 @@ def objective(rung: str, roles: Sequence[str]) -> Objective:
     return "exploit" if tuple(roles) == ("SP",) else "damage"
 
 
-def _number(cell: Cell, role: str, known: int) -> int:
-    """Return the number of compromised agents of a role."""
-    number = max(1, round(cell.share * known))
-    if number >= known:
-        raise ValueError(
-            f"track {cell.track!r} compromises {number} of {known} agents with the role {role} in scenario "
-            f"{cell.scenario!r}; at least one must be honest"
-        )
-    return number
-
-
 def _with_reserve(scenario: Scenario, track: Track, share: float) -> Scenario:
     """Return the scenario with reserve identities for the last agents of each compromised role."""
     groups = [group.model_dump() for group in scenario.agents]
     for role in track.roles:
         of_role = [group for group in groups if group["role"] == role]
-        left = max(1, round(share * sum(group["count"] for group in of_role)))
+        left = track.compromised(share, sum(group["count"] for group in of_role))
         for group in reversed(of_role):
             number = min(left, group["count"])
             left -= number

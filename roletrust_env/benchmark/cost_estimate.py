@@ -82,7 +82,7 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         return 0, each * (len(attack_names(suite)) + 1)
     if cell.rung == "known":
         return 0, 2 * each * sum(one.condition == cell[1:4] for one in suite.known)
-    return suite.budget_of(cell.rung), 2 * each
+    return suite.budget_of(cell.rung, cell.scenario), 2 * each
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:
@@ -106,7 +106,7 @@ def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
         began = process_time()
         try:
             search = make_search(cell.rung).search(
-                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung), budget)), cell.seed
+                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung, cell.scenario), budget)), cell.seed
             )
         except UnsuitableError:
             continue

@@ -5,7 +5,7 @@ model that ignores ratings has exactly this utility in every condition, and is r
 blind choice is 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +31,8 @@ class LeaderboardRow(NamedTuple):
         model: Name of the model.
         clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
         worst: Mean score of the worst case over the conditions.
+        published: Mean score of the worst case if the consumers went by published trust.
+        ensemble: Mean score of the worst case without the known attacks that others have found.
         open_worst: Mean score of the worst case if rungs with more knowledge than a real attacker count, too.
         damage: Loss of trust of honest agents in the worst case.
         false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
@@ -46,6 +48,8 @@ class LeaderboardRow(NamedTuple):
     model: str
     clean: Estimate
     worst: Estimate
+    published: Estimate
+    ensemble: Estimate
     open_worst: Estimate
     damage: Estimate
     false_alarms: Estimate
@@ -91,18 +95,24 @@ def leaderboard_rows(
     """
     attacks = attack_scores(stored, suite.score) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
-    black_box, white_box = worst_cases(attacks), worst_cases(attacks, WHITE_BOX_RUNGS)
+    entered = {(one.name, one.condition) for one in suite.known if one.finder}
+    own = [one for one in attacks if (one.attack, tuple(one.condition)) not in entered]
+    black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, WHITE_BOX_RUNGS)
     clean = [one for one in black_box.values() if one.condition.track in honest]
-    attacked = [one for one in black_box.values() if one.condition.track not in honest]
-    open_attacked = [one for one in white_box.values() if one.condition.track not in honest]
+    attacked, ensemble, open_attacked = (
+        [one for one in cases.values() if one.condition.track not in honest]
+        for cases in (black_box, without, white_box)
+    )
     worst = _table(attacked, models)
     columns = {
         "clean": _table(clean, models),
         "worst": worst,
+        "published": _table(attacked, models, lambda one: one.published),
+        "ensemble": _table(ensemble, models),
         "open_worst": _table(open_attacked, models),
-        "damage": _table(attacked, models, "damage"),
-        "false_alarms": _table(clean, models, "false_alarms"),
-        "detection": _table(attacked, models, "auc"),
+        "damage": _table(attacked, models, lambda one: one.measured["damage"]),
+        "false_alarms": _table(clean, models, lambda one: one.measured["false_alarms"]),
+        "detection": _table(attacked, models, lambda one: one.measured["auc"]),
     }
     estimates = {name: over_seeds(values, len(models)).estimates for name, values in columns.items()}
     rows = []
@@ -115,6 +125,8 @@ def leaderboard_rows(
             model=model,
             clean=estimates["clean"][k],
             worst=estimates["worst"][k],
+            published=estimates["published"][k],
+            ensemble=estimates["ensemble"][k],
             open_worst=estimates["open_worst"][k],
             damage=estimates["damage"][k],
             false_alarms=estimates["false_alarms"][k],
@@ -147,16 +159,18 @@ def _order(worst: float, clean: float) -> tuple[float, float]:
     return tuple(np.inf if np.isnan(x) else -round(x, DIGITS) for x in (worst, clean))  # type: ignore[return-value]
 
 
-def _table(cases: Sequence[WorstCase], models: Sequence[str], name: str = "") -> Floats:
+def _table(
+    cases: Sequence[WorstCase], models: Sequence[str], value: Callable[[WorstCase], Floats] = lambda one: one.score
+) -> Floats:
     """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN without a condition.
 
     Args:
         cases: Worst cases of the models.
         models: Names of the models.
-        name: Name of a score in `WorstCase.measured`. Empty means the score on the scale of the suite.
+        value: Function that returns the value of a worst case, shape (S, G).
     """
     table = np.full((len(models), *(cases[0].score.shape if cases else (1, 1))), np.nan)
     for k, model in enumerate(models):
-        if mine := [one.measured[name] if name else one.score for one in cases if one.model == model]:
+        if mine := [value(one) for one in cases if one.model == model]:
             table[k] = mean_or_nan(np.stack(mine), axis=0)
     return table

@@ -18,18 +18,26 @@ from roletrust_env.storage.files import write_csv
 if TYPE_CHECKING:
     import pandas as pd
 
-_CAPTION = (
-    "{score} of choosing by trust, ± half the 95% interval over the {runs}; tier: models that are not told apart from "
-    "the first one of the tier, at 5% for the whole table; clean: all agents honest; worst: mean of the worst case "
-    "over the conditions, chosen in other games; worst attack: the attack in the condition with the least {score}; "
-    "damage, AUC: in the worst case; alarms: share of honest agents with trust below 0.5 while all agents are honest; "
-    "holds: probability of the same rank in another run with new {runs}"
-)
+_MEANINGS = {
+    "tier": "models that are not told apart from the first one of the tier, at 5% for the whole table",
+    "rank": "",
+    "model": "",
+    "clean": "all agents honest",
+    "worst": "mean of the worst case over the conditions, chosen in other games",
+    "published": "the worst case if consumers went by published trust",
+    "ensemble": "the worst case without the attacks that others have found",
+    "worst attack": "the attack in the condition with the least {score}",
+    "damage": "loss of trust of honest agents in the worst case",
+    "alarms": "share of honest agents with trust below 0.5 while all agents are honest",
+    "AUC": "detection of attackers by trust in the worst case",
+    "holds": "probability of the same rank in another run with new {runs}",
+}
+"""Meaning of each column."""
 
-COLUMNS = ("tier", "rank", "model", "clean", "worst", "worst attack", "damage", "alarms", "AUC", "holds")
-"""Columns of the displayed table."""
+COLUMNS = tuple(_MEANINGS)
+"""Columns of the displayed table, see `Leaderboard.columns`."""
 
-_MODEL = COLUMNS.index("model")
+_LEFT = ("model", "worst attack")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +72,26 @@ class Leaderboard:
         return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns that say something in this run.
+
+        All of `COLUMNS`, but `published` only if the consumers are raters, and `ensemble` only if others have found
+        attacks.
+        """
+        idle = set()
+        if self.suite.consumers == "public":
+            idle.add("published")
+        if not any(one.finder for one in self.suite.known):
+            idle.add("ensemble")
+        return tuple(name for name in COLUMNS if name not in idle)
+
+    @property
     def caption(self) -> str:
         """Explanation of the columns."""
         runs = "games and seeds" if len(self.suite.seeds) > 1 else "games"
-        return _CAPTION.format(score=self.suite.score, runs=runs)
+        meanings = [f"{name}: {_MEANINGS[name]}" for name in self.columns if _MEANINGS[name]]
+        text = f"{{score}} of choosing by trust, ± half the 95% interval over the {{runs}}; {'; '.join(meanings)}"
+        return text.format(score=self.suite.score, runs=runs)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame with the columns of `to_csv`.
@@ -87,34 +111,32 @@ class Leaderboard:
         """
         write_csv(Path(path), HEADER, [row.line() for row in self.rows])
 
-    def to_markdown(self, columns: Sequence[str] = COLUMNS) -> str:
+    def to_markdown(self, columns: Sequence[str] | None = None) -> str:
         """Return the rows as a table in Markdown.
 
         Args:
-            columns: Columns among `COLUMNS`.
+            columns: Columns among `COLUMNS`. None means those of `columns`.
 
         Raises:
             ValueError: A column is unknown.
         """
-        selected = _indices(columns)
-        aligned = [":---" if COLUMNS[k] in ("model", "worst attack") else "---:" for k in selected]
-        lines = [[COLUMNS[k] for k in selected], aligned]
+        selected = self.columns if columns is None else tuple(columns)
+        for name in selected:
+            if name not in COLUMNS:
+                raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")
+        lines = [list(selected), [":---" if name in _LEFT else "---:" for name in selected]]
         for row in self.rows:
             texts = row_texts(row, " ± ")
-            texts[_MODEL] = f"`{texts[_MODEL]}`"
-            lines.append([texts[k].replace("|", "&#124;") for k in selected])
+            texts["model"] = f"`{texts['model']}`"
+            lines.append([texts[name].replace("|", "&#124;") for name in selected])
         return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""
-        lines = [list(COLUMNS), *(row_texts(row, "±") for row in self.rows)]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        left = {_MODEL, COLUMNS.index("worst attack")}
+        lines = [dict(zip(COLUMNS, COLUMNS, strict=True)), *(row_texts(row, "±") for row in self.rows)]
+        widths = {name: max(len(line[name]) for line in lines) for name in self.columns}
         text = [
-            "  ".join(
-                cell.ljust(w) if k in left else cell.rjust(w)
-                for k, (cell, w) in enumerate(zip(line, widths, strict=True))
-            )
+            "  ".join(f"{line[name]:{'<' if name in _LEFT else '>'}{width}}" for name, width in widths.items())
             for line in lines
         ]
         title = f"Leaderboard, suite {self.suite.name}"
@@ -122,9 +144,10 @@ class Leaderboard:
 
     def _repr_html_(self) -> str:
         """Return the rows as an HTML table for a notebook."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in COLUMNS)
+        head = "".join(f"<th>{escape(name)}</th>" for name in self.columns)
+        texts = [row_texts(row, " ± ") for row in self.rows]
         body = "".join(
-            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row_texts(row, ' ± '))}</tr>" for row in self.rows
+            f"<tr>{''.join(f'<td>{escape(text[name])}</td>' for name in self.columns)}</tr>" for text in texts
         )
         caveats = "".join(f"<li>{escape(line)}</li>" for line in self.caveats)
         title = f"Leaderboard, suite {escape(self.suite.name)}"
@@ -134,8 +157,8 @@ class Leaderboard:
         )
 
 
-def row_texts(row: LeaderboardRow, between: str) -> list[str]:
-    """Return a row as text, in the order of `COLUMNS`.
+def row_texts(row: LeaderboardRow, between: str) -> dict[str, str]:
+    """Return a row as text, by the names in `COLUMNS`.
 
     Args:
         row: Row of a leaderboard.
@@ -143,23 +166,20 @@ def row_texts(row: LeaderboardRow, between: str) -> list[str]:
     """
     worst = f"{row.worst_attack} ({row.worst_condition})" if row.worst_attack else "-"
     holds = "-" if row.holds != row.holds else f"{row.holds:.0%}"
-    return [
-        "-" if row.tier is None else str(row.tier),
-        str(row.rank),
-        row.model,
-        _estimate(row.clean, between),
-        _estimate(row.worst, between),
-        worst,
-        *(_estimate(one) for one in (row.damage, row.false_alarms, row.detection)),
-        f"{row.missing} failed or missing" if row.missing else holds,
-    ]
-
-
-def _indices(columns: Sequence[str]) -> list[int]:
-    for name in columns:
-        if name not in COLUMNS:
-            raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")
-    return [COLUMNS.index(name) for name in columns]
+    return {
+        "tier": "-" if row.tier is None else str(row.tier),
+        "rank": str(row.rank),
+        "model": row.model,
+        "clean": _estimate(row.clean, between),
+        "worst": _estimate(row.worst, between),
+        "published": _estimate(row.published, between),
+        "ensemble": _estimate(row.ensemble, between),
+        "worst attack": worst,
+        "damage": _estimate(row.damage),
+        "alarms": _estimate(row.false_alarms),
+        "AUC": _estimate(row.detection),
+        "holds": f"{row.missing} failed or missing" if row.missing else holds,
+    }
 
 
 def _estimate(estimate: Estimate, between: str = "") -> str:

@@ -139,7 +139,7 @@ def _attacks(
             yield AttackBatch((one.name,), read_record(one.record), 0, one.words)
         return
     method = make_search(cell.rung, list(kinds.values()))
-    search = method.search(arguments, Budget(suite.budget_of(cell.rung)), cell.seed)
+    search = method.search(arguments, Budget(suite.budget_of(cell.rung, cell.scenario)), cell.seed)
     found = record_of(search.attacker)
     yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, found, search.progress)
 

@@ -1,4 +1,7 @@
-"""Storage of results: one SQLite file for each run. A stopped run continues from its file."""
+"""Storage of results: one SQLite file for each run. A stopped run continues from its file.
+
+It also continues with a larger suite, for example with further models, seeds or rungs.
+"""
 
 import json
 import platform
@@ -67,8 +70,8 @@ class Store:
         overwrite: Delete the previous content of the file. This fails while another run writes to it.
 
     Raises:
-        ValueError: The file does not exist, is damaged, is being written by another run, or has another format,
-            suite, software or source.
+        ValueError: The file does not exist, is damaged, is being written by another run, has another format, software
+            or source, or has cells that the suite lacks or plays in another way.
         OSError: The file cannot be written.
     """
 
@@ -179,18 +182,35 @@ class Store:
         return facts
 
     def _check(self, suite: AnySuite) -> None:
-        """Check that the run to continue has the same suite, software and sources."""
-        if self.suite != suite:
+        """Check that the run to continue has the same software and sources, and go on with the suite."""
+        if self.suite != suite and not self._extended_by(suite):
             names = [
                 name for name in type(suite).model_fields if getattr(self.suite, name, None) != getattr(suite, name)
             ]
             raise ValueError(
-                f"{self.path} holds another suite (different: {', '.join(names)}); give another --out, or start "
-                "again with --force"
+                f"{self.path} holds another suite (different: {', '.join(names)}), and the new one lacks cells that "
+                "were played, or plays them in another way; give another --out, or start again with --force"
             )
         if self.software != software():
             raise ValueError(f"{self.path} was written with other software versions; start again with --force")
         self.check_sources(suite)
+        if self.suite != suite:
+            sources = {**self._sources, **hashes(suite_type(suite).factories(suite))}
+            facts = {"suite": suite.model_dump(mode="json"), "sources": sources}
+            with self._transaction() as file:
+                rows = [(json.dumps(value), name) for name, value in facts.items()]
+                file.executemany("UPDATE facts SET value = ? WHERE name = ?", rows)
+            self.suite, self._sources = suite, sources
+
+    def _extended_by(self, suite: AnySuite) -> bool:
+        """Return whether a suite contains all cells in the file, and plays them in the same way."""
+        if type(suite) is not type(self.suite):
+            return False
+        kind = suite_type(suite)
+        known = {cell.key for cell in kind.cells(suite)}
+        with self._reading() as file:
+            played = [kind.cell(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")]
+        return all(cell.key in known and kind.rules(self.suite, cell) == kind.rules(suite, cell) for cell in played)
 
     def check_sources(self, suite: AnySuite) -> None:
         """Check that the models, attacks and learners have the same source as when they were played.

@@ -72,6 +72,7 @@ class ClaimedMetrics(UntrustedModel):
     """Scores of an attack, by the names of `MEASURED`."""
 
     utility: Score
+    published: Score = Score(mean=None, half_95=None)  # results of earlier versions lack it
     blind: Score
     damage: Score
     false_alarms: Score
@@ -146,6 +147,8 @@ class ModelScores(UntrustedModel):
 
     clean: Score
     worst: Score
+    published: Score
+    ensemble: Score
     open_worst: Score
     damage: Score
     false_alarms: Score

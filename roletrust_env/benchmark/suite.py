@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -54,6 +55,11 @@ class Stage(FrozenModel):
     """Name of a scenario, or path of its file."""
     set: dict[str, Any] = Field(default_factory=dict)
     """Changed fields of the scenario."""
+    shares: dict[Label, tuple[_Part, ...]] | None = None
+    """Tracks that are played in the scenario, and the shares of compromised agents there. None means all tracks of the
+    suite with all their shares."""
+    budgets: dict[str, PositiveInt] = Field(default_factory=dict)
+    """Budgets of single rungs in the scenario where they differ from those of the suite."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -75,6 +81,9 @@ class Track(FrozenModel):
     """Shares of compromised agents in each of these roles. The number is rounded and at least one."""
     reserve: Annotated[int, Field(ge=0, le=100)] = 0
     """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
+    counted: Literal["agents", "identities"] = "agents"
+    """Unit of the shares: agents, or, in a track with reserve identities, identities. Then a share is that of all
+    identities of compromised agents among all identities."""
     set: dict[str, Any] = Field(default_factory=dict)
     """Changed fields of every scenario."""
 
@@ -84,7 +93,20 @@ class Track(FrozenModel):
             raise ValueError("roles and shares must both be given, or both be empty if all agents are honest")
         if self.reserve and not self.roles:
             raise ValueError(f"reserve is {self.reserve}, but the track has no compromised agents")
+        if self.counted == "identities" and not self.reserve:
+            raise ValueError("counted is 'identities', but reserve is 0: each agent has one identity")
         return self
+
+    def compromised(self, share: float, agents: int) -> int:
+        """Return the number of compromised agents of a role.
+
+        Args:
+            share: Share of the track.
+            agents: Number of all agents of the role.
+        """
+        spare = self.reserve if self.counted == "identities" else 0
+        # n agents with r reserve identities each are a share x of N + r n identities if n (1 + r) = x (N + r n).
+        return max(1, round(share * agents / (1 + spare - share * spare)))
 
 
 class Suite(SuiteSchema):
@@ -128,14 +150,27 @@ class Suite(SuiteSchema):
             raise ValueError("models and attacks must not be empty")
         check_unique(rungs=self.rungs)
         check_names(self.known)
+        self._check_stages()
         self._check_known()
-        for rung in self.budgets:
-            if rung not in self.rungs:
-                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
         for what, names in (("models", self.models), ("attacks", self.attacks)):
             if not isinstance(names, str):
                 check_unique(**{what: names})
         return self
+
+    def _check_stages(self) -> None:
+        """Check that the rungs and tracks that budgets and scenarios name exist."""
+        for rung in chain(self.budgets, *(stage.budgets for stage in self.scenarios.values())):
+            if rung not in self.rungs:
+                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
+        for name, stage in self.scenarios.items():
+            for track, shares in (stage.shares or {}).items():
+                if track not in self.tracks:
+                    raise ValueError(f"shares of scenario {name!r} names the track {track!r}, which does not exist")
+                if bool(shares) != bool(self.tracks[track].roles):
+                    raise ValueError(
+                        f"shares of scenario {name!r}: a track has shares if it has compromised agents; {track!r} has "
+                        f"{len(self.tracks[track].roles)} roles of compromised agents and {len(shares)} shares"
+                    )
 
     def _check_known(self) -> None:
         """Check that there are known attacks if and only if they are played, and that their conditions exist."""
@@ -151,12 +186,21 @@ class Suite(SuiteSchema):
     @property
     def conditions(self) -> list[tuple[str, str, float]]:
         """Scenario, track and share of each condition in which models are attacked."""
-        tracks = self.tracks.items()
-        return [(stage, name, share) for stage in self.scenarios for name, track in tracks for share in track.shares]
+        return [
+            (scenario, track, share)
+            for scenario in self.scenarios
+            for track, shares in self.shares_in(scenario).items()
+            for share in shares
+        ]
 
-    def budget_of(self, rung: str) -> int:
-        """Return the budget of a rung in a cell, in game rounds."""
-        return self.budgets.get(rung, self.budget)
+    def shares_in(self, scenario: str) -> dict[str, tuple[float, ...]]:
+        """Return the shares of compromised agents in a scenario by track. A track without any is honest."""
+        own = self.scenarios[scenario].shares
+        return {name: track.shares for name, track in self.tracks.items()} if own is None else own
+
+    def budget_of(self, rung: str, scenario: str) -> int:
+        """Return the budget of a rung in a cell of a scenario, in game rounds."""
+        return self.scenarios[scenario].budgets.get(rung, self.budgets.get(rung, self.budget))
 
 
 def suites() -> dict[str, str]:

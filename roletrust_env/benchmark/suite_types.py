@@ -6,7 +6,7 @@ Pools and the store use no other knowledge of a suite.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from roletrust_env.benchmark.cells import Cell, cells, factories
+from roletrust_env.benchmark.cells import Cell, cells, factories, rules
 from roletrust_env.benchmark.learners import search_methods
 from roletrust_env.benchmark.learners.run_trial import play_trial
 from roletrust_env.benchmark.learners.suite import LearnersSuite, Trial, trials
@@ -26,17 +26,19 @@ class SuiteType(NamedTuple):
         cells: Function that returns all cells of a suite.
         play: Function that plays a cell of a suite. That of a robustness suite also takes the record of an attacker.
         factories: Function that returns the factories of everything that a suite names and users may replace.
+        rules: Function that returns all fields of a suite that the result of a cell depends on.
     """
 
     cell: Callable[..., AnyCell]
     cells: Callable[[Any], list[Any]]
     play: Callable[..., CellResult]
     factories: Callable[[Any], dict[str, Callable[..., Any]]]
+    rules: Callable[[Any, Any], object]
 
 
 _TYPES = {
-    "robustness": SuiteType(Cell, cells, play_cell, factories),
-    "learners": SuiteType(Trial, trials, play_trial, search_methods.factories),
+    "robustness": SuiteType(Cell, cells, play_cell, factories, rules),
+    "learners": SuiteType(Trial, trials, play_trial, search_methods.factories, lambda suite, _: suite),
 }
 
 

@@ -153,8 +153,9 @@ def _suite(submission: Submission) -> Suite:
     _check_same("models", suite.models, submission.models)
     _check_same("attacks", suite.attacks, submission.attacks)
     _check_same("standings", suite.models, submission.standings)
-    ways = sum(len(track.shares) * len(suite.rungs) or 1 for track in suite.tracks.values())
-    number = len(suite.models) * len(suite.scenarios) * ways * len(suite.seeds)
+    conditions = [shares for scenario in suite.scenarios for shares in suite.shares_in(scenario).values()]
+    ways = sum(len(shares) * len(suite.rungs) or 1 for shares in conditions)
+    number = len(suite.models) * ways * len(suite.seeds)
     if number != len(submission.cells):  # checked before the cells are created
         raise ValueError(f"cells: there are {len(submission.cells)}; the suite has {number}")
     _check_same("cells", [cell.key for cell in cells(suite)], [claim.cell.key for claim in submission.cells])

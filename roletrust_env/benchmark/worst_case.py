@@ -56,6 +56,7 @@ class AttackScores(NamedTuple):
         chosen: Score in the games for choosing, on the scale of the suite, shape (S, G).
         measured: Scores in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
         score: Score in the games for measuring, on the scale of the suite, shape (S, G).
+        published: Same score if the consumers went by published trust; NaN in results that do not have it.
         by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
     """
 
@@ -67,6 +68,7 @@ class AttackScores(NamedTuple):
     chosen: Floats
     measured: Mapping[str, Floats]
     score: Floats
+    published: Floats
     by_round: Floats
 
 
@@ -79,6 +81,7 @@ class WorstCase(NamedTuple):
         choices: Attack of each seed.
         measured: Scores of these attacks in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
         score: Score of these attacks in the games for measuring, on the scale of the suite, shape (S, G).
+        published: Same score if the consumers went by published trust.
     """
 
     model: str
@@ -86,6 +89,7 @@ class WorstCase(NamedTuple):
     choices: tuple[AttackScores, ...]
     measured: Mapping[str, Floats]
     score: Floats
+    published: Floats
 
     @property
     def common(self) -> AttackScores:
@@ -137,7 +141,10 @@ def attack_scores(stored: Iterable[StoredCell], scale: Scale = "utility") -> lis
             {name: table(rows, part, name) for name in getattr(first, part)} for part in ("chosen", "measured")
         )
         by_round = mean_or_nan(np.stack([as_array(row.by_round) for row in rows.values()]), axis=0)
-        scores = _to_choose(chosen, scale), measured, _to_count(measured, scale)
+        undefined = np.full_like(measured["utility"], np.nan)
+        by_published = measured | {"utility": measured.get("published", undefined)}
+        counted = _to_count(measured, scale), _to_count(by_published, scale)
+        scores = _to_choose(chosen, scale), measured, *counted
         found.append(AttackScores(model, condition, attack, rung, words, *scores, by_round))
     return found
 
@@ -162,9 +169,8 @@ def _worst_case(attacks: Sequence[AttackScores]) -> WorstCase:
     means = [[least_mean(games) for games in one.chosen] for one in attacks]
     choices = tuple(attacks[k] for k in np.argmin(means, axis=0))
     measured = {name: _by_seed([one.measured[name] for one in choices]) for name in choices[0].measured}
-    return WorstCase(
-        attacks[0].model, attacks[0].condition, choices, measured, _by_seed([one.score for one in choices])
-    )
+    scores = (_by_seed([getattr(one, name) for one in choices]) for name in ("score", "published"))
+    return WorstCase(attacks[0].model, attacks[0].condition, choices, measured, *scores)
 
 
 def _by_seed(scores: Sequence[Floats]) -> Floats:
@@ -187,8 +193,8 @@ def _to_count(measured: Mapping[str, Floats], scale: Scale) -> Floats:
     by_trust, blind = measured["utility"], measured["blind"]
     if scale == "skill":
         return skill_by_seed(by_trust, blind)
-    above = mean_or_nan(by_trust, axis=1) >= mean_or_nan(blind, axis=1)
-    return np.where(above[:, None], by_trust, blind)
+    below = mean_or_nan(by_trust, axis=1) < mean_or_nan(blind, axis=1)
+    return np.where(below[:, None], blind, by_trust)
 
 
 def skill_by_seed(by_trust: Floats, blind: Floats) -> Floats:

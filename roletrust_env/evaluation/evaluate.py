@@ -94,7 +94,8 @@ def evaluate(
     )
     scored = score(task, Scripted(policies), int(seed), (1, int(games)))
     clean = share_of_best(scored.clean.got, scored.clean.best).value
-    return Evaluation(clean=estimate(clean[0]), **{name: estimate(values[0]) for name, values in scored.scores.items()})
+    scores = {**scored.scores, "clean": clean}
+    return Evaluation(*(estimate(scores[name][0]) for name in Evaluation._fields))
 
 
 def _seated(

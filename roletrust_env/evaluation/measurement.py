@@ -15,10 +15,11 @@ from roletrust_env.trust import Traits
 
 Floats = npt.NDArray[np.float64]
 
-MEASURED = ("utility", "blind", "damage", "false_alarms", "auc")
+MEASURED = ("utility", "published", "blind", "damage", "false_alarms", "auc")
 """Names of the scores of a game.
 
-`utility`: utility of going by trust, see `metrics.utility`. `blind`: utility of a blind choice, see
+`utility`: utility of going by trust, see `metrics.utility`. `published`: utility if the same consumers went by
+published trust; it differs for a personal trust model with raters as consumers. `blind`: utility of a blind choice, see
 `metrics.blind_utility`. `damage`: loss of trust of the honest agents, see `metrics.damage`. `false_alarms`: share of
 honest agents that count as attackers, see `metrics.false_alarms`. `auc`: probability that mean trust tells an attacker
 from an honest agent of its role, see `metrics.auc`.
@@ -34,10 +35,12 @@ class Watched(NamedTuple):
     Attributes:
         trust: Trust of the agents by role, shape (T, N, K, G); NaN where an agent was absent.
         bought: Qualities that consumers got, shape (T - 1, K, G). The first round has no trust to go by.
+        published: Qualities that consumers would have got by published trust.
     """
 
     trust: Floats
     bought: Bought
+    published: Bought
 
 
 class Scored(NamedTuple):
@@ -83,12 +86,14 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
     Raises:
         ValueError: An attacker or a trust model fails, or an action is NaN or outside [0, 1].
     """
-    game, trusts, bought = task.game, [], []
+    game, trusts, bought, published = task.game, [], [], []
     for before, actions, state, _ in attacked_rollout(task, attacker, batch, *random_sources(task, seed, HELD_OUT)):
         trust, present = game.agent_trust(state), game.present(state)
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
         bought.append(task.bought(before, actions, state))
-    return Watched(np.stack(trusts), Bought(*(np.stack(part) for part in zip(*bought[1:], strict=True))))
+        published.append(task.bought_by_published(before, actions, state))
+    rounds = (Bought(*(np.stack(part) for part in zip(*kept[1:], strict=True))) for kept in (bought, published))
+    return Watched(np.stack(trusts), *rounds)
 
 
 def score(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Scored:
@@ -143,6 +148,7 @@ def _read(seen: Watched, honest: list[int]) -> Scores:
     got, best, blind = seen.bought
     return {
         "utility": metrics.share_of_best(got, best).value,
+        "published": metrics.share_of_best(seen.published.got, seen.published.best).value,
         "blind": metrics.share_of_best(blind, best).value,
         "false_alarms": metrics.false_alarms(seen.trust, honest).value,
     }

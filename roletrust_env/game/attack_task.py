@@ -225,20 +225,31 @@ class AttackTask:
 
     def bought(self, before: State, actions: Actions, after: State) -> Bought:
         """Return the qualities that consumers got in a round by the trust before it. See `Game.offered`."""
-        game, present = self.game, self.game.present(before)
-        offered = game.offered(before, actions, after)
-        if self.consumers == "public":
-            top = game.published(before)[1]
-            if present is not None:
-                top = namespace(top).where(game.roster.providers(present), top, np.nan)
-            return buy(top, offered, temperature=self.temperature)
-        raters, known = None, game.known_trust(before)
-        xp = namespace(known)
-        if present is not None:
-            known = xp.where(game.roster.providers(present)[None, ...], known, np.nan)
-            raters = game.roster.raters(present)
-        of_each = buy(known, xp.broadcast_to(offered, known.shape), axis=1, temperature=self.temperature)
+        if self.consumers == "raters":
+            return self._bought_by_raters(self.game.known_trust(before), before, actions, after)
+        top = self._of_present(self.game.published(before)[1], before)
+        return buy(top, self.game.offered(before, actions, after), temperature=self.temperature)
+
+    def bought_by_published(self, before: State, actions: Actions, after: State) -> Bought:
+        """Return the qualities that the same consumers would have got by published trust. See `bought`."""
+        if self.consumers == "public" or not hasattr(self.game.model, "judge_trust"):
+            return self.bought(before, actions, after)
+        known, published = self.game.known_trust(before), self.game.published(before)[1]
+        known = namespace(known).where(known == known, published, known)  # NaN where rater and provider are one agent
+        return self._bought_by_raters(known, before, actions, after)
+
+    def _bought_by_raters(self, known: Array, before: State, actions: Actions, after: State) -> Bought:
+        """Return the mean qualities of the honest raters, each by the trust that it knows, (S, P, ...)."""
+        present, xp = self.game.present(before), namespace(known)
+        offered = xp.broadcast_to(self.game.offered(before, actions, after), known.shape)
+        of_each = buy(self._of_present(known, before), offered, axis=1, temperature=self.temperature)
+        raters = None if present is None else self.game.roster.raters(present)
         return Bought(*(mean_of(part, self._side.honest_raters, raters) for part in of_each))
+
+    def _of_present(self, trust: Array, before: State) -> Array:
+        """Return the trust of the providers, (..., P, ...), with NaN where one is absent."""
+        present = self.game.present(before)
+        return trust if present is None else namespace(trust).where(self.game.roster.providers(present), trust, np.nan)
 
     def observe(self, state: TaskState) -> Array:
         """Return the observation of the attacker, shape (K, ...).

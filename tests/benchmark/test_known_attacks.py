@@ -67,6 +67,11 @@ def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) ->
     assert any(name.endswith("against role-trust") for name in names)
     assert any(case.common.rung == "known" for case in worst_cases(board.attacks).values())
     assert board.rows[0].worst_attack in {one.attack for one in board.attacks}
+    ensemble = Leaderboard.of(suite, [one for one in board.cells if one.cell.rung != "known"])
+    assert board.rows[0].ensemble.mean == ensemble.rows[0].worst.mean != board.rows[0].worst.mean
+    assert "ensemble" in board.columns
+    assert "ensemble" in repr(board)
+    assert "ensemble" not in Leaderboard.of(SUITE, play(tiny(models=["mean"], rungs=["scripted"]))).columns
 
 
 def test_a_script_with_parameters_is_recorded_with_them() -> None:

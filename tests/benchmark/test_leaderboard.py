@@ -100,6 +100,19 @@ def test_the_leaderboard_by_hand() -> None:
     assert second.missing == 1  # the planner has not attacked it
 
 
+def test_published_trust_has_a_column_of_its_own() -> None:
+    raters = row("lies", [0.5, 0.7], [0.9, 0.7], blind=0.5)
+    raters.measured["published"] = [0.3, 0.5]
+    for score, worst, published in (("utility", 0.8, 0.5), ("skill", 0.6, -0.2)):
+        suite = small(models=["mean"], rungs=["scripted"], tracks=TRACKS, score=score, consumers="raters")
+        raters.chosen["blind"] = [0.5, 0.5]
+        (line,) = leaderboard_rows(suite, [stored("mean", raters)], ["mean"], 1)
+        assert (line.worst.mean, line.published.mean) == pytest.approx((worst, published))
+    assert "published" in Leaderboard.of(suite, [stored("mean", raters)]).columns
+    assert "published" not in Leaderboard.of(SUITE, RUN).columns
+    assert np.isnan(leaderboard_rows(SUITE, RUN, ["mean"], 3)[0].published.mean)  # results of earlier versions
+
+
 def on_blind(attack: str, utility: list[float], blind: float) -> AttackResult:
     return row(attack, [], utility, blind)._replace(chosen={"utility": utility, "blind": [blind] * 2})
 

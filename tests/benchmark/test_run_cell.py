@@ -7,8 +7,10 @@ import pytest
 from benchmark_cases import results, tiny
 
 from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.entrants import temporary_registration
 from roletrust_env.benchmark.pool import LocalPool, play_safely
 from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.trust.models.personal.travos import Travos
 
 
 def play_all(suite):
@@ -113,6 +115,25 @@ def test_consumers_are_the_public_or_the_honest_raters():
 
     assert utility("mean", "raters") == pytest.approx(utility("mean", "public"), abs=1e-12)
     assert utility("travos", "raters") != pytest.approx(utility("travos", "public"), abs=1e-3)
+
+
+class WithoutJudges(Travos):
+    """Travos for consumers who see published trust only."""
+
+    judge_trust = property()  # as if it were not there: to read it is an AttributeError
+
+
+def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_of_their_own():
+    def measured(model):
+        with temporary_registration({"one": model}):
+            suite = tiny(models=["one"], consumers="raters", games=8, rungs=["scripted"])
+            (cell, *_) = [one for one in cells(suite) if one.share == 0.5]
+            return play_cell(suite, cell).rows
+
+    for row, other in zip(measured(Travos()), measured(WithoutJudges()), strict=True):
+        assert row.attack == other.attack
+        assert row.measured["published"] == other.measured["utility"] == other.measured["published"]
+        assert row.measured["published"] != pytest.approx(row.measured["utility"], abs=1e-3)
 
 
 def test_a_model_cannot_know_liars_by_their_place():

@@ -7,11 +7,11 @@ import subprocess
 import sys
 
 import pytest
-from benchmark_cases import results, tiny
+from benchmark_cases import TINY, results, tiny
 
 from roletrust_env.benchmark import store as store_file
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import AttackResult, CellResult
+from roletrust_env.benchmark.cells import Cell, cells, rules
+from roletrust_env.benchmark.run_cell import AttackResult, CellResult, play_cell
 from roletrust_env.benchmark.store import Store
 
 SUITE = tiny()
@@ -106,6 +106,56 @@ def test_a_file_that_another_program_locks_is_unchanged(path):
         other.close()
         store.add(cells(SUITE)[3], RESULT)
         assert len(store.all()) == 4
+
+
+def test_a_run_goes_on_with_a_larger_suite(path):
+    more = {
+        "models": ["mean", "role-trust", "median"],
+        "seeds": [0, 1],
+        "rungs": ["scripted", "random search", "CMA-ES"],
+    }
+    tracks = {**TINY["tracks"], "providers": {"roles": ["SP"], "shares": [0.3]}}
+    tracks["raters"] = {"roles": ["SR"], "shares": [0.3, 0.4, 0.5]}
+    larger = tiny(**more, tracks=tracks, budgets={"CMA-ES": 400})
+    with Store(path, larger) as store:
+        assert [one.result for one in store.all()] == [RESULT] * 3
+        assert store.finished_keys() < {cell.key for cell in cells(larger)}
+    with Store(path) as store:
+        assert store.suite == larger
+
+
+@pytest.mark.parametrize("rung", ["scripted", "random search"])
+def test_a_cell_plays_the_same_in_a_larger_suite(rung):
+    larger = tiny(models=["mean", "median"], rungs=["random search", "scripted", "CMA-ES"], seeds=[1, 0])
+    cell = Cell("mean", "market", "raters", 0.5, rung, 0)
+    assert rules(larger, cell) == rules(SUITE, cell)
+    one, other = (play_cell(suite, cell) for suite in (SUITE, larger))
+    assert one._replace(seconds=0) == other._replace(seconds=0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"games": 4},
+        {"models": ["role-trust"]},  # cells of mean were played
+        {"attacks": ["bad-mouthing"]},
+        {"places": "random"},
+        {"consumers": "raters"},
+        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5], "set": {"max_cycles": 4}}}},
+        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}},
+        {"scenarios": {"market": {**TINY["scenarios"]["market"], "budgets": {"random search": 300}}}},
+        {"budget": 300},
+        {"limit_s": 61},
+    ],
+)
+def test_a_suite_that_plays_stored_cells_in_another_way_is_refused(tmp_path, changes):
+    path = tmp_path / "results.sqlite"
+    with Store(path, SUITE) as store:
+        for cell in cells(SUITE):
+            store.add(cell, RESULT)
+    before = path.read_bytes()
+    assert f"another suite (different: {next(iter(changes))})" in refused(path, tiny(**changes))
+    assert path.read_bytes() == before
 
 
 def test_another_suite_format_or_software_is_refused(path):

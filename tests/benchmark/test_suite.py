@@ -8,7 +8,7 @@ from small_suites import MARKET, small
 from roletrust_env import attackers
 from roletrust_env.benchmark.cells import Cell, attack_names, attacked_scenario, cells, model_names, objective
 from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.suite import load_suite, suites
+from roletrust_env.benchmark.suite import Track, load_suite, suites
 from roletrust_env.benchmark.suite_types import suite_type
 from roletrust_env.trust import trust_models
 
@@ -51,6 +51,52 @@ def test_the_share_determines_the_compromised_agents() -> None:
         ("SR", 1, 2),
         ("SP", 1, 2),
     ]
+
+
+@pytest.mark.parametrize(("agents", "reserve", "share"), [(10, 3, 0.3), (6, 3, 0.3), (20, 2, 0.4), (100, 1, 0.25)])
+def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: int, share: float) -> None:
+    track = Track(roles=("SR",), shares=(share,), reserve=reserve, counted="identities")
+
+    def part(number: int) -> float:
+        return number * (1 + reserve) / (agents + number * reserve)
+
+    nearest = min(range(1, agents), key=lambda number: abs(part(number) - share))
+    assert track.compromised(share, agents) == nearest
+    assert track.model_copy(update={"counted": "agents"}).compromised(share, agents) == max(1, round(share * agents))
+
+
+def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None:
+    square = {**MARKET, "shares": {"honest": [], "raters": [0.25]}, "budgets": {"random search": 70}}
+    suite = small(scenarios={"square": square, "market": MARKET}, rungs=["scripted", "random search"], budget=90)
+    found = [cell[1:5] for cell in cells(suite) if cell.model == "mean" and cell.scenario == "square"]
+    assert found == [
+        ("square", "honest", 0.0, "nobody"),
+        ("square", "raters", 0.25, "scripted"),
+        ("square", "raters", 0.25, "random search"),
+    ]
+    assert [where for where in suite.conditions if where[0] == "square"] == [("square", "raters", 0.25)]
+    assert len(suite.conditions) == 1 + 4
+    assert (suite.budget_of("random search", "square"), suite.budget_of("random search", "market")) == (70, 90)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "message"),
+    [
+        ({"shares": {"liars": [0.3]}}, "names the track 'liars', which does not exist"),
+        ({"shares": {"raters": []}}, "a track has shares if it has compromised agents"),
+        ({"shares": {"honest": [0.3]}}, "a track has shares if it has compromised agents"),
+        ({"shares": {"raters": [1.5]}}, "less than 1"),
+        ({"budgets": {"PPO": 100}}, "budgets names 'PPO', which is none of the rungs scripted"),
+    ],
+)
+def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(scenario: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        small(scenarios={"market": {**MARKET, **scenario}})
+
+
+def test_identities_are_counted_where_there_are_some() -> None:
+    with pytest.raises(ValueError, match="counted is 'identities', but reserve is 0"):
+        small(tracks={"raters": {"roles": ["SR"], "shares": [0.3], "counted": "identities"}})
 
 
 def test_one_agent_of_a_role_stays_honest() -> None:

@@ -3,19 +3,20 @@
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.result import COLUMNS, Leaderboard, row_texts
+from roletrust_env.benchmark.result import Leaderboard, row_texts
 from roletrust_experiments.commands.console import number_table
 
-_SHOWN = [COLUMNS.index(name) for name in ("clean", "worst", "damage", "alarms", "AUC", "holds")]
+_SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")
 
 
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
     """Return the leaderboard for a terminal of 80 columns; the worst attack of each model stands in the file."""
     title = escape(f"Leaderboard, suite {leaderboard.suite.name}")
-    table = number_table(title, leaderboard.caption, *(COLUMNS[k] for k in _SHOWN), name="tier, rank, model")
+    table = number_table(title, leaderboard.caption, *_SHOWN, name="tier, rank, model")
     for row in leaderboard.rows:
-        cells = row_texts(row, "±")
-        table.add_row(f"{cells[0]} {row.rank:2} {escape(row.model)}", *(cells[k].replace("0.", ".") for k in _SHOWN))
+        texts = row_texts(row, "±")
+        numbers = (texts[name].replace("0.", ".") for name in _SHOWN)
+        table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers)
     return table
 
 

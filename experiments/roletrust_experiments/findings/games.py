@@ -68,7 +68,8 @@ def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | N
         "objective": "mislead",
     }
     seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
-    return Watched(seen.trust[:, :, 0], Bought(*(part[:, 0] for part in seen.bought)))
+    rounds = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
+    return Watched(seen.trust[:, :, 0], *rounds)
 
 
 def play_suite(effort: Effort, suite: Suite, label: str) -> list[StoredCell]:

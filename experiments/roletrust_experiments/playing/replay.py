@@ -107,8 +107,8 @@ class Replay(NamedTuple):
 
 def _measured(seen: Watched, row: int, games: int) -> Watched:
     """Return the record of the games that measure the attack in a row."""
-    bought = type(seen.bought)(*(part[:, row, games:] for part in seen.bought))
-    return Watched(seen.trust[:, :, row, games:], bought)
+    rounds = (type(bought)(*(part[:, row, games:] for part in bought)) for bought in seen[1:])
+    return Watched(seen.trust[:, :, row, games:], *rounds)
 
 
 def _believed(found: FoundAttack, trust: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 import re
 
-from roletrust_env.benchmark.result import COLUMNS, Leaderboard, row_texts
+from roletrust_env.benchmark.result import Leaderboard, row_texts
 
 _SPECIAL = str.maketrans(
     {
@@ -35,7 +35,9 @@ def latex_table(leaderboard: Leaderboard, command: str) -> str:
         leaderboard: Leaderboard.
         command: Command that writes the table.
     """
-    kinds = "".join("l" if name in _TEXTS else "r" for name in COLUMNS)
+    columns = leaderboard.columns
+    kinds = "".join("l" if name in _TEXTS else "r" for name in columns)
+    rows = [row_texts(row, " ± ") for row in leaderboard.rows]
     about = f"Suite {leaderboard.suite.name}: {leaderboard.caption}. Made by {command}"
     lines = [
         f"% {' '.join(about.split())}",  # a name with a line break would end the comment
@@ -43,12 +45,9 @@ def latex_table(leaderboard: Leaderboard, command: str) -> str:
         r"% \begin{table*} \footnotesize \setlength{\tabcolsep}{4pt} \input{leaderboard} \caption{...} \end{table*}",
         rf"\begin{{tabular}}{{@{{}}{kinds}@{{}}}}",
         r"\toprule",
-        _line(list(COLUMNS)),
+        _line(list(columns)),
         r"\midrule",
-        *(
-            _line([_cell(name, text) for name, text in zip(COLUMNS, row_texts(row, " ± "), strict=True)])
-            for row in leaderboard.rows
-        ),
+        *(_line([_cell(name, texts[name]) for name in columns]) for texts in rows),
         r"\bottomrule",
         r"\end{tabular}",
     ]

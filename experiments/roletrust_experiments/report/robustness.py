@@ -211,7 +211,7 @@ def _breakdown(suite: Suite, cases: _Worst) -> Table:
 def _stand_for(suite: Suite, where: Condition) -> Iterator[tuple[str, str]]:
     """Return the tracks that a condition belongs to: its own; without attackers, those with the same changes."""
     mine = suite.tracks[where.track]
-    for name, track in suite.tracks.items():
+    for name, track in ((name, suite.tracks[name]) for name in suite.shares_in(where.scenario)):
         if track.roles and (name == where.track or (not mine.roles and track.set == mine.set)):
             yield where.scenario, name
 

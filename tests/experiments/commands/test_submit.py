@@ -99,8 +99,8 @@ def better(said: Any) -> None:
     """A model that nobody harmed, and all that follows from it."""
     for one in said["cells"]:
         for attack in one["attacks"] if one["model"] == "mean" else ():
-            attack["chosen"] = attack["measured"]["utility"]["mean"] = 1.0
-    for name in ("clean", "worst", "open_worst"):
+            attack["chosen"] = attack["measured"]["utility"]["mean"] = attack["measured"]["published"]["mean"] = 1.0
+    for name in ("clean", "worst", "published", "ensemble", "open_worst"):
         said["standings"]["mean"][name]["mean"] = 1.0
 
 
