@@ -60,6 +60,11 @@ class Registry(Generic[T]):
         load_plugins()
         return name in self._factories or name in self._plugins()
 
+    def registered(self, name: str) -> Callable[..., T] | None:
+        """Return the factory that is registered under a name here, or None. Entry points of the group do not count."""
+        load_plugins()
+        return self._factories.get(name)
+
     def names(self) -> list[str]:
         """Return all known names: first those registered here, then those of installed packages."""
         load_plugins()

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 from roletrust_env import Policy, Scenario
 from roletrust_env.benchmark.suite import PLANNER, Suite, Track
 from roletrust_env.evaluation.attacked_games import TaskArguments
-from roletrust_env.evaluation.specs import named_factory, parse_trust_model
+from roletrust_env.evaluation.isolated import IsolatedModel
+from roletrust_env.evaluation.specs import is_own_model, named_factory, parse_trust_model
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
@@ -132,18 +133,20 @@ def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
     return AttackedScenario(scenario, tuple(names))
 
 
-def task_arguments(suite: Suite, cell: Cell) -> TaskArguments:
+def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskArguments:
     """Return the arguments of the attack task of a cell.
 
     Args:
         suite: Suite of the cell.
         cell: The cell.
+        isolated: Give a trust model of another package a process of its own.
 
     Raises:
         ValueError: The track does not fit the scenario, see `attacked_scenario`, or the trust model cannot be created.
     """
     scenario, compromised = attacked_scenario(suite, cell)
-    model: Any = parse_trust_model(cell.model, scenario)
+    make: Any = IsolatedModel if isolated and not is_own_model(cell.model) else parse_trust_model
+    model = make(cell.model, scenario)
     if suite.places == "random" and needs_watching(model):
         model = RandomSeats(model, cell.seed)
     return {

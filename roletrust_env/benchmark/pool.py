@@ -41,19 +41,26 @@ class LocalPool:
         workers: Number of processes. None means one for each core that this process may use.
         entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
         records: Records of the attackers that play in place of a search, by cell, see `AttackResult`.
+        isolated: Give trust models of other packages processes of their own, apart from the games.
     """
 
     def __init__(
-        self, workers: int | None = None, entrants: bytes = b"", records: Mapping[AnyCell, str] | None = None
+        self,
+        workers: int | None = None,
+        entrants: bytes = b"",
+        records: Mapping[AnyCell, str] | None = None,
+        *,
+        isolated: bool = False,
     ) -> None:
         self.workers = workers or cores()
         self._entrants = entrants
         self._records = records or {}
+        self._isolated = isolated
 
     def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`."""
         with cell_workers(self.workers) as workers:
-            yield from play_on(workers, suite, cells, self._entrants, self._records)
+            yield from play_on(workers, suite, cells, self._entrants, self._records, isolated=self._isolated)
 
 
 def cell_workers(workers: int) -> WorkerPool[AnyCell]:
@@ -67,6 +74,8 @@ def play_on(
     cells: Sequence[Any],
     entrants: bytes = b"",
     records: Mapping[AnyCell, str] | None = None,
+    *,
+    isolated: bool = False,
 ) -> PlayedCells:
     """Play cells on worker processes, each within the time limit of the suite. See `Pool.play`.
 
@@ -76,8 +85,9 @@ def play_on(
         cells: Cells to play.
         entrants: Packed trust model objects, see `roletrust_env.benchmark.entrants.pack`.
         records: Records of the attackers that play in place of a search, by cell.
+        isolated: Give trust models of other packages processes of their own, apart from the games.
     """
-    jobs = {cell: (suite, cell, entrants, (records or {}).get(cell, "")) for cell in cells}
+    jobs = {cell: (suite, cell, entrants, (records or {}).get(cell, ""), isolated) for cell in cells}
     for cell, job_result in workers.run(jobs, suite.limit_s, TRIES):
         yield cell, _cell_result(job_result, suite)
 
@@ -98,12 +108,15 @@ def worker_death(detail: str) -> CellResult:
     return CellResult((), 0.0, failed=f"its worker died {TRIES} times, {detail}")
 
 
-def play_safely(suite: AnySuite, cell: AnyCell, entrants: bytes = b"", record: str = "") -> CellResult:
+def play_safely(
+    suite: AnySuite, cell: AnyCell, entrants: bytes = b"", record: str = "", isolated: bool = False
+) -> CellResult:
     """Play a cell. An exception of a trust model, an attacker or a learner becomes a failed result."""
     try:
         register_packed(entrants)
         play = suite_type(suite).play
-        return play(suite, cell, record) if record else play(suite, cell)
+        options = {"record": record, "isolated": isolated}
+        return play(suite, cell, **{name: option for name, option in options.items() if option})
     except (Exception, SystemExit) as error:  # plug-in code may raise anything
         return CellResult((), 0.0, failed=reason(error))
 

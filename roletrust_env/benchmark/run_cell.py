@@ -26,20 +26,21 @@ from roletrust_env.evaluation.specs import parse_kinds
 from roletrust_env.game.attack_task import AttackTask
 
 
-def play_cell(suite: Suite, cell: Cell, record: str = "") -> CellResult:
+def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = False) -> CellResult:
     """Play a cell.
 
     Args:
         suite: Suite of the cell.
         cell: Cell to play.
         record: Record of the attacker that plays in place of a search, see `AttackResult`. Empty searches.
+        isolated: Give a trust model of another package a process of its own, see `IsolatedModel`.
 
     Raises:
         ValueError: A name in the suite is unknown, the record is not valid, or a trust model or an attacker of a
             plug-in fails.
     """
     began = perf_counter()
-    arguments = task_arguments(suite, cell)
+    arguments = task_arguments(suite, cell, isolated=isolated)
     task = exact_task(arguments)
     if cell.rung == HONEST:
         nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")

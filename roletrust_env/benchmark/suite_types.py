@@ -24,7 +24,7 @@ class SuiteType(NamedTuple):
     Attributes:
         cell: Constructor of a cell. It takes the fields of the cell as keyword arguments.
         cells: Function that returns all cells of a suite.
-        play: Function that plays a cell of a suite. That of a robustness suite also takes the record of an attacker.
+        play: Function that plays a cell of a suite. That of a robustness suite has more arguments.
         factories: Function that returns the factories of everything that a suite names and users may replace.
         rules: Function that returns all fields of a suite that the result of a cell depends on.
     """

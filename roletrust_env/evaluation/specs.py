@@ -144,6 +144,16 @@ def parse_trust_model(text: str, scenario: Scenario, settings: Mapping[str, Any]
     return model
 
 
+def is_own_model(text: str) -> bool:
+    """Return whether a text names a trust model of this project. Nothing is imported.
+
+    Args:
+        text: Text `NAME[:key=value,...]`.
+    """
+    factory = trust_models.registered(text.strip().partition(":")[0])
+    return factory is not None and factory.__module__.startswith("roletrust_env.")
+
+
 def read_trust_model(
     text: str, scenario: Scenario, settings: Mapping[str, Any] | None = None
 ) -> tuple[Registry[Any], str, dict[str, Any]]:

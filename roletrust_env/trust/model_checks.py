@@ -11,7 +11,7 @@ from roletrust_env.trust.model import State, TrustModel, start_model
 def needs_watching(model: TrustModel[Any]) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
     seated = getattr(model, "model", model)  # under `RandomSeats`
-    return not type(seated).__module__.startswith("roletrust_env.")
+    return not type(seated).__module__.startswith("roletrust_env.trust.models.")
 
 
 def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:

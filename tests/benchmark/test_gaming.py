@@ -81,6 +81,17 @@ def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
     assert fresh(["mean", "oracle", "constant"], PUBLIC, 17) == [True, False, True]
 
 
+def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() -> None:
+    suite = small(models=["gaming_models:OffTheStack"], attacks=["rank-lies"], tracks=SUITE.tracks, games=40)
+    cell = next(one for one in cells(suite) if one.share == 0.5)
+    inside, apart = (play_cell(suite, cell, isolated=isolated).rows[0] for isolated in (False, True))
+    (honest,) = play_cell(suite, cell._replace(model="mean")).rows
+    assert np.mean(inside.measured["utility"]) > 0.99
+    assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
+    claims = [make_claim(cell, CellResult((inside,), 0.0))]
+    assert [check.ok for check in check_fresh(claims, [CellResult((apart,), 0.0)])] == [False]
+
+
 @pytest.mark.parametrize("new", range(1, 5))
 def test_an_honest_model_is_as_good_in_games_with_a_new_seed(new: int) -> None:
     assert fresh(["mean"], PUBLIC, new) == fresh(["mean"], new, PUBLIC) == [True]

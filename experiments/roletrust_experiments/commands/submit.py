@@ -146,6 +146,7 @@ def verify(
     With the same software and processor, a cell must give the same numbers to the last bit. Otherwise the attackers of
     the submission play, every mean must lie within its interval, and utilities must not be too high on the whole. The
     cells are then searched and played with a new seed, and claims must not be much higher than what comes out there.
+    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game.
     The suite has to be one of this package, recognised by its hash. The exit code is 1 if a check fails, and 2 if the
     file cannot be read. The file may only name what is installed, unless --allow-code is given.
 
@@ -219,7 +220,7 @@ def _played(
     """
     of_cell = {claim.cell._replace(seed=claim.seed + above): claim for claim in claims}
     limited = suite.model_copy(update={"limit_s": min(suite.limit_s, LONGEST_S)})
-    pool = LocalPool(workers, records=records)
+    pool = LocalPool(workers, records=records, isolated=True)
     with progress_bar() as progress, closing(pool.play(limited, list(of_cell))) as playing:
         job = progress.add_task("Playing again", total=len(of_cell))
         for cell, done in playing:

@@ -1,0 +1,150 @@
+"""Trust models in processes of their own: the same numbers, and no harm to the game."""
+
+import gc
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roletrust_env import make_scenario
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.isolated import IsolatedModel
+from roletrust_env.evaluation.measurement import Scores, measure
+from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_trust_model
+from roletrust_env.trust.model import Traits
+from roletrust_env.trust.model_checks import needs_watching
+from roletrust_env.trust.seats import RandomSeats
+
+SCENARIO = make_scenario("market").change(max_cycles=8, lam=0.75)
+MODELS = """
+import os
+from roletrust_env.trust.models.central.mean import Mean
+
+class Leaving(Mean):
+    def update(self, state, ratings, mask):
+        os._exit(3)
+
+class Talking(Mean):
+    def update(self, state, ratings, mask):
+        print("Let me speak", flush=True)
+        return super().update(state, ratings, mask)
+
+class Raising(Mean):
+    def update(self, state, ratings, mask):
+        raise KeyError("two\\nlines")
+
+class Objects(Mean):
+    def provider_trust(self, state):
+        import numpy as np
+        return np.array([print] * len(super().provider_trust(state)), object)
+
+class Shapeless(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state)[:-1]
+"""
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Module with models that misbehave."""
+    folder = tmp_path_factory.mktemp("models")
+    (folder / "unruly_models.py").write_text(MODELS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(folder))
+        yield "unruly_models"
+
+
+def scores(model: Any) -> Scores:
+    policies = parse_attacks(["sr_0=rank-lies", "sr_1=rank-lies"], SCENARIO)
+    task = exact_task(
+        {
+            "scenario": SCENARIO,
+            "trust_model": model,
+            "compromised": tuple(policies),
+            "objective": "mislead",
+            "consumers": "raters",
+        }
+    )
+    return measure(task, Scripted(policies), 0, (1, 3)).measured
+
+
+@pytest.mark.parametrize("text", ["role-trust", "beta", "qor:theta=0.9", "travos"])
+@pytest.mark.parametrize("seated", [False, True])
+def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool) -> None:
+    inside, apart = parse_trust_model(text, SCENARIO), IsolatedModel(text, SCENARIO)
+    assert hasattr(inside, "judge_trust") == hasattr(apart, "judge_trust")
+    assert (Traits.of(inside).rates_raters, Traits.of(inside).family) == (apart.rates_raters, apart.family)
+    found = [scores(RandomSeats(model, 3) if seated else model) for model in (inside, apart)]
+    for name, values in found[0].items():
+        np.testing.assert_array_equal(values, found[1][name])
+
+
+def test_it_learns_the_settings_of_the_scenario() -> None:
+    model = IsolatedModel("mean", SCENARIO)
+    like, peers = np.zeros((2, 1, 1)), np.zeros((2, 1), bool)
+    state = model.update(model.start(like, peers), like, like == 0)
+    assert model.provider_trust(state) == pytest.approx(0.125)  # a quarter of the initial 0.5
+
+
+def test_games_go_on_from_the_latest_states_only() -> None:
+    model, like = IsolatedModel("mean", SCENARIO), np.zeros((2, 1, 2))
+    first = state = model.start(like, like[..., 0] > 0)
+    for _ in range(7):
+        state = model.update(state, like, like == 0)
+    again = model.update(first, like, like == 0)  # the eighth state back
+    assert again.top == pytest.approx(0.125)
+    with pytest.raises(ValueError, match="keeps the latest 8 states only"):
+        model.update(first, like, like == 0)
+    with pytest.raises(ValueError, match="cannot mix games"):
+        model.update(state._replace(number=np.array([1, 2])), like, like == 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Leaving", "the process has ended"),
+        ("Raising", "KeyError: 'two"),
+        ("Objects", "Object arrays cannot be saved"),
+        ("Shapeless", r"provider_trust.*shape"),
+        ("Nobody", "cannot be loaded|has no attribute|unknown"),
+    ],
+)
+def test_a_model_that_misbehaves_is_one_clear_error(models: str, name: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message) as error:
+        scores(IsolatedModel(f"{models}:{name}", SCENARIO))
+    assert "\n" not in str(error.value)
+
+
+def test_a_model_may_print(models: str) -> None:
+    inside = scores(parse_trust_model("mean", SCENARIO))
+    apart = scores(IsolatedModel(f"{models}:Talking", SCENARIO))
+    np.testing.assert_array_equal(inside["utility"], apart["utility"])
+
+
+def test_the_process_ends_with_the_model() -> None:
+    model = IsolatedModel("mean", SCENARIO)
+    process = Path(f"/proc/{model._process.pid}")
+    assert process.exists() or os.name != "posix"
+    del model
+    gc.collect()
+    until = time.monotonic() + 10
+    while process.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not process.exists()
+
+
+def test_torch_is_refused() -> None:
+    torch = pytest.importorskip("torch")
+    with pytest.raises(ValueError, match="works on NumPy arrays"):
+        IsolatedModel("mean", SCENARIO).start(torch.zeros(2, 1), None)
+
+
+def test_models_of_the_project_are_known_without_an_import(models: str) -> None:
+    assert is_own_model("role-trust:lam=0.7")
+    assert not is_own_model(f"{models}:Talking")
+    assert not is_own_model("no-such-model")
+    assert needs_watching(IsolatedModel("mean", SCENARIO))
