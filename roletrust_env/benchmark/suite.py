@@ -271,7 +271,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_EXTENDABLE = ("quick", "standard", "full")
+_EXTENDABLE = ("quick", "standard", "standard-3-search", "full")
 
 
 def _text(name: str) -> str:
