@@ -57,6 +57,20 @@ def verdict(scores: Floats) -> Verdict:
     return Verdict(_tiers(alike), _holds(over_seeds(scores, len(scores)).mean, pairs, alike))
 
 
+def told_apart(scores: Floats) -> float:
+    """Return the share of the pairs of models that Student's paired test at 5% tells apart; NaN for a single model.
+
+    Args:
+        scores: Scores of the models in the same games of the same seeds, shape (M, S, G).
+    """
+    if len(scores) < 2:
+        return np.nan
+    pairs = _pairs(scores)
+    limit = student_quantile(pairs.freedom, _LEVEL) * pairs.error + 10.0**-DIGITS
+    above = np.triu_indices(len(scores), 1)
+    return float((abs(pairs.difference) > limit)[above].mean())
+
+
 def _pairs(scores: Floats) -> _Pairs:
     number = len(scores)
     above, below = np.triu_indices(number, 1)

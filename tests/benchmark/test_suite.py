@@ -170,5 +170,7 @@ def test_a_suite_extends_one_of_the_project(tmp_path):
     assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
     assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
     path.write_text('extends = "development"\n')
-    with pytest.raises(ValueError, match="extends is 'development'; it must be one of quick, standard, standard-3-search, full"):
+    with pytest.raises(
+        ValueError, match="extends is 'development'; it must be one of quick, standard, standard-3-search, full"
+    ):
         load_suite(path)

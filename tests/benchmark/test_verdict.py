@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from roletrust_env.benchmark.verdict import verdict
+from roletrust_env.benchmark.verdict import told_apart, verdict
 from roletrust_env.metrics.confidence import over_seeds, student_quantile
 
 Floats = npt.NDArray[np.float64]
@@ -73,6 +73,16 @@ def test_models_with_equal_scores_are_seldom_in_different_tiers(groups: list[flo
         separated.append(len(pairs) > len(groups))
         assert len({tier for tier, _ in pairs}) >= len(groups)
     assert np.mean(separated) < 0.08  # 5%, with the noise of this test
+
+
+def test_the_share_of_pairs_that_are_told_apart() -> None:
+    random = np.random.default_rng(5)
+    equal = [told_apart(random.normal(size=(6, 1, GAMES))) for _ in range(100)]
+    assert 0.03 < np.mean(equal) < 0.07  # the error of the test
+    scores = np.array([0.0, 0.0, 9.0])[:, None, None] + random.normal(size=(1, 1, GAMES))
+    scores[1] += 1e-3 * random.normal(size=(1, GAMES))
+    assert told_apart(scores) == pytest.approx(2 / 3)
+    assert np.isnan(told_apart(scores[:1]))
 
 
 def test_a_tier_reaches_to_the_last_model_that_is_not_told_apart() -> None:

@@ -51,6 +51,7 @@ def report(
     require("the report", "report", "bokeh", "jinja2")
     require("the report", "train", "scipy", "cma")  # to read a suite of the benchmark
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
+    from roletrust_experiments.report.conditions import ConditionRow
     from roletrust_experiments.report.content import read
     from roletrust_experiments.report.games import write_games
     from roletrust_experiments.report.page import page
@@ -71,7 +72,8 @@ def report(
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
-        written += ", leaderboard.md, games.csv.gz"
+        write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
+        written += ", leaderboard.md, games.csv.gz, conditions.csv"
     figures = f"{', '.join(content.tables)}, each as .csv and .png; paper, with the figures as .pdf and .svg"
     console.print(escape(f"Written to {out}: {written}; {figures}"), soft_wrap=True)
     if found:

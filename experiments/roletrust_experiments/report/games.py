@@ -10,21 +10,22 @@ from roletrust_env.benchmark.cells import Cell
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.storage.files import replacing
 
-_SHOWN = ("utility", "blind")
+_CHOSEN = ("utility", "blind")
+_MEASURED = ("utility", "blind", "published")
 
 
 def write_games(path: Path, cells: Iterable[StoredCell]) -> None:
     """Write a row for each attack, with the utilities of its games to four digits in one field each.
 
-    `chosen_utility` and `chosen_blind` are those of the games for choosing the worst case, and `utility` and `blind`
-    those of the games for measuring. Utilities of a field are in the order of the games, with a space between them, and
-    `nan` where they are undefined.
+    `chosen_utility` and `chosen_blind` are those of the games for choosing the worst case, and `utility`, `blind` and
+    `published` those of the games for measuring, see `roletrust_env.evaluation.measurement.MEASURED`. Utilities of a
+    field are in the order of the games, with a space between them, and `nan` where they are undefined.
 
     Args:
         path: Path of the file, which ends in `.csv.gz`.
         cells: Cells with their results.
     """
-    names = [*(f"chosen_{name}" for name in _SHOWN), *_SHOWN]
+    names = [*(f"chosen_{name}" for name in _CHOSEN), *_MEASURED]
     with (
         replacing(path) as temporary,
         temporary.open("wb") as raw,
@@ -36,8 +37,9 @@ def write_games(path: Path, cells: Iterable[StoredCell]) -> None:
         writer.writerow((*Cell._fields, "attack", "words", "rounds", *names))
         for cell, result in cells:
             for row in result.rows:
-                games = (_field(part[name]) for part in (row.chosen, row.measured) for name in _SHOWN)
-                writer.writerow((*cell, row.attack, row.words, row.rounds, *games))
+                chosen = (_field(row.chosen[name]) for name in _CHOSEN)
+                measured = (_field(row.measured.get(name, ())) for name in _MEASURED)
+                writer.writerow((*cell, row.attack, row.words, row.rounds, *chosen, *measured))
 
 
 def _field(values: Sequence[float | None]) -> str:

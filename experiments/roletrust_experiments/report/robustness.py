@@ -22,6 +22,7 @@ from roletrust_env.benchmark.worst_case import (
 )
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan, ratio
+from roletrust_experiments.report.conditions import ConditionRow, condition_rows
 from roletrust_experiments.report.table import Table
 
 _POINTS = 40
@@ -51,7 +52,7 @@ class Robustness(NamedTuple):
         command: that plays it.
         leaderboard: The leaderboard of the run.
         blind: score of choosing blindly in the games of the first one's worst cases.
-        conditions: in which there are attacks.
+        conditions: in which there are attacks, see `ConditionRow`.
         tables: by the name of what shows them.
     """
 
@@ -61,7 +62,7 @@ class Robustness(NamedTuple):
     path: Path
     leaderboard: Leaderboard
     blind: float
-    conditions: list[str]
+    conditions: list[ConditionRow]
     tables: dict[str, Table]
 
     @classmethod
@@ -92,7 +93,7 @@ class Robustness(NamedTuple):
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
-        where = list(dict.fromkeys(one.condition.description for one in struck))
+        where = condition_rows(cases, suite.conditions)
         return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
     @property

@@ -73,6 +73,23 @@ def test_worst_cases_are_the_lowest_scores_of_the_attacks_in_other_games(folder:
         assert np.mean(own) == pytest.approx(float(line["worst"]), abs=1e-5)
 
 
+def test_conditions_summarise_the_worst_cases(folder: Path) -> None:
+    rows = [row for row in lines(folder, "worst_cases") if float(row["share"])]
+    found = lines(folder, "conditions")
+    assert len(found) == len(SUITE.conditions)
+    for line, (scenario, track, share) in zip(found, SUITE.conditions, strict=True):
+        scores = [
+            float(row["score"])
+            for row in rows
+            if (row["scenario"], row["track"], float(row["share"])) == (scenario, track, share)
+        ]
+        assert line["condition"] == f"{scenario}, {track} {share:.0%}"
+        for name, value in (("mean", np.mean(scores)), ("least", min(scores)), ("spread", np.std(scores, ddof=1))):
+            assert float(line[name]) == pytest.approx(value, abs=1e-5)
+        assert 0 <= float(line["told_apart"]) <= 1
+    assert "How well each condition tells models apart" in (folder / "out" / "report.html").read_text(encoding="utf-8")
+
+
 def test_the_games_give_the_worst_cases_of_the_leaderboard(folder: Path) -> None:
     with gzip.open(folder / "out" / "games.csv.gz", "rt", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

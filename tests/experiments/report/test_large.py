@@ -55,7 +55,7 @@ def test_each_model_and_condition_has_one_worst_case(content: Content) -> None:
     ]
     assert len(cases) == len(set(cases)) == 24 * 8
     assert content.robustness is not None
-    assert content.robustness.conditions == list(dict.fromkeys(columns["condition"]))
+    assert [row.condition for row in content.robustness.conditions] == list(dict.fromkeys(columns["condition"]))
     assert content.robustness.conditions[0] == "market, raters 10%"
 
 
