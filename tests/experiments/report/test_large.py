@@ -56,7 +56,7 @@ def test_each_model_and_condition_has_one_worst_case(content: Content) -> None:
     assert len(cases) == len(set(cases)) == 24 * 8
     assert content.robustness is not None
     assert [row.condition for row in content.robustness.conditions] == list(dict.fromkeys(columns["condition"]))
-    assert content.robustness.conditions[0] == "market, raters 10%"
+    assert content.robustness.conditions[0].condition == "market, raters 10%"
 
 
 def test_a_long_game_is_told_in_few_points_that_keep_its_mean(content: Content) -> None:
