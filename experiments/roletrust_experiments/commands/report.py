@@ -23,6 +23,14 @@ def report(
             show_default=False,
         ),
     ] = None,
+    pages: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address of the folder with the pages of the trust models on the site, to link them.",
+            show_default=False,
+        ),
+    ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
@@ -67,7 +75,7 @@ def report(
         write_figure(out / f"{name}.png", picture)
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
     write_paper(out / "paper", content, command)
-    write_text(out / "report.html", page(content, command))
+    write_text(out / "report.html", page(content, command, pages.rstrip("/")))
     written = "report.html"
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))

@@ -10,6 +10,7 @@ from bokeh.resources import Resources
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 
+from roletrust_env.evaluation.specs import is_own_model
 from roletrust_env.metrics.confidence import Estimate, Interval
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.figures import figures
@@ -22,12 +23,13 @@ _CHOSEN = 6
 """Number of models that the figures show at first."""
 
 
-def page(content: Content, command: str) -> str:
+def page(content: Content, command: str, pages: str = "") -> str:
     """Return the page, which needs no other file and no network.
 
     Args:
         content: Content of the report.
         command: Command that writes the page.
+        pages: Address of the folder with the pages of the trust models of this project. Empty makes no links.
     """
     told = content.robustness
     styles = {
@@ -56,6 +58,9 @@ def page(content: Content, command: str) -> str:
         command=command,
         looks=styles,
         chosen=_CHOSEN,
+        pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in told.order if pages and is_own_model(name)}
+        if told
+        else {},
         choices={name: table.choices() for name, table in content.tables.items()},
         data=Markup(_script_safe(json.dumps(data, allow_nan=False, separators=(",", ":")))),
         bokeh=Markup(Resources(mode="inline", components=["bokeh"]).render_js()),

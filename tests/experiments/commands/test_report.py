@@ -15,6 +15,7 @@ from small_suites import small
 from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store
+from roletrust_env.evaluation.specs import is_own_model
 
 
 def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
@@ -121,6 +122,15 @@ def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path
     assert page.count(f"<code>roletrust report {both} --out {folder / 'out'}</code>") == 8
     assert page.count(f"<code>roletrust benchmark --suite custom.toml --out {folder}</code>") == 6
     assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
+
+
+def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
+    made = run("report", str(folder / "results.sqlite"), "--pages", "../models/", "--out", str(tmp_path / "out"))
+    assert made.exit_code == 0, made.output
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for name in SUITE.models:
+        assert (f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>' in page) == is_own_model(name)
+    assert "../models" not in (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_every_file_that_the_page_links_to_is_there(folder: Path) -> None:
