@@ -16,6 +16,7 @@ from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.clustering import Clustering
 from roletrust_env.trust.models.personal.fire import Fire
+from roletrust_env.trust.models.personal.own_experience import OwnExperience
 from roletrust_env.trust.models.personal.peer_trust import PeerTrust
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
@@ -40,6 +41,7 @@ register_trust_model("wary-role-trust", WaryRoleTrust)
 
 register_trust_model("clustering", Clustering)
 register_trust_model("fire", Fire)
+register_trust_model("own-experience", OwnExperience)
 register_trust_model("peer-trust", PeerTrust)
 register_trust_model("qor", QualityOfRecommendation)
 register_trust_model("regression-aligned", RegressionAligned)
