@@ -28,8 +28,8 @@ class OwnExperience(Personal):
 
         T[i, j] = sum of the ratings of j by i / number of these ratings
 
-    A personal model that is no better than this one gains nothing by listening to others. Published trust is the mean of
-    the judges, liars included. Without a rating of its own, a judge keeps its trust.
+    A personal model that is no better than this one gains nothing by listening to others. Published trust is the mean
+    of the judges, liars included. Without a rating of its own, a judge keeps its trust.
 
     Attributes:
         initial: Trust before any rating, in [0, 1].
