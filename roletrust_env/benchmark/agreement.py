@@ -1,6 +1,7 @@
 """Agreement of claimed numbers with those of a run on this machine, up to the noise of sampling."""
 
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ _CHOSEN_BLIND = "chosen blind"
 
 _SEARCH_ERROR = 0.03  # standard deviation of the worst case between searches with other seeds
 _LEAST_ERROR = 1e-4  # where all games are alike, another processor rounds otherwise
+_EVERY = "all models"
 _NORMAL_95, _NORMAL_999 = 1.96, 3.09  # quantiles of the normal distribution, for both sides and for one
 
 
@@ -62,30 +64,40 @@ def check_cell(claim: CellClaim, result: CellResult, same: bool) -> Check:
 
 
 def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> list[Check]:
-    """Compare claimed utilities with those here over all cells together.
+    """Compare claimed utilities with those here over all cells of each model, and of all models.
 
     Each one may exceed the own one by noise, but not all of them: the mean of the differences in standard errors is
-    tested on one side, at a level of 0.001. The utility of a cell is that of its worst attack here. By the games that
-    choose, it is the mean over the attacks, of which the lowest would be biased.
+    tested on one side, at a level of 0.001 for all these tests. The utility of a cell is that of its worst attack
+    here. By the games that choose, it is the mean over the attacks, of which the lowest would be biased.
 
     Args:
         claims: Claims for cells.
         results: Results of the same cells on this machine.
     """
-    found: dict[str, list[float]] = {"utility": [], CHOSEN: []}
+    found: dict[str, dict[str, list[float]]] = {"utility": {}, CHOSEN: {}}
     for claim, result in zip(claims, results, strict=True):
         own = {one.attack: one for one in make_claim(claim.cell, result).attacks}
         pairs = sorted(
             ((one, own[one.attack]) for one in claim.attacks if one.attack in own), key=lambda p: p[1].chosen
         )
-        found["utility"].append(_excess([(one.measured.utility, other.measured.utility) for one, other in pairs[:1]]))
-        found[CHOSEN].append(_excess([_chosen(one, result)[0][1:] for one, _ in pairs]))
+        excesses = {
+            "utility": _excess([(one.measured.utility, other.measured.utility) for one, other in pairs[:1]]),
+            CHOSEN: _excess([_chosen(one, result)[0][1:] for one, _ in pairs]),
+        }
+        for name, excess in excesses.items():
+            for group in (claim.model, _EVERY):
+                found[name].setdefault(group, []).append(excess)
     checks = []
-    for name, excesses in found.items():
-        known = np.array([one for one in excesses if one == one])
-        z = float(known.sum() / max(1.0, np.sqrt(known.size)))
-        message = f"claims exceed those here by {z:.1f} standard errors over {known.size} cells; {_NORMAL_999} may be"
-        checks.append(Check(f"bias of {name}", z <= _NORMAL_999, message))
+    for name, groups in found.items():
+        most, limit = -np.inf, NormalDist().inv_cdf(1 - 0.001 / max(1, len(groups)))
+        message = "nothing to compare"
+        for group, values in groups.items():
+            known = np.array([one for one in values if one == one])
+            z = float(known.sum() / max(1.0, np.sqrt(known.size)))
+            if known.size and z > most:
+                over = f"{z:.1f} standard errors over {known.size} cells"
+                most, message = z, f"claims for {group} exceed those here by {over}; {limit:.1f} may be"
+        checks.append(Check(f"bias of {name}", most <= limit, message))
     return checks
 
 

@@ -1,12 +1,13 @@
 """Models that play the benchmark rather than the game: what they gain, and what finds them."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 from small_suites import small
 
-from roletrust_env.benchmark.agreement import check_fresh
+from roletrust_env.benchmark.agreement import check_bias, check_fresh
 from roletrust_env.benchmark.cells import Cell, cells, task_arguments
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.schema import CellResult
@@ -90,6 +91,18 @@ def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() ->
     assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
     claims = [make_claim(cell, CellResult((inside,), 0.0))]
     assert [check.ok for check in check_fresh(claims, [CellResult((apart,), 0.0)])] == [False]
+
+
+@pytest.mark.slow
+def test_twenty_honest_entries_are_accepted() -> None:
+    """Each entry is a run with a seed of its own; the next one is what a verifier plays with a new seed."""
+    models = ["mean", "median", "travos"]
+    runs = [[pair for model in models for pair in results(model, seed)] for seed in range(21)]
+    claims = [[make_claim(cell, result) for cell, result in one] for one in runs]
+    for mine, after in pairwise(range(21)):
+        checks = check_fresh(claims[mine], [result for _, result in runs[after]])
+        checks += check_bias(claims[mine], [result for _, result in runs[after]])
+        assert [check.message for check in checks if not check.ok] == []
 
 
 @pytest.mark.parametrize("new", range(1, 5))

@@ -59,5 +59,17 @@ def test_claims_that_are_a_little_too_high_everywhere_are_not() -> None:
     assert not any(check.ok for checks in found for check in checks)
 
 
+def test_a_model_that_is_raised_is_not_lost_among_many_honest_ones() -> None:
+    def claims(raised: float, model: str, seed: int) -> list[CellClaim]:
+        return [claim.model_copy(update={"model": model}) for claim in claimed(run(seed, raised=raised))]
+
+    honest = [(claims(0.0, f"m{k}", 2 * k), run(2 * k + 1)) for k in range(20)]
+    raised = (claims(0.02, "raised", 100), run(101))
+    for pairs, ok in ((honest, True), ([*honest, raised], False)):
+        checks = check_bias([one for mine, _ in pairs for one in mine], [one for _, here in pairs for one in here])
+        assert all(check.ok for check in checks) is ok
+    assert "claims for raised exceed" in checks[0].message
+
+
 def test_claims_that_are_too_low_harm_nobody() -> None:
     assert all(check.ok for check in check_bias(claimed(run(0, raised=-0.1)), run(1)))

@@ -76,10 +76,10 @@ def benchmark(
         ),
     ] = None,
     known: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             metavar="FILE.json",
-            help="Known attacks to play besides the suite's, a file of `roletrust submit --attacks`.",
+            help="Known attacks to play besides the suite's, a file of `roletrust submit --attacks`; repeat for more.",
             show_default=False,
         ),
     ] = None,
@@ -143,7 +143,7 @@ def benchmark(
     if ray is not None:
         require("--ray", "ray", "ray")
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)
-    if known is not None:
+    if known:
         if isinstance(asked, LearnersSuite):
             raise ValueError(f"--known is not for the suite {asked.name}, which is one for {asked.kind}")
         asked = _with_known(asked, known)
@@ -246,9 +246,9 @@ def _asked(
     return with_names(suite, _expanded(model, model_names(everything)), _expanded(attack, attack_names(everything)))
 
 
-def _with_known(suite: Suite, file: Path) -> Suite:
-    """Return the suite with the known attacks of a file, and say how many do not fit."""
-    attacks = read_known_attacks(file)
+def _with_known(suite: Suite, files: Sequence[Path]) -> Suite:
+    """Return the suite with the known attacks of files, and say how many do not fit."""
+    attacks = [attack for file in files for attack in read_known_attacks(file)]
     check_records(attacks)
     found = with_known(suite, attacks)
     if left := len(attacks) + len(suite.known) - len(found.known):
