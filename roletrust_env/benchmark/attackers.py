@@ -101,15 +101,16 @@ SEARCH_RUNGS = (
 """Names of the rungs that search, learn or plan."""
 
 
-def make_search(rung: str, kinds: Sequence[AttackKind] | None = None) -> SearchMethod:
+def make_search(rung: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()) -> SearchMethod:
     """Return the search method of a rung.
 
     Args:
         rung: Name of the rung, one of `SEARCH_RUNGS`, with parameters or without.
         kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
+        known: Records of known attackers, from which a search may start.
     """
     name, given = parse_parameters(rung)
-    offered = {} if kinds is None else {"attacks": tuple(kinds)}
+    offered = {"known": tuple(known)} if kinds is None else {"attacks": tuple(kinds), "known": tuple(known)}
     return search_methods.make(name, **{**search_methods.accepted_parameters(name, offered), **given})
 
 

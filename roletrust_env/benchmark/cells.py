@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from roletrust_env import Policy, Scenario
-from roletrust_env.benchmark.suite import PLANNER, Suite, Track
+from roletrust_env.benchmark.suite import FROM_KNOWN, PLANNER, Suite, Track
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.specs import is_own_model, named_factory, parse_trust_model
@@ -90,7 +90,7 @@ def rules(suite: Suite, cell: Cell) -> tuple[object, ...]:
     """
     stage, track = suite.scenarios[cell.scenario], suite.tracks[cell.track]
     world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), suite.places, suite.consumers
-    known = [one for one in suite.known if cell.rung == "known" and one.condition == cell[1:4]]
+    known = suite.known_in(cell[1:4]) if cell.rung in FROM_KNOWN else []
     attacks = known, attack_names(suite), suite.budget_of(cell.rung, cell.scenario)
     return *world, *attacks, suite.games, suite.limit_s
 

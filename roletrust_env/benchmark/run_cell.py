@@ -132,14 +132,14 @@ def _attacks(
     if cell.rung == "scripted":
         yield from scripted_batches(task, kinds, 2 * suite.games)
         return
+    known = suite.known_in(cell[1:4])
     if cell.rung == "known":
-        attacks = [one for one in suite.known if one.condition == cell[1:4]]
-        if not attacks:
+        if not known:
             raise UnsuitableError("there is no known attack for this condition")
-        for one in attacks:
+        for one in known:
             yield AttackBatch((one.name,), read_record(one.record), 0, one.words)
         return
-    method = make_search(cell.rung, list(kinds.values()))
+    method = make_search(cell.rung, list(kinds.values()), [one.record for one in known])
     search = method.search(arguments, Budget(suite.budget_of(cell.rung, cell.scenario)), cell.seed)
     found = record_of(search.attacker)
     yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, found, search.progress)

@@ -37,6 +37,9 @@ PLANNER = "white-box planner"
 WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", "nobody"})
 """Rungs that play what is given, and that of cells in which everybody is honest."""
 
+FROM_KNOWN: frozenset[str] = frozenset({"known", "evolution"})
+"""Rungs that play known attacks, or start from them."""
+
 WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
 """Rungs that use knowledge that a real attacker does not have."""
 
@@ -132,7 +135,8 @@ class Suite(SuiteSchema):
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
     """Budgets of single rungs where they differ from `budget`."""
     known: tuple[KnownAttack, ...] = ()
-    """Attacks that the rung `known` plays. In a TOML file it is the name of their JSON file, which lies beside it."""
+    """Attacks that the rung `known` plays, and from which evolution starts. In a TOML file it is the name of their JSON
+    file, which lies beside it."""
     score: Scale = "utility"
     """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
@@ -192,6 +196,10 @@ class Suite(SuiteSchema):
             for track, shares in self.shares_in(scenario).items()
             for share in shares
         ]
+
+    def known_in(self, condition: tuple[str, str, float]) -> list[KnownAttack]:
+        """Return the known attacks of a condition: scenario, track and share."""
+        return [one for one in self.known if one.condition == condition]
 
     def shares_in(self, scenario: str) -> dict[str, tuple[float, ...]]:
         """Return the shares of compromised agents in a scenario by track. A track without any is honest."""

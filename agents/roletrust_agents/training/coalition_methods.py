@@ -1,5 +1,6 @@
 """Coalitions as search methods with a budget: by evolution, by gradients, and ready ones that are only tried."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import CoalitionSettings, EvolutionSettings, GradientSettings, Start
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
+from roletrust_env.evaluation.records import read_record
 from roletrust_env.evaluation.search import Budget, Progress, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
@@ -41,15 +43,20 @@ def universal_coalitions() -> dict[str, DeepSet]:
     }
 
 
-def known_starts(start: Start) -> list[Floats]:
+def known_starts(start: Start, records: Sequence[str] = ()) -> list[Floats]:
     """Return the weights of the known networks from which a training may start, shape (n,) each.
 
     Args:
-        start: `"universal"` allows the universal coalitions, `"random"` allows none.
+        start: `"universal"` allows the universal coalitions and those of records, `"random"` allows none.
+        records: Records of attackers, see `read_record`. Those that are no coalitions are left out.
+
+    Raises:
+        ValueError: A record is not valid.
     """
     if start == "random":
         return []
-    return [network.flatten().astype(np.float64) for network in universal_coalitions().values()]
+    recorded = [attacker.network for attacker in map(read_record, records) if isinstance(attacker, CoalitionAttacker)]
+    return [network.flatten().astype(np.float64) for network in (*universal_coalitions().values(), *recorded)]
 
 
 @refuse_unknown
@@ -58,8 +65,9 @@ class Evolve:
     """Evolution of a coalition for one task, see `Evolution`.
 
     Attributes:
-        start: `"universal"` begins with the best of the universal coalitions and of random networks, `"random"` with
-            the best of random networks.
+        start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
+            `"random"` with the best of random networks.
+        known: Records of attackers that others found in the same condition, of which the coalitions are known ones.
         starts: Number of networks that begin, see `Evolution`.
         population: Number of candidates in a generation.
         games: Number of games in which each candidate plays.
@@ -68,6 +76,7 @@ class Evolve:
     """
 
     start: Start = "universal"
+    known: tuple[str, ...] = ()
     starts: int = 4
     population: int = 32
     games: int = 8
@@ -78,7 +87,8 @@ class Evolve:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
         fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
         settings = EvolutionSettings(**fields)
-        evolution, progress = _trained(Evolution, settings, arguments, budget, seed, self.name)
+        known = known_starts(self.start, self.known)
+        evolution, progress = _trained(Evolution, settings, arguments, budget, seed, known, self.name)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words, progress=progress)
 
@@ -111,18 +121,34 @@ class Gradients:
         settings = GradientSettings(
             start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
         )
-        ascent, progress = _trained(GradientAscent, settings, arguments, budget, seed, self.name)
+        known = known_starts(self.start)
+        ascent, progress = _trained(GradientAscent, settings, arguments, budget, seed, known, self.name)
         lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
         words = f"coalition, {ascent.steps} steps along gradients{lost}"
         return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words, progress=progress)
 
 
 def _trained(
-    kind: type[TrainingT], settings: CoalitionSettings, arguments: TaskArguments, budget: Budget, seed: int, name: str
+    kind: type[TrainingT],
+    settings: CoalitionSettings,
+    arguments: TaskArguments,
+    budget: Budget,
+    seed: int,
+    known: Sequence[Floats],
+    name: str,
 ) -> tuple[TrainingT, Progress]:
     """Train until the budget allows no further step, and return the training and its course.
 
     A step has a single game where all games are alike.
+
+    Args:
+        kind: Way to train.
+        settings: Settings of the training.
+        arguments: Arguments of the task.
+        budget: Budget of the training.
+        seed: Random seed.
+        known: Weights of known networks to start from, shape (n,) each.
+        name: Name of the training, for errors.
 
     Raises:
         UnsuitableError: The budget is too small.
@@ -136,7 +162,7 @@ def _trained(
         raise UnsuitableError(f"the budget of {budget.rounds} rounds is too small for {name}; give {needed} or more")
     budget.spend(_LOOK * length)
     limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
-    training = kind([task], settings, seed, limit, known_starts(settings.start))
+    training = kind([task], settings, seed, limit, known)
     if training.best is not None:  # a known network
         progress.append((training.rounds, training.best.score))
     while training.rounds + training.most_rounds <= limit:
