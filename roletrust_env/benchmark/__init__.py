@@ -6,6 +6,7 @@
 from roletrust_env.benchmark.learners.learner import Learner, register_learner
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.run import benchmark
-from roletrust_env.benchmark.suite import Suite, load_suite, suites
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite, suites
 
 __all__ = ["Leaderboard", "Learner", "Suite", "benchmark", "load_suite", "register_learner", "suites"]

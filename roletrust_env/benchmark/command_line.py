@@ -4,7 +4,8 @@ import shlex
 from pathlib import Path
 
 from roletrust_env.benchmark.cells import attack_names, model_names
-from roletrust_env.benchmark.suite import Suite, load_suite, suites
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite, suites
 from roletrust_env.benchmark.suite_types import AnySuite
 
 

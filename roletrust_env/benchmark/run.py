@@ -14,7 +14,8 @@ from roletrust_env.benchmark.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.schema import CellResult, SuiteSchema
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.suite import Suite, load_suite
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.benchmark.suite_types import AnySuite, suite_type
 from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder

@@ -16,7 +16,7 @@ from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.sources import hashes
-from roletrust_env.benchmark.suite import read_suite
+from roletrust_env.benchmark.suite_files import read_suite
 from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 from roletrust_env.errors import explain
 from roletrust_env.evaluation.records import MAX_RECORD

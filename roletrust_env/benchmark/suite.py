@@ -1,18 +1,14 @@
 """Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
 
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PositiveInt, ValidationError, model_validator
+from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env import Scenario, make_scenario
-from roletrust_env.benchmark.known_attacks import KnownAttack, check_names, read_known_attacks
-from roletrust_env.benchmark.learners.suite import LearnersSuite
+from roletrust_env.benchmark.known_attacks import KnownAttack, check_names
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
-from roletrust_env.errors import explain, suggest
 from roletrust_env.game.attack_task import Consumers
 from roletrust_env.world.base_model import FrozenModel
 
@@ -45,8 +41,6 @@ WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
 
 Scale = Literal["utility", "skill"]
 """Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
-
-_FOLDER = Path(__file__).parent / "suites"
 
 _Part = Annotated[float, Field(gt=0, lt=1)]
 
@@ -211,12 +205,6 @@ class Suite(SuiteSchema):
         return self.scenarios[scenario].budgets.get(rung, self.budgets.get(rung, self.budget))
 
 
-def suites() -> dict[str, str]:
-    """Return the descriptions of the suites of the project, by name."""
-    names = sorted(path.name.removesuffix(".toml") for path in _FOLDER.iterdir() if path.name.endswith(".toml"))
-    return {name: load_suite(name).description for name in names}
-
-
 def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     """Return the suite with further known attacks, those of its own conditions.
 
@@ -233,76 +221,3 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     rungs = suite.rungs if "known" in suite.rungs else (*suite.rungs, "known")
     check_names(suite.known + fitting)
     return suite.model_copy(update={"known": suite.known + fitting, "rungs": rungs})
-
-
-def load_suite(suite: str | Path) -> Suite | LearnersSuite:
-    """Return a suite by name, or from a TOML file.
-
-    Args:
-        suite: Name of a suite, or path of a file that ends in `.toml`.
-
-    Raises:
-        ValueError: The name is unknown, or the file cannot be read or does not contain a valid suite.
-    """
-    path = Path(suite)
-    if path.suffix == ".toml":
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"suite {path} cannot be read: {error}") from None
-        return read_suite({"name": path.stem, **_parse(text, path, path.parent)}, f"suite {path}")
-    known = sorted(entry.name.removesuffix(".toml") for entry in _FOLDER.iterdir() if entry.name.endswith(".toml"))
-    if str(suite) not in known:
-        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, known)}, or the path of a .toml file")
-    return read_suite({"name": str(suite), **_parse(_text(str(suite)), suite)}, f"suite {suite}")
-
-
-def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
-    """Return a suite from plain data.
-
-    Args:
-        data: Fields of the suite.
-        source: Origin of the data, for error messages.
-
-    Raises:
-        ValueError: A field is wrong. The message states its value and the allowed ones.
-    """
-    if not isinstance(data, Mapping):
-        raise ValueError(f"{source}: a suite must be a table of fields, not {str(data)[:100]!r}")
-    kind = str(data.get("kind", "robustness"))
-    if kind not in _TYPES:
-        raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_TYPES)}")
-    try:
-        return _TYPES[kind].model_validate(data)
-    except ValidationError as error:
-        raise ValueError(f"{source}: {explain(error)}") from None
-
-
-_TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_EXTENDABLE = ("quick", "standard", "standard-3-search", "full")
-
-
-def _text(name: str) -> str:
-    return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
-
-
-def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, Any]:
-    """Return the fields in a text, and those of the suite that it extends where it has none of its own.
-
-    Args:
-        text: Content of a TOML file.
-        source: Name of the suite or path of the file, for error messages.
-        folder: Folder of the file, which also has the known attacks.
-    """
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"suite {source} is not valid TOML: {error}") from None
-    if isinstance(data.get("known"), str):
-        data["known"] = read_known_attacks(folder / data["known"])
-    if "extends" not in data:
-        return data
-    base = data.pop("extends")
-    if base not in _EXTENDABLE:
-        raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
-    return {**tomllib.loads(_text(base)), **data}

@@ -24,7 +24,8 @@ from roletrust_env.benchmark.submission import (
     self_contained,
     suite_sources,
 )
-from roletrust_env.benchmark.suite import Suite, load_suite, read_suite, suites
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite, read_suite, suites
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers

@@ -14,7 +14,8 @@ from roletrust_env.benchmark.cells import HONEST, Cell, attack_names, cells
 from roletrust_env.benchmark.learners.suite import HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite, read_suite
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import read_suite
 from roletrust_env.trust.model import registry
 
 BLIND = 0.65

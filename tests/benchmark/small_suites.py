@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from roletrust_env.benchmark.suite import Suite, read_suite
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import read_suite
 
 MARKET = {
     "preset": "market",

@@ -9,7 +9,8 @@ from small_suites import small
 from roletrust_env.benchmark.cells import attack_names, model_names
 from roletrust_env.benchmark.command_line import reproduction_command
 from roletrust_env.benchmark.known_attacks import KnownAttack
-from roletrust_env.benchmark.suite import load_suite, with_known
+from roletrust_env.benchmark.suite import with_known
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_experiments.commands.benchmark import _asked
 
 FILE = Path("results/my run/results.sqlite")

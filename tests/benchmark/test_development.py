@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from roletrust_env.benchmark.cells import model_names
-from roletrust_env.benchmark.suite import load_suite, suites
+from roletrust_env.benchmark.suite_files import load_suite, suites
 
 DOCS = Path(__file__).parents[2] / "docs"
 

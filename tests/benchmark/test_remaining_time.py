@@ -8,7 +8,7 @@ from small_suites import small
 from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.remaining_time import RemainingTime
-from roletrust_env.benchmark.suite import load_suite
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.benchmark.suite_types import suite_type
 from roletrust_env.trust import register_trust_model
 

@@ -8,7 +8,8 @@ from small_suites import MARKET, small
 from roletrust_env import attackers
 from roletrust_env.benchmark.cells import Cell, attack_names, attacked_scenario, cells, model_names, objective
 from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.suite import Track, load_suite, suites
+from roletrust_env.benchmark.suite import Track
+from roletrust_env.benchmark.suite_files import load_suite, suites
 from roletrust_env.benchmark.suite_types import suite_type
 from roletrust_env.trust import trust_models
 

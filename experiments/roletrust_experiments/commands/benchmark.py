@@ -21,7 +21,8 @@ from roletrust_env.benchmark.result import Leaderboard
 from roletrust_env.benchmark.run import play_suite, with_names
 from roletrust_env.benchmark.schema import CellResult
 from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite, load_suite, with_known
+from roletrust_env.benchmark.suite import Suite, with_known
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.benchmark.suite_types import AnySuite
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed

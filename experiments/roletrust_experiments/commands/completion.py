@@ -7,7 +7,7 @@ import typer
 from roletrust_env import make_scenario
 from roletrust_env.benchmark.attackers import SEARCH_RUNGS
 from roletrust_env.benchmark.learners.learner import registry as learner_registry
-from roletrust_env.benchmark.suite import suites as benchmark_suites
+from roletrust_env.benchmark.suite_files import suites as benchmark_suites
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers

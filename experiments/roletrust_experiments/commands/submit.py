@@ -16,7 +16,8 @@ from roletrust_env.benchmark.attack_entries import make_entries
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import CellClaim, make_submission
-from roletrust_env.benchmark.suite import Suite, suites
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import suites
 from roletrust_env.benchmark.suite_types import AnyCell
 from roletrust_env.benchmark.verification import (
     LONGEST_S,

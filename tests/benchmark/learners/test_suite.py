@@ -12,7 +12,7 @@ from roletrust_env.benchmark.learners.search_methods import make_search_method
 from roletrust_env.benchmark.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmark.schema import AttackResult, CellResult
 from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.suite import load_suite, read_suite
+from roletrust_env.benchmark.suite_files import load_suite, read_suite
 from roletrust_env.benchmark.suite_types import suite_type
 
 SHORT = {"max_cycles": 12, "noise": 0.0, "perturbations": []}

@@ -14,7 +14,7 @@ from children import children
 from command_line import run
 
 from roletrust_env.benchmark.store import Store
-from roletrust_env.benchmark.suite import load_suite
+from roletrust_env.benchmark.suite_files import load_suite
 
 SUITE = """
 models = ["mean"]

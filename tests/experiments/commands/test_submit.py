@@ -16,7 +16,7 @@ from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.submission import ClaimedMetrics, fingerprint
-from roletrust_env.benchmark.suite import load_suite
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.benchmark.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
 
