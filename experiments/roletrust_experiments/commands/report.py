@@ -72,7 +72,7 @@ def report(
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
     for name, picture in pictures(content).items():
-        write_figure(out / f"{name}.png", picture)
+        write_figure(out / f"{name}.png", picture, colours=256)
     command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
     write_paper(out / "paper", content, command)
     write_text(out / "report.html", page(content, command, pages.rstrip("/")))

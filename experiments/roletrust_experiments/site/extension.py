@@ -1,6 +1,7 @@
-"""The extension of Sphinx: it writes the pages of the catalogue and prepares docstrings and formulas."""
+"""The extension of Sphinx: it writes the pages of the catalogue, prepares docstrings and formulas, and adds reports."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-signature", docstrings.as_written)
     app.connect("autodoc-skip-member", docstrings.skipped)
     app.connect("missing-reference", docstrings.found_by_its_last_names)
+    app.connect("build-finished", _add_reports)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -37,3 +39,10 @@ def _begin(app: Sphinx, config: Config) -> None:
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
     write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)
+
+
+def _add_reports(app: Sphinx, error: Exception | None) -> None:
+    # A report is a page of its own with files beside it, so it is copied as it is.
+    source = Path(app.srcdir)
+    for report in source.glob("leaderboards/*/report.html"):
+        shutil.copytree(report.parent, app.outdir / report.parent.relative_to(source), dirs_exist_ok=True)

@@ -3,9 +3,11 @@
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from PIL import Image
 
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -44,3 +46,14 @@ def test_equal_figures_give_equal_bytes(tmp_path: Path, suffix: str, monkeypatch
             monkeypatch.setenv("SOURCE_DATE_EPOCH", time)
             write_figure(tmp_path / f"{name}.{suffix}", drawn())
     assert (tmp_path / f"one.{suffix}").read_bytes() == (tmp_path / f"other.{suffix}").read_bytes()
+
+
+def test_fewer_colours_make_a_smaller_file_that_looks_alike(tmp_path: Path) -> None:
+    write_figure(tmp_path / "all.png", drawn())
+    write_figure(tmp_path / "few.png", drawn(), colours=64)
+    whole, few = (Image.open(tmp_path / f"{name}.png") for name in ("all", "few"))
+    assert len(few.convert("RGB").getcolors()) <= 64
+    assert whole.convert("RGB").getcolors(64) is None  # more than these
+    assert (tmp_path / "few.png").stat().st_size < (tmp_path / "all.png").stat().st_size
+    difference = np.abs(np.asarray(whole.convert("RGB"), int) - np.asarray(few.convert("RGB"), int))
+    assert difference.mean() < 1

@@ -125,7 +125,7 @@ def test_the_api_has_all_that_is_public(site, module):
 
 def test_what_stands_in_docs_is_on_the_site(site):
     for page in HOUSE.glob("docs/**/*.md"):
-        if "reference" not in page.parts and page.name != "leaderboard.md":
+        if "reference" not in page.parts and "leaderboards/standard" not in page.as_posix():
             assert (site / page.relative_to(HOUSE / "docs").with_suffix(".html")).is_file()
 
 
