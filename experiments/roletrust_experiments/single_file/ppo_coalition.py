@@ -24,8 +24,8 @@ from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.measurement import score
 from roletrust_env.game.coalition import FEATURES
 
-MEASURED = 12_345
-"""Random seed of the games at the end."""
+VALIDATED, MEASURED = 54_321, 12_345
+"""Random seeds of the games that choose an agent, and of those at the end."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Settings:
         model: Spec of the trust model.
         track: Track of the suite: `raters`, `providers` or `coalition`.
         share: Share of compromised agents of each role.
-        rounds: Number of rounds, over all games.
+        rounds: Number of rounds of a training, over all games.
+        starts: Number of trainings; the best agent counts, since from some random networks PPO finds nothing.
         seed: Random seed.
         games: Number of games at once.
         learning_rate: Initial learning rate; it falls linearly to a tenth of it.
@@ -57,6 +58,7 @@ class Settings:
     track: str = "raters"
     share: float = 0.5
     rounds: int = 100_000
+    starts: int = 3
     seed: int = 0
     games: int = 32
     learning_rate: float = 1e-2
@@ -245,6 +247,12 @@ def condition(settings: Settings) -> TaskArguments:
 
 
 def train(settings: Settings) -> Agent:
+    """Return the best of several trained agents, as validation games choose it."""
+    agents = [train_once(settings, settings.seed * settings.starts + start) for start in range(settings.starts)]
+    return min(agents, key=lambda agent: utility(agent, settings, VALIDATED))
+
+
+def train_once(settings: Settings, seed: int) -> Agent:
     """Return a trained agent, and print the mean reward of a round a few times."""
     arguments = condition(settings)
     task = exact_task(arguments)
@@ -253,38 +261,36 @@ def train(settings: Settings) -> Agent:
     if updates < 1:
         raise ValueError(f"rounds is {settings.rounds}; give {settings.games * rounds} or more")
     roles = {task.game.roster.role(name) for name in task.compromised}
-    torch.manual_seed(settings.seed)
+    torch.manual_seed(seed)
     agent = Agent(settings, tuple(k for k, role in enumerate(("SR", "SP")) if {role, "SR+SP"} & roles))
     optimiser = torch.optim.Adam(agent.parameters(), lr=settings.learning_rate, eps=1e-5)
     envs = gymnasium.make_vec(
         "RoleTrust/RaterAttack-v0", num_envs=settings.games, autoreset_mode="SameStep", **arguments
     )
-    player = Player(envs, settings.seed)
+    player = Player(envs, seed)
     for number in range(updates):
         optimiser.param_groups[0]["lr"] = settings.learning_rate * (1 - 0.9 * number / updates)
         rollout, reward = player.play(agent, rounds, settings.gamma, settings.gae_lambda)
         update(agent, optimiser, rollout, settings)
         if (number + 1) % max(1, updates // 10) == 0:
             played = (number + 1) * settings.games * rounds
-            print(
-                f"{played:>9,} rounds  reward {reward:.3f}  spread {agent.log_std[agent.channels[0]].exp().item():.2f}"
-            )
+            spread = agent.log_std[agent.channels[0]].exp().item()
+            print(f"{played:>9,} rounds  reward {reward:.3f}  spread {spread:.2f}")
     envs.close()
     return agent
 
 
-def utility(agent: Agent, settings: Settings) -> float:
+def utility(agent: Agent, settings: Settings, seed: int = MEASURED) -> float:
     """Return the mean utility of consumers in fresh games against the trained coalition."""
     task = exact_task(condition(settings))
-    return float(score(task, agent.attacker(), MEASURED, (1, settings.measured)).scores["utility"].mean())
+    return float(score(task, agent.attacker(), seed, (1, settings.measured)).scores["utility"].mean())
 
 
 def main(words: list[str] | None = None) -> None:
     """Train and measure a coalition with the settings of the command line."""
     parser = argparse.ArgumentParser(description="PPO for a coalition in one file.")
     for field in fields(Settings):
-        kind = type(field.default)
-        parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default)
+        parser.add_argument(f"--{field.name.replace('_', '-')}", type=type(field.default), default=field.default)
     settings = Settings(**vars(parser.parse_args(words)))
     agent = train(settings)
     print(f"utility {utility(agent, settings):.3f} in {settings.measured} fresh games, {settings.model}")

@@ -7,15 +7,16 @@ import torch
 from roletrust_agents.learned.coalition_attacker import joint_decision
 from roletrust_env import make_task
 from roletrust_env.game.coalition import FEATURES
+from roletrust_experiments.single_file import ppo_coalition
 from roletrust_experiments.single_file.ppo_coalition import Agent, Settings, condition, main, train, utility
 
-SHORT = ("--rounds", "3200", "--epochs", "2", "--measured", "10")
+SHORT = ("--rounds", "3200", "--starts", "2", "--epochs", "2", "--measured", "10")
 
 
 def test_it_trains_and_measures(capsys):
     main([*SHORT, "--model", "mean"])
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 3  # after each of 2 updates, and at the end
+    assert len(lines) == 5  # after each of 2 updates of 2 trainings, and at the end
     assert lines[-2].split()[0] == "3,200"
     assert 0.0 < float(lines[-1].split()[1]) < 1.0
     assert lines[-1].endswith("in 10 fresh games, mean")
@@ -23,7 +24,7 @@ def test_it_trains_and_measures(capsys):
 
 @pytest.mark.slow
 def test_a_few_thousand_rounds_mislead_consumers():
-    settings = Settings(rounds=3_200, games=4, measured=20)
+    settings = Settings(rounds=3_200, starts=1, games=4, measured=20)
     untrained = Agent(settings, (0,))
     assert utility(train(settings), settings) < utility(untrained, settings) - 0.05
 
@@ -43,3 +44,13 @@ def test_the_attacker_decides_as_the_agent_does(track, share, channels):
 def test_it_refuses_fewer_rounds_than_a_rollout():
     with pytest.raises(ValueError, match="rounds is 100; give 1600 or more"):
         train(Settings(rounds=100))
+
+
+def test_the_best_of_several_trainings_counts(monkeypatch):
+    agents = [Agent(Settings(), (0,)) for _ in range(3)]
+    seeds = []
+    values = dict(zip(agents, (0.9, 0.4, 0.6), strict=True))
+    monkeypatch.setattr(ppo_coalition, "train_once", lambda _, seed: seeds.append(seed) or agents[seed - 6])
+    monkeypatch.setattr(ppo_coalition, "utility", lambda agent, _, seed: values[agent])
+    assert train(Settings(seed=2)) is agents[1]
+    assert seeds == [6, 7, 8]  # no other seed has them

@@ -1,0 +1,60 @@
+"""The pages on older leaderboards agree with the tables of all suites."""
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+from scipy.stats import spearmanr
+
+BOARDS = Path(__file__).parents[1] / "docs" / "leaderboards"
+FIRST, SECOND = ((BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second"))
+
+Rows = dict[str, dict[str, str]]
+
+
+def rows(name: str) -> Rows:
+    with (BOARDS / name).open(encoding="utf-8") as file:
+        return {row["model"]: row for row in csv.DictReader(file)}
+
+
+ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3/leaderboard.csv")
+
+
+def table(page: str) -> list[str]:
+    return [line for line in page.splitlines() if line.startswith("| `")]
+
+
+def worst(row: dict[str, str]) -> str:
+    return f"{float(row['worst']):.3f}"
+
+
+def test_the_places_in_the_first_two_are_those_of_the_tables() -> None:
+    assert table(FIRST) == [
+        f"| `{name}` | {ONE[name]['rank']} | {row['rank']} | {worst(ONE[name])} | {worst(row)} |"
+        for name, row in TWO.items()
+    ]
+
+
+def test_the_places_in_the_last_two_are_those_of_the_tables() -> None:
+    before = {name: (f" {row['rank']} ", f" {worst(row)} ") for name, row in TWO.items()}
+    old = [before.get(name, (" ", " ")) for name in THREE]  # one model is new
+    assert table(SECOND) == [
+        f"| `{name}` |{place}| {row['tier']} | {row['rank']} |{score}| {worst(row)} |"
+        for (name, row), (place, score) in zip(THREE.items(), old, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(("page", "old", "new"), [(FIRST, ONE, TWO), (SECOND, TWO, THREE)])
+def test_the_rank_correlation_is_that_of_the_tables(page: str, old: Rows, new: Rows) -> None:
+    names = [name for name in new if name != "constant" and name in old]
+    found = spearmanr(*([float(board[name]["worst"]) for name in names] for board in (old, new)))
+    assert re.findall(r"of the\w* two columns is (-?[\d.]+\d)", " ".join(page.split())) == [f"{found.statistic:.2f}"]
+
+
+def test_the_sentences_on_single_models_are_true() -> None:
+    places = {name: (ONE[name]["rank"], TWO[name]["rank"]) for name in ("wary-role-trust", "median")}
+    assert places == {"wary-role-trust": ("1", "3"), "median": ("20", "1")}
+    between = [name for name, row in ONE.items() if 0.8795 <= float(row["worst"]) < 0.9625]
+    assert len(between) == 20
+    assert [row["worst_condition"] for row in TWO.values()].count("crowd, identities 30%") == 20
