@@ -65,7 +65,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_EXTENDABLE = ("quick", "standard", "standard-3-search", "full")
+_EXTENDABLE = ("quick", "standard", "standard-2", "standard-3-search", "standard-3", "full")
 
 
 def _text(name: str) -> str:
@@ -91,4 +91,4 @@ def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, A
     base = data.pop("extends")
     if base not in _EXTENDABLE:
         raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
-    return {**tomllib.loads(_text(base)), **data}
+    return {**_parse(_text(base), base), **data}

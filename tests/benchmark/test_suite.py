@@ -171,7 +171,14 @@ def test_a_suite_extends_one_of_the_project(tmp_path):
     assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
     assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
     path.write_text('extends = "development"\n')
-    with pytest.raises(
-        ValueError, match="extends is 'development'; it must be one of quick, standard, standard-3-search, full"
-    ):
+    allowed = "quick, standard, standard-2, standard-3-search, standard-3, full"
+    with pytest.raises(ValueError, match=f"extends is 'development'; it must be one of {allowed}"):
         load_suite(path)
+
+
+def test_a_suite_extends_one_that_extends_another(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "standard-3"\ndescription = "mine"\nseeds = [7]\n')
+    mine, base = load_suite(path), load_suite("standard-3")
+    assert (tuple(mine.seeds), mine.known, mine.rungs) == ((7,), base.known, base.rungs)
+    assert mine.scenarios == base.scenarios == load_suite("standard-3-search").scenarios

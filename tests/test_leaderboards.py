@@ -1,4 +1,4 @@
-"""The pages on older leaderboards agree with the tables of all suites."""
+"""The pages on leaderboards agree with the tables of all suites."""
 
 import csv
 import re
@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import spearmanr
 
 BOARDS = Path(__file__).parents[1] / "docs" / "leaderboards"
+CURRENT = (BOARDS.parent / "robustness.md").read_text(encoding="utf-8")
 FIRST, SECOND = ((BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second"))
 
 Rows = dict[str, dict[str, str]]
@@ -23,6 +24,24 @@ ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3
 
 def table(page: str) -> list[str]:
     return [line for line in page.splitlines() if line.startswith("| `")]
+
+
+def skill(row: dict[str, str]) -> str:
+    return f"{float(row['score']):.2f} ± {float(row['score_half_95']):.2f}"
+
+
+def test_the_best_models_of_each_condition_are_those_of_the_table() -> None:
+    with (BOARDS / "standard-3" / "worst_cases.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
+    expected = []
+    for where in dict.fromkeys((row["scenario"], row["track"], row["share"]) for row in rows):
+        here = {row["model"]: row for row in rows if (row["scenario"], row["track"], row["share"]) == where}
+        control = here.pop("own-experience")
+        best = max(here.values(), key=lambda row: float(row["score"]))
+        name = f"{where[0]}, {where[1]} {float(where[2]):.0%}"
+        expected.append(f"| {name} | {skill(control)} | `{best['model']}` | {skill(best)} |")
+    lines = CURRENT.partition("| condition |")[2].partition("\n\n")[0].splitlines()
+    assert sorted(lines[2:]) == sorted(expected)
 
 
 def worst(row: dict[str, str]) -> str:
