@@ -74,6 +74,11 @@ def test_the_rank_correlation_is_that_of_the_tables(page: str, old: Rows, new: R
 def test_the_sentences_on_single_models_are_true() -> None:
     places = {name: (ONE[name]["rank"], TWO[name]["rank"]) for name in ("wary-role-trust", "median")}
     assert places == {"wary-role-trust": ("1", "3"), "median": ("20", "1")}
+    moved = {name: (TWO[name]["rank"], THREE[name]["rank"]) for name in ("travos", "median")}
+    assert moved == {"travos": ("20", "1"), "median": ("1", "12")}
+    assert THREE["own-experience"]["tier"] == "1"
+    assert next(name for name, row in THREE.items() if row["published"] == row["worst"]) == "wary-role-trust"
+    assert [row["worst_condition"] for row in THREE.values()].count("market, identities 30%") > len(THREE) / 2
     between = [name for name, row in ONE.items() if 0.8795 <= float(row["worst"]) < 0.9625]
     assert len(between) == 20
     assert [row["worst_condition"] for row in TWO.values()].count("crowd, identities 30%") == 20
