@@ -82,3 +82,9 @@ def test_the_sentences_on_single_models_are_true() -> None:
     between = [name for name, row in ONE.items() if 0.8795 <= float(row["worst"]) < 0.9625]
     assert len(between) == 20
     assert [row["worst_condition"] for row in TWO.values()].count("crowd, identities 30%") == 20
+
+
+def test_the_sentence_on_searches_is_that_of_the_report() -> None:
+    report = (BOARDS / "standard-3" / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r"In (\d+ of \d+) cells", CURRENT) == re.findall(r"more than 0\.01 in (\d+ of \d+) cells", report)
+    assert f"against {float(THREE['own-experience']['worst']):.3f} here" in CURRENT
