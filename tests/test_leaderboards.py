@@ -26,6 +26,12 @@ def table(page: str) -> list[str]:
     return [line for line in page.splitlines() if line.startswith("| `")]
 
 
+def test_the_order_of_models_with_one_trust_hardly_changed() -> None:
+    names = [name for name, row in THREE.items() if row["published"] == row["worst"] and name != "constant"]
+    found = spearmanr(*([float(board[name]["worst"]) for name in names] for board in (TWO, THREE)))
+    assert f"it is {found.statistic:.2f}" in SECOND
+
+
 def skill(row: dict[str, str]) -> str:
     return f"{float(row['score']):.2f} ± {float(row['score_half_95']):.2f}"
 
@@ -78,7 +84,7 @@ def test_the_sentences_on_single_models_are_true() -> None:
     assert moved == {"travos": ("20", "1"), "median": ("1", "12")}
     assert THREE["own-experience"]["tier"] == "1"
     assert next(name for name, row in THREE.items() if row["published"] == row["worst"]) == "wary-role-trust"
-    assert [row["worst_condition"] for row in THREE.values()].count("market, identities 30%") > len(THREE) / 2
+    assert [row["worst_condition"] for row in THREE.values()].count("market, identities 30%") == 17
     between = [name for name, row in ONE.items() if 0.8795 <= float(row["worst"]) < 0.9625]
     assert len(between) == 20
     assert [row["worst_condition"] for row in TWO.values()].count("crowd, identities 30%") == 20

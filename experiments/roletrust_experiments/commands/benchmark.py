@@ -112,10 +112,10 @@ def benchmark(
     r"""Attack [bold]every trust model with every attack[/], and rank the models by the worst case.
 
     A suite combines models, scenarios, tracks, shares of compromised agents, ways to attack and seeds. The ways to
-    attack are all scripted attacks, searches over their parameters, PPO, and a planner that knows the whole state and
-    is listed separately. [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share
-    of the best quality. The [bold]worst case[/] of a condition is chosen in some games and measured in others; a blind
-    choice is its lower limit. Models are ranked by the mean worst case over all conditions.
+    attack are scripted attacks, searches over their parameters, coalitions that learn, and known attacks.
+    [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share of the best quality.
+    [bold]Skill[/] is 1 for the best choice and 0 for a blind one. The [bold]worst case[/] of a condition is chosen in
+    some games and measured in others. Models are ranked by the mean worst case over all conditions.
 
     A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share of a learner on a
     task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for the best attack found where neither

@@ -77,7 +77,7 @@ def submit(
     [bold]Examples[/]
 
     [dim]# submit a model of your own[/]
-    [cyan]roletrust benchmark --suite standard --model mypackage.mymodel:MyModel --out results/mine[/]
+    [cyan]roletrust benchmark --suite standard-3 --model mypackage.mymodel:MyModel --out results/mine[/]
     [cyan]roletrust submit results/mine/results.sqlite --model mypackage.mymodel:MyModel --out mymodel.json[/]
 
     [dim]# submit attacks, here a script of yours and what searches find, against one trust model[/]
