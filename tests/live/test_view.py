@@ -39,11 +39,16 @@ class Stage:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        settings = {"period": PERIOD, "team": TEAM, "keys": folder / "keys"}
+        self.keys = folder / "keys"
+        settings = {"period": PERIOD, "team": TEAM, "keys": self.keys}
         self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
-        self.robots = started(run_robots, (0, 1), TEAM.providers, folder / "keys", PERIOD)
-        self.third = started(run_robots, (2,), TEAM.providers, folder / "keys", PERIOD)
+        self.robots = started(run_robots, (0, 1), TEAM.providers, self.keys, PERIOD)
+        self.start_third()
         self.view = started(run_view_server, self.port, PERIOD / 1e9, attackers=("sr_2",))
+
+    def start_third(self):
+        """Start the robot that a test kills."""
+        self.third = started(run_robots, (2,), TEAM.providers, self.keys, PERIOD)
 
     def wait_for(self, rounds):
         """Wait for that many further rounds in the journal and return them."""
@@ -175,7 +180,10 @@ def test_many_viewers_do_not_slow_the_manager(stage):
 
 
 def test_a_killed_robot_is_gone_within_two_periods(page, stage):
-    """Runs last, since the robot does not come back. A period is the longest time between two rounds in the browser."""
+    """A period is the longest time between two rounds in the browser."""
+    if not stage.third.is_alive():  # this test failed before and is repeated
+        stage.start_third()
+        page.wait_for_function("() => !document.querySelector('.gone')")
     moments, state = [time.monotonic()], page.locator(".state b")
     for _ in range(6):
         shown = state.inner_text()
