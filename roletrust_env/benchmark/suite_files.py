@@ -17,8 +17,7 @@ _FOLDER = Path(__file__).parent / "suites"
 
 def suites() -> dict[str, str]:
     """Return the descriptions of the suites of the project, by name."""
-    names = sorted(path.name.removesuffix(".toml") for path in _FOLDER.iterdir() if path.name.endswith(".toml"))
-    return {name: load_suite(name).description for name in names}
+    return {name: load_suite(name).description for name in _names()}
 
 
 def load_suite(suite: str | Path) -> Suite | LearnersSuite:
@@ -37,9 +36,8 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
         except (OSError, UnicodeDecodeError) as error:
             raise ValueError(f"suite {path} cannot be read: {error}") from None
         return read_suite({"name": path.stem, **_parse(text, path, path.parent)}, f"suite {path}")
-    known = sorted(entry.name.removesuffix(".toml") for entry in _FOLDER.iterdir() if entry.name.endswith(".toml"))
-    if str(suite) not in known:
-        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, known)}, or the path of a .toml file")
+    if str(suite) not in (names := _names()):
+        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
     return read_suite({"name": str(suite), **_parse(_text(str(suite)), suite)}, f"suite {suite}")
 
 
@@ -66,6 +64,10 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _EXTENDABLE = ("quick", "standard", "standard-2", "standard-3-search", "standard-3", "full")
+
+
+def _names() -> list[str]:
+    return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 
 def _text(name: str) -> str:

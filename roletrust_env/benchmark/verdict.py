@@ -52,9 +52,9 @@ def verdict(scores: Floats) -> Verdict:
     """
     if not len(scores):
         return Verdict([], [])
-    pairs = _pairs(scores)
-    alike = _alike(pairs)
-    return Verdict(_tiers(alike), _holds(over_seeds(scores, len(scores)).mean, pairs, alike))
+    pairs, number = _pairs(scores), len(scores)
+    alike = _alike(pairs, tests=max(1, number * (number - 1) // 2))
+    return Verdict(_tiers(alike), _holds(over_seeds(scores, number).mean, pairs, alike))
 
 
 def told_apart(scores: Floats) -> float:
@@ -65,10 +65,8 @@ def told_apart(scores: Floats) -> float:
     """
     if len(scores) < 2:
         return np.nan
-    pairs = _pairs(scores)
-    limit = student_quantile(pairs.freedom, _LEVEL) * pairs.error + 10.0**-DIGITS
-    above = np.triu_indices(len(scores), 1)
-    return float((abs(pairs.difference) > limit)[above].mean())
+    alike = _alike(_pairs(scores), tests=1)
+    return float(1 - alike[np.triu_indices(len(scores), 1)].mean())
 
 
 def _pairs(scores: Floats) -> _Pairs:
@@ -81,16 +79,19 @@ def _pairs(scores: Floats) -> _Pairs:
     return _Pairs(*square)
 
 
-def _alike(pairs: _Pairs) -> npt.NDArray[np.bool_]:
+def _alike(pairs: _Pairs, tests: int) -> npt.NDArray[np.bool_]:
     """Return which models are not told apart, shape (M, M).
 
     Two models are told apart if Student's paired test rejects that their scores are equal. By Bonferroni's correction
-    for all pairs, any two models with equal scores are told apart in at most 5% of runs. Fewer tests would not do,
+    for all pairs, any two models with equal scores are told apart in at most 5% of runs. Tiers need all of them,
     because the leader of a tier is the best one by the same games; the honestly significant differences of Tukey are
     one family for the same reason.
+
+    Args:
+        pairs: Differences between the models.
+        tests: Number of tests that share the error of 5%.
     """
-    number = len(pairs.error)
-    level = 1 - (1 - _LEVEL) / max(1, number * (number - 1) / 2)
+    level = 1 - (1 - _LEVEL) / tests
     limit = student_quantile(pairs.freedom, level) * pairs.error + 10.0**-DIGITS
     alike: npt.NDArray[np.bool_] = ~(abs(pairs.difference) > limit)  # also where the error is unknown
     return alike

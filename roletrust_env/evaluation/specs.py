@@ -18,6 +18,7 @@ from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
+from roletrust_env.trust.model_checks import is_own
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.trust.outside import OutsideFactory
 from roletrust_env.world.roster import Roster
@@ -151,7 +152,7 @@ def is_own_model(text: str) -> bool:
         text: Text `NAME[:key=value,...]`.
     """
     factory = trust_models.registered(text.strip().partition(":")[0])
-    return factory is not None and factory.__module__.startswith("roletrust_env.")
+    return factory is not None and is_own(factory)
 
 
 def read_trust_model(

@@ -1,5 +1,6 @@
 """Checks of trust models from other packages: before a game, and in each round."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,12 @@ from roletrust_env.trust.model import State, TrustModel, start_model
 def needs_watching(model: TrustModel[Any]) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
     seated = getattr(model, "model", model)  # under `RandomSeats`
-    return not type(seated).__module__.startswith("roletrust_env.trust.models.")
+    return not is_own(type(seated))
+
+
+def is_own(factory: Callable[..., Any]) -> bool:
+    """Return whether a class is a trust model of this project."""
+    return factory.__module__.startswith("roletrust_env.trust.models.")
 
 
 def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None:

@@ -67,7 +67,7 @@ class Evolve:
     Attributes:
         start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
             `"random"` with the best of random networks.
-        known: Records of attackers that others found in the same condition, of which the coalitions are known ones.
+        known: Records of attackers that others found in the same condition. A training may start from the coalitions.
         starts: Number of networks that begin, see `Evolution`.
         population: Number of candidates in a generation.
         games: Number of games in which each candidate plays.

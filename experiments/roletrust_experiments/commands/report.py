@@ -42,9 +42,9 @@ def report(
 
     Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/], of which
     [green]worst_cases.csv[/] has a row for each model and condition; [green]leaderboard.md[/], the leaderboard in
-    Markdown; [green]games.csv.gz[/], the utility of every game; and for papers, in the folder [green]paper[/], each
-    figure as [green].pdf[/] and [green].svg[/] at the width of a column, and [green]leaderboard.tex[/], the leaderboard
-    in LaTeX.
+    Markdown; [green]games.csv.gz[/], the utility of every game; [green]conditions.csv[/], how well each condition tells
+    models apart; and for papers, in the folder [green]paper[/], each figure as [green].pdf[/] and [green].svg[/] at the
+    width of a column, and [green]leaderboard.tex[/], the leaderboard in LaTeX.
 
     [bold]Examples[/]
 
@@ -73,7 +73,8 @@ def report(
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
     for name, picture in pictures(content).items():
         write_figure(out / f"{name}.png", picture, colours=256)
-    command = shlex.join(["roletrust", "report", *map(str, paths), "--out", str(out)])
+    linked = ["--pages", pages] if pages else []
+    command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
     write_paper(out / "paper", content, command)
     write_text(out / "report.html", page(content, command, pages.rstrip("/")))
     written = "report.html"

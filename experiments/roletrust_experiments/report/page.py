@@ -51,6 +51,7 @@ def page(content: Content, command: str, pages: str = "") -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"estimate": _estimate, "interval": _interval, "number": _number, "share": _share}
+    linked = filter(is_own_model, told.order) if told and pages else ()
     return environment.get_template("page.html").render(
         told=told,
         learned=content.learners,
@@ -58,9 +59,7 @@ def page(content: Content, command: str, pages: str = "") -> str:
         command=command,
         looks=styles,
         chosen=_CHOSEN,
-        pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in told.order if pages and is_own_model(name)}
-        if told
-        else {},
+        pages={name: f"{pages}/{name.partition(':')[0]}.html" for name in linked},
         choices={name: table.choices() for name, table in content.tables.items()},
         data=Markup(_script_safe(json.dumps(data, allow_nan=False, separators=(",", ":")))),
         bokeh=Markup(Resources(mode="inline", components=["bokeh"]).render_js()),

@@ -128,6 +128,8 @@ def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> N
     made = run("report", str(folder / "results.sqlite"), "--pages", "../models/", "--out", str(tmp_path / "out"))
     assert made.exit_code == 0, made.output
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "roletrust report" in page
+    assert "--pages ../models/ --out" in page
     for name in SUITE.models:
         assert (f'<a href="../models/{name.partition(":")[0]}.html">{name}</a>' in page) == is_own_model(name)
     assert "../models" not in (folder / "out" / "report.html").read_text(encoding="utf-8")
