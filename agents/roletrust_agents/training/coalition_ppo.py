@@ -33,7 +33,8 @@ class CoalitionPpo:
 
     The coalition observes and decides as in a task with `observation="coalition"`, and the network is a `DeepSet`. Each
     game keeps its noise over the whole episode, see `roletrust_agents.training.coalition_policy`. The result is the
-    best of some networks of the second half of the training, in the same games for all, and plays without noise.
+    best of some networks of the training, in the same games for all, and plays without noise. A universal coalition that
+    begins is one of them, for a training can end below its start; of a random start, only the second half takes part.
 
     The network does not learn when to call identities in reserve: a universal coalition does so as before, and a random
     network calls none.
@@ -85,7 +86,7 @@ class CoalitionPpo:
                 f"the budget of {budget.rounds} rounds is too small for {self.name}; give {least} or more"
             )
         first = universal_coalitions()[best_universal(task, budget, seed)] if universal else None
-        plan = _Plan.of(budget.left // rounds)
+        plan = _Plan.of(budget.left // rounds, universal)
         rollout = plan.games * rounds
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the last batch may be smaller than the others
@@ -110,7 +111,6 @@ class CoalitionPpo:
         best: list[DeepSet] = []
 
         def compare(updates: int) -> None:
-            budget.spend(rollout)
             if updates not in plan.compared:
                 return
             network = deep_set_of(policy, first)
@@ -120,7 +120,12 @@ class CoalitionPpo:
             if scores[-1] == max(scores):
                 best[:] = [network]
 
-        model.learn(plan.updates * rollout, callback=AfterUpdates(rollout, compare))
+        def updated(updates: int) -> None:
+            budget.spend(rollout)
+            compare(updates)
+
+        compare(0)
+        model.learn(plan.updates * rollout, callback=AfterUpdates(rollout, updated))
         return SearchResult(CoalitionAttacker(best[0]), budget.spent, f"{self.name} in {budget.spent} rounds")
 
 
@@ -130,7 +135,7 @@ class _Plan(NamedTuple):
     Attributes:
         games: Number of games of a rollout.
         updates: Number of rollouts.
-        compared: Numbers of updates after which a network is compared with the best one.
+        compared: Numbers of updates after which a network is compared with the best one; 0 is the start.
         validation: Number of games of a comparison.
     """
 
@@ -140,13 +145,14 @@ class _Plan(NamedTuple):
     validation: int
 
     @classmethod
-    def of(cls, whole: int) -> Self:
-        """Return the plan for a number of games."""
+    def of(cls, whole: int, universal: bool) -> Self:
+        """Return the plan for a number of games, with a universal coalition as the start or a random network."""
         validation = min(_MOST_VALIDATION_GAMES, whole // (_VALIDATION * _COMPARED))
         left = whole - validation * _COMPARED
         games = min(_GAMES, max(_FEWEST_GAMES, left // _UPDATES))
         updates = left // games
-        compared = frozenset(round(updates * (0.5 + 0.5 * k / (_COMPARED - 1))) for k in range(_COMPARED))
+        begin = 0.0 if universal else 0.5
+        compared = frozenset(round(updates * (begin + (1 - begin) * k / (_COMPARED - 1))) for k in range(_COMPARED))
         return cls(games, updates, compared, validation)
 
 

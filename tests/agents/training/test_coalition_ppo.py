@@ -137,10 +137,14 @@ def test_a_search_begins_with_a_universal_coalition():
     ready = universal_coalitions()
     least = 40 * ROUNDS + len(ready) * 16 * ROUNDS
     still = CoalitionPpo(learning_rate=1e-12, n_epochs=1)
+    ready_weights = [network.flatten() for network in ready.values()]
     result = still.search(arguments(), Budget(least + 5 * ROUNDS), 0)
     assert result.rounds > len(ready) * 16 * ROUNDS + 30 * ROUNDS
     weights = result.attacker.network.flatten()
-    assert min(np.abs(weights - network.flatten()).max() for network in ready.values()) < 1e-6
+    assert min(np.abs(weights - ready_one).max() for ready_one in ready_weights) < 1e-6
+    harmful = CoalitionPpo(learning_rate=0.3, n_epochs=1).search(arguments(), Budget(least + 5 * ROUNDS), 0)
+    kept = harmful.attacker.network.flatten()
+    assert any((kept == ready_one).all() for ready_one in ready_weights), "a training ends below its start"
     with pytest.raises(UnsuitableError, match=f"give {least} or more"):
         still.search(arguments(), Budget(least - 1), 0)
 
