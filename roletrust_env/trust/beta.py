@@ -129,8 +129,8 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
 def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, Array]:
     """Return the mass beyond x, seen from the mean, and whether x is above the mean.
 
-    NumPy leaves out integrals. By Chernoff's bound, the mass is at most the density relative to its peak; where that is
-    lost in the rounding of 1, the mass is 0.
+    NumPy leaves out integrals. Beyond 0 and 1 the mass is 0. By Chernoff's bound, it is at most the density relative
+    to its peak; where that is lost in the rounding of 1, it is 0 as well.
 
     Args:
         x: See `mass_below`.
@@ -139,6 +139,11 @@ def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, A
         enough: Mass from which on a lower bound, which is at least as large, may be returned in place of the mass.
     """
     xp = namespace(a)
+    if isinstance(a, np.ndarray) and ((x <= 0) | (x >= 1)).any():
+        x, a, b = np.broadcast_arrays(x, a, b)
+        beyond, above, inside = np.zeros_like(a), x >= 1, ~((x <= 0) | (x >= 1))
+        beyond[inside], above[inside] = _beyond(x[inside], a[inside], b[inside], enough)
+        return beyond, above
     offset = xp.log(xp.clip(x, _TINY, 1.0)) - xp.log(xp.clip(1.0 - x, _TINY, 1.0)) - xp.log(a / b)
     above = offset > 0
     a, b = xp.where(above, b, a), xp.where(above, a, b)

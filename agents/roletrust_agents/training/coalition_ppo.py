@@ -33,8 +33,9 @@ class CoalitionPpo:
 
     The coalition observes and decides as in a task with `observation="coalition"`, and the network is a `DeepSet`. Each
     game keeps its noise over the whole episode, see `roletrust_agents.training.coalition_policy`. The result is the
-    best of some networks of the training, in the same games for all, and plays without noise. A universal coalition that
-    begins is one of them, for a training can end below its start; of a random start, only the second half takes part.
+    best of some networks of the training, in the same games for all, and plays without noise. The universal coalition
+    at the start is one of them, because a training can end below its start. After a random start, only networks of the
+    second half are compared.
 
     The network does not learn when to call identities in reserve: a universal coalition does so as before, and a random
     network calls none.

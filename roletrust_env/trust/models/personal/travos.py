@@ -24,6 +24,8 @@ class TravosState(NamedTuple):
         failures: Failures n, shape (S, P, ...).
         good: Successes of judge i after opinions of adviser k in each bin, shape (S, S, bins, ...).
         bad: Failures, of the same shape.
+        accuracy: Accuracy rho of such opinions, of the same shape.
+        confidence: Confidence of judge i in its own experience of provider j, shape (S, P, ...).
         trust: Trust of judge i in provider j, shape (S, P, ...).
         credence: Credence of judge i in adviser k, shape (S, S, ...).
     """
@@ -32,6 +34,8 @@ class TravosState(NamedTuple):
     failures: Array
     good: Array
     bad: Array
+    accuracy: Array
+    confidence: Array
     trust: Array
     credence: Array
 
@@ -80,7 +84,10 @@ class Travos(Personal):
         xp, raters = namespace(like), like.shape[0]
         nothing = xp.zeros_like(like)
         untried = xp.zeros((raters, raters, self.bins, *like.shape[2:]), dtype=like.dtype, device=like.device)
-        return TravosState(nothing, nothing, untried, untried, nothing + 0.5, untried[:, :, 0, ...] + 1 / self.bins)
+        accuracy = untried + self._accuracy(untried[:1, :1, ...], untried[:1, :1, ...], untried[:1, :1, ...] + 1)
+        confidence = nothing + self._confidence(nothing[:1, :1, ...], nothing[:1, :1, ...], nothing[:1, :1, ...] + 1)
+        credence = untried[:, :, 0, ...] + 1 / self.bins
+        return TravosState(nothing, nothing, untried, untried, accuracy, confidence, nothing + 0.5, credence)
 
     def update(self, state: TravosState, ratings: Array, mask: Array | None) -> TravosState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
@@ -89,13 +96,18 @@ class Travos(Personal):
         before = self._held(state.successes, state.failures)
         good = state.good + xp.einsum("ij...,kbj...->ikb...", masked.values, before)
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
+        changed = (good != state.good) | (bad != state.bad)  # few, where ratings are sparse
+        by_bin = xp.where(changed, self._accuracy(good, bad, cast(changed, good.dtype)), state.accuracy)
         successes, failures = state.successes + masked.values, state.failures + failed
+        changed = (successes != state.successes) | (failures != state.failures)
+        confidence = self._confidence(successes, failures, cast(changed, good.dtype))
+        confidence = xp.where(changed, confidence, state.confidence)
         now = self._held(successes, failures)
-        accuracy = xp.einsum("ikb...,kbj...->ikj...", self._accuracy(good, bad, now), now)
-        trust = self._trust(successes, failures, accuracy)
+        accuracy = xp.einsum("ikb...,kbj...->ikj...", by_bin, now)
+        trust = self._trust(successes, failures, confidence, accuracy)
         held = now.sum(axis=1).sum(axis=1)[None]
         credence = xp.where(held > 0, accuracy.sum(axis=2) / xp.clip(held, 1, None), 1 / self.bins)
-        return TravosState(successes, failures, good, bad, trust, credence)
+        return TravosState(successes, failures, good, bad, by_bin, confidence, trust, credence)
 
     def _held(self, successes: Array, failures: Array) -> Array:
         """Return 1 for the bin of adviser k's opinion of provider j, 0 for the other bins, shape (S, bins, P, ...)."""
@@ -111,20 +123,25 @@ class Travos(Personal):
         edges = xp.reshape(edges, (self.bins + 1, *batch))
         return edges[:-1], edges[1:]
 
-    def _accuracy(self, good: Array, bad: Array, held: Array) -> Array:
-        """Return rho, the accuracy of opinions in each bin, shape (S, S, bins, ...); any number where none is held."""
+    def _accuracy(self, good: Array, bad: Array, wanted: Array) -> Array:
+        """Return rho, the accuracy of opinions in each bin, shape (S, S, bins, ...); any number where 0 is wanted."""
         xp, a, b = namespace(good), good + 1, bad + 1
-        inner, some = self._edges(held[:, :, 0, ...])[0][1:], xp.max(held, axis=2)
-        low, high = inner * some[:, 1:, ...], inner * some[:, :-1, ...]  # 0, which costs nothing, where none is held
+        inner = self._edges(good[:, 0, ...])[0][1:]
+        low, high = inner * wanted[:, :, 1:, ...], inner * wanted[:, :, :-1, ...]  # 0, which costs nothing
         none = xp.zeros_like(a[:, :, :1, ...])  # the mass below 0
         below = xp.concat([none, mass_below(low, a[:, :, 1:, ...], b[:, :, 1:, ...])], axis=2)
         until = xp.concat([mass_below(high, a[:, :, :-1, ...], b[:, :, :-1, ...]), none + 1], axis=2)
         return xp.clip(until - below, 0.0, 1.0)
 
-    def _trust(self, successes: Array, failures: Array, accuracy: Array) -> Array:
+    def _confidence(self, successes: Array, failures: Array, wanted: Array) -> Array:
+        """Return the confidence of judges in what they saw, shape (S, P, ...); any number where 0 is wanted."""
+        own = reputation(successes, failures)
+        low, high = (own - self.error) * wanted, (own + self.error) * wanted  # 0, which costs nothing
+        return mass_between(low, high, successes + 1, failures + 1)
+
+    def _trust(self, successes: Array, failures: Array, confidence: Array, accuracy: Array) -> Array:
         """Return the judges' trust in the providers, shape (S, P, ...), from rho, shape (S, S, P, ...)."""
         xp, own, a, b = namespace(successes), reputation(successes, failures), successes + 1, failures + 1
-        confidence = mass_between(own - self.error, own + self.error, a, b)
         spread = (own * (1 - own) / (a + b + 1)) ** 0.5
         mean = 0.5 + accuracy * (own - 0.5)
         strangers = others(successes)[:, :, None, ...]
