@@ -81,7 +81,7 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
     if cell.rung == "scripted":
         return 0, each * (len(attack_names(suite)) + 1)
     if cell.rung == "known":
-        return 0, 2 * each * len(suite.known_in(cell[1:4]))
+        return 0, each * (len(suite.known_in(cell[1:4])) + 1)
     return suite.budget_of(cell.rung, cell.scenario), 2 * each
 
 

@@ -1,6 +1,7 @@
 """Execution of a cell. The result depends only on the suite and the cell, not on the machine or the order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import Measured, measure, measure_honest
+from roletrust_env.evaluation.measurement import Measured, Watched, measure, measure_honest, watch_honest
 from roletrust_env.evaluation.records import read_record, record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds
@@ -48,17 +49,18 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
         return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
     rows: list[AttackResult] = []
     failed: list[str] = []
-    steps = 0
+    steps = 2 * suite.games * task.game.scenario.max_cycles
+    twin = cache(lambda: watch_honest(task, cell.seed, 2 * suite.games))  # the same for all attacks of the cell
     try:
         for batch in _attacks(suite, cell, task, arguments, record):
             try:
-                good, errors = _measure_batch(suite, cell, task, batch)
+                good, errors = _measure_batch(suite, cell, task, batch, twin)
             except ValueError as error:
                 if cell.rung != "known":
                     raise
                 good, errors = [], [f"attack {batch.names[0]}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
-            steps += batch.rounds + 2 * (len(batch.names) + 1) * suite.games * task.game.scenario.max_cycles
+            steps += batch.rounds + 2 * len(batch.names) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
         return CellResult((), perf_counter() - began, unsuitable=str(error))
     return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
@@ -146,7 +148,7 @@ def _attacks(
 
 
 def _measure_batch(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], Watched]
 ) -> tuple[list[AttackResult], list[str]]:
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
@@ -156,11 +158,11 @@ def _measure_batch(
         Exception: All attacks fail.
     """
     try:
-        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games))
+        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games), twin())
     except Exception as error:  # plug-in code may raise anything
         if len(batch.names) == 1:
             raise
-        return _measure_singly(suite, cell, task, batch, error)
+        return _measure_singly(suite, cell, task, batch, twin, error)
     return [_row(batch, k, scores) for k in range(len(batch.names))], []
 
 
@@ -174,13 +176,13 @@ def _row(batch: AttackBatch, k: int, scores: Measured) -> AttackResult:
 
 
 def _measure_singly(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, error: Exception
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], Watched], error: Exception
 ) -> tuple[list[AttackResult], list[str]]:
     """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
     rows, failed = [], []
     for single in batch.split():
         try:
-            rows += _measure_batch(suite, cell, task, single)[0]
+            rows += _measure_batch(suite, cell, task, single, twin)[0]
         except Exception as own_error:
             failed.append(f"attack {single.names[0]}: {reason(own_error)}")
     if not rows:

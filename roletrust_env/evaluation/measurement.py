@@ -96,26 +96,38 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
     return Watched(np.stack(trusts), *rounds)
 
 
-def score(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Scored:
-    """Play attacks side by side, and the same games once with everybody honest, and return the scores.
+def watch_honest(task: AttackTask, seed: int, games: int) -> Watched:
+    """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See `watch`."""
+    return watch(task, Scripted({}), seed, (1, games))
+
+
+def score(
+    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: Watched | None = None
+) -> Scored:
+    """Play attacks side by side, compare them with the same games with everybody honest, and return the scores.
 
     Args:
         task: Task that is played, in double precision.
         attacker: Attacker, or K attackers side by side.
         seed: Random seed.
         batch: Shape (K, G): K attacks in G games each.
+        twin: The honest games, `watch_honest` of the same task, seed and G; None plays them.
 
+    Raises:
+        ValueError: See `watch`.
     """
     judged = _judged(task)
     seen = watch(task, attacker, seed, batch)
-    twin = watch(task, Scripted({}), seed, (1, batch[1]))
+    twin = watch_honest(task, seed, batch[1]) if twin is None else twin
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
     damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
     auc = _told_apart(task, seen.trust, judged)
     return Scored({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought, twin.bought)
 
 
-def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Measured:
+def measure(
+    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: Watched | None = None
+) -> Measured:
     """Score attacks in games that choose the worst case and in other games that measure it.
 
     Args:
@@ -123,8 +135,9 @@ def measure(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, i
         attacker: Attacker, or K attackers side by side.
         seed: Random seed.
         batch: Shape (K, G): K attacks, in G games each to choose the worst case, and in G others to measure it.
+        twin: The 2 G honest games, see `score`.
     """
-    scored = score(task, attacker, seed, (batch[0], 2 * batch[1]))
+    scored = score(task, attacker, seed, (batch[0], 2 * batch[1]), twin)
     return Measured.halves(scored.scores, scored.bought)
 
 
@@ -133,7 +146,7 @@ def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
     judged = _judged(task)
     everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
-    seen = watch(task, Scripted({}), seed, nothing.shape)
+    seen = watch_honest(task, seed, 2 * games)
     return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing}, seen.bought)
 
 
