@@ -120,9 +120,12 @@ attackers: setup
 	$(BIN)/roletrust budget --way evolution --way 'coalition PPO' --way 'coalition PPO:start=random' --budget 100000 --runs 5 \
 	  --track raters --share 0.5 $(FIVE) --out $(OUT)/ppo
 	$(BIN)/roletrust transfer --games 50 --out $(OUT)/transfer
+	$(BIN)/roletrust transfer --model beta --on roletrust_experiments.attackers.robustrep:RobustRep --games 40 --out $(OUT)/outside
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
+	cp $(OUT)/budget/budget.json docs/attackers/
+	cp $(OUT)/outside/transfer.md docs/attackers/outside.md
 	for name in crowd-raters crowd-coalition market-raters ppo; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 
 # Which learner finds coalitions with how many rounds; some minutes on two cores.
