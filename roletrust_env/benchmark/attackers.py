@@ -2,18 +2,22 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from roletrust_env.benchmark.known_attacks import KnownAttack
 from roletrust_env.evaluation.attack_space import AttackKind
-from roletrust_env.evaluation.attackers import Attacker, Scripted
+from roletrust_env.evaluation.attackers import Attacker, Scripted, Stackable
 from roletrust_env.evaluation.composite import SideBySide, side_by_side
+from roletrust_env.evaluation.records import read_record
 from roletrust_env.evaluation.scripts import Scripts, with_paper
 from roletrust_env.evaluation.search import Progress, SearchMethod, search_methods
 from roletrust_env.evaluation.specs import parse_parameters
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Policy
+
+Item = TypeVar("Item")
 
 _CELLS = 200_000
 """Maximum number of ratings that are computed at once in a round."""
@@ -39,9 +43,11 @@ class AttackBatch(NamedTuple):
     progress: Progress = ()
 
     def split(self) -> "Iterator[AttackBatch]":
-        """Yield a batch of its own for each scripted attack."""
+        """Yield a batch of its own for each attack."""
         for k, name in enumerate(self.names):
-            yield AttackBatch((name,), Scripted(side_by_side([self.scripts(k)])), self.rounds, self.words)
+            stacked = self.attacker if isinstance(self.attacker, Stackable) else None
+            attacker = stacked.row(k) if stacked else Scripted(side_by_side([self.scripts(k)]))
+            yield AttackBatch((name,), attacker, self.rounds, self.words)
 
     def scripts(self, k: int) -> dict[str, Policy]:
         """Return the policies of the k-th scripted attack, by the name of the agent."""
@@ -80,9 +86,45 @@ def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: i
         games: Number of games for each attack.
     """
     attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
-    rows = max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
-    for names in _chunks(attacks, rows):
+    for names in _chunks(attacks, _rows(task, games)):
         yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0, "at its defaults")
+
+
+def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) -> Iterator[AttackBatch]:
+    """Yield known attacks in batches: together if they play side by side as they do alone.
+
+    Args:
+        task: Attack task.
+        known: Known attacks.
+        games: Number of games for each attack.
+
+    Raises:
+        ValueError: A record is not valid.
+    """
+    groups: list[list[tuple[KnownAttack, Attacker]]] = []
+    for one in known:
+        pair = one, read_record(one.record)
+        fitting = [group for group in groups if _stack(group[0], pair)]
+        if fitting:
+            fitting[0].append(pair)
+        else:
+            groups.append([pair])
+    for group in groups:
+        for part in _chunks(group, _rows(task, games)):
+            names, (first, *others) = tuple(one.name for one, _ in part), [attacker for _, attacker in part]
+            together = first.stack(others) if isinstance(first, Stackable) and others else first
+            yield AttackBatch(names, together, 0, part[0][0].words)
+
+
+def _stack(pair: tuple[KnownAttack, Attacker], other: tuple[KnownAttack, Attacker]) -> bool:
+    """Return whether two known attacks play in one batch, which has one description."""
+    (one, attacker), (another, beside) = pair, other
+    return one.words == another.words and isinstance(attacker, Stackable) and attacker.stacks_with(beside)
+
+
+def _rows(task: AttackTask, games: int) -> int:
+    """Return the number of attacks that play side by side."""
+    return max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
 
 
 SEARCH_RUNGS = (
@@ -124,7 +166,7 @@ def as_curve(by_round: Any, row: int) -> list[float | None]:
     return [None if np.isnan(x) else round(float(x), 3) for x in by_round[:, row]]
 
 
-def _chunks(names: Iterable[str], size: int) -> Iterator[tuple[str, ...]]:
-    iterator = iter(names)
+def _chunks(items: Iterable[Item], size: int) -> Iterator[tuple[Item, ...]]:
+    iterator = iter(items)
     while chunk := tuple(islice(iterator, size)):
         yield chunk

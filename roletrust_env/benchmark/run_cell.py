@@ -9,6 +9,7 @@ from roletrust_env.benchmark.attackers import (
     AttackBatch,
     as_curve,
     as_lists,
+    known_batches,
     make_search,
     playable_kinds,
     scripted_batches,
@@ -58,7 +59,7 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
             except ValueError as error:
                 if cell.rung != "known":
                     raise
-                good, errors = [], [f"attack {batch.names[0]}: {reason(error)}"]
+                good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
             steps += batch.rounds + 2 * len(batch.names) * suite.games * task.game.scenario.max_cycles
     except UnsuitableError as error:
@@ -138,8 +139,7 @@ def _attacks(
     if cell.rung == "known":
         if not known:
             raise UnsuitableError("there is no known attack for this condition")
-        for one in known:
-            yield AttackBatch((one.name,), read_record(one.record), 0, one.words)
+        yield from known_batches(task, known, 2 * suite.games)
         return
     method = make_search(cell.rung, list(kinds.values()), [one.record for one in known])
     search = method.search(arguments, Budget(suite.budget_of(cell.rung, cell.scenario)), cell.seed)

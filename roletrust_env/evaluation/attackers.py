@@ -1,8 +1,8 @@
 """Attackers: all compromised agents of a task as one mind, by a policy for each agent or by a fixed sequence."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack_task import AttackTask, TaskState
@@ -27,6 +27,23 @@ class Attacker(Protocol):
         The action has shape (A, *batch), see `AttackTask.action_size`, or is an `Actions` of all agents, of which those
         of the attacker's identities count.
         """
+        ...
+
+
+@runtime_checkable
+class Stackable(Attacker, Protocol):
+    """An attacker that can play side by side with others of its kind, as in games of its own."""
+
+    def stacks_with(self, other: Attacker) -> bool:
+        """Return whether both can play side by side."""
+        ...
+
+    def stack(self, others: Sequence[Any]) -> Self:
+        """Return K attackers side by side for a batch of games of shape (K, G): this one, and others."""
+        ...
+
+    def row(self, k: int) -> Self:
+        """Return the k-th of K attackers side by side."""
         ...
 
 

@@ -4,9 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from benchmark_cases import results, tiny
 
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.training.coalition_methods import universal_coalitions
 from roletrust_env.benchmark import Leaderboard, load_suite
 from roletrust_env.benchmark.attack_entries import _renamed, make_entries
 from roletrust_env.benchmark.cells import cells, rules
@@ -15,6 +19,7 @@ from roletrust_env.benchmark.run_cell import find_attack, play_cell
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import with_known
 from roletrust_env.benchmark.worst_case import worst_cases
+from roletrust_env.evaluation.records import record_of
 
 SUITE = tiny(rungs=["scripted", "random search"], budget=2000)
 
@@ -105,6 +110,25 @@ def test_evolution_starts_from_known_coalitions() -> None:
     assert rules(larger, cell) != rules(suite, cell)
     scripted = cell._replace(rung="scripted")
     assert rules(larger, scripted) == rules(suite, scripted)
+
+
+def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
+    tracks = {"all": {"roles": ["SR", "SP"], "shares": [0.3], "reserve": 1}}
+    place = {"scenario": "market", "track": "all", "share": 0.3}
+    networks = list(universal_coalitions().values())[:3]
+    wide = DeepSetArchitecture(units=5)  # other networks cannot play beside it
+    networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
+    known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]
+    suite = with_known(tiny(models=["qor"], rungs=["scripted"], tracks=tracks), known)
+    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    rows = {row.attack: row for row in play_cell(suite, cell).rows}
+    assert list(rows) == ["0", "2", "3", "1"]
+    assert find_attack(suite, cell, "2").rows == 3
+    for one in known:
+        (alone,) = play_cell(suite.model_copy(update={"known": (one,)}), cell).rows
+        assert alone == rows[one.name]
+    attacker = find_attack(suite, cell, "2").batch.split()
+    assert [record_of(batch.attacker) for batch in attacker] == [known[k].record for k in (0, 2, 3)]
 
 
 def test_a_script_with_parameters_is_recorded_with_them() -> None:

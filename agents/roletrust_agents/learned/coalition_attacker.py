@@ -1,8 +1,9 @@
 """A network of a coalition as an attacker: all compromised agents decide as one mind."""
 
 from base64 import b64decode, b64encode
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -46,6 +47,19 @@ class CoalitionAttacker:
             there = self.network.presence(coalition.identity_features(game))
             actions = actions._replace(presence=coalition.wanted(there))
         return actions, (coalition, remembered)
+
+    def stacks_with(self, other: Attacker) -> bool:
+        """See `roletrust_env.evaluation.attackers.Stackable`."""
+        return type(other) is type(self) and other.network.architecture == self.network.architecture
+
+    def stack(self, others: Sequence[Self]) -> Self:
+        """See `roletrust_env.evaluation.attackers.Stackable`."""
+        weights = np.stack([attacker.network.flatten() for attacker in (self, *others)])
+        return type(self)(DeepSet.unflatten(self.network.architecture, weights))
+
+    def row(self, k: int) -> Self:
+        """See `roletrust_env.evaluation.attackers.Stackable`."""
+        return type(self)(DeepSet.unflatten(self.network.architecture, self.network.flatten()[k]))
 
     def record(self) -> dict[str, Any]:
         """Return the kind and the weights. See `roletrust_env.evaluation.records.Recordable`."""
