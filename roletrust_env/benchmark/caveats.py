@@ -1,5 +1,6 @@
 """Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong enough."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ _SAME = 1e-9
 _ROUNDING = 1e-6  # of sums in another order
 _GAMES, _ROUNDS = 4, 12
 _FLAT = 0.01  # of the mean reward per round
+_POINTS = 4  # a course with fewer says nothing of its end
 
 
 def caveats(
@@ -125,12 +127,14 @@ def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
 
 
 def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
-    """Yield searches that still found worse attacks at the end of their budget."""
+    """Yield searches that still found worse attacks at the end of their budget, or that cannot tell."""
     gains: dict[str, list[tuple[float, str]]] = {}
+    short: Counter[str] = Counter()
     for cell, result in stored:
         for row in result.rows:
             if row.progress:
                 gains.setdefault(cell.rung, []).append((late_gain(row.progress), cell.key))
+                short[cell.rung] += len(row.progress) < _POINTS
     for rung, found in gains.items():
         rising = sum(gain > _FLAT for gain, _ in found)
         if rising:
@@ -138,6 +142,11 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
             yield (
                 f"{rung}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
                 f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
+            )
+        if short[rung]:
+            yield (
+                f"{rung}: in {short[rung]} of {len(found)} cells its course has fewer than {_POINTS} points, too few to "
+                "say whether a larger budget finds worse"
             )
 
 

@@ -266,7 +266,7 @@ def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
 
 
 def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
-    flat, rising = ((10, 0.1), (50, 0.3), (100, 0.305)), ((10, 0.1), (50, 0.3), (60, 0.5), (100, 0.52))
+    flat, rising = ((10, 0.1), (50, 0.3), (90, 0.3), (100, 0.305)), ((10, 0.1), (50, 0.3), (60, 0.5), (100, 0.52))
     assert late_gain(rising) == pytest.approx(0.22)
     assert late_gain(((100, 0.5),)) == 0.0  # nothing to compare with
     one = row("evolution", [0.1, 0.1], [0.1, 0.1])
@@ -274,6 +274,9 @@ def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
     assert not any("doubling" in line for line in caveats(SUITE, [calm], [], []))
     (line,) = caveats(SUITE, [calm, risen], [], [])
     assert "evolution: the last doubling of its rounds gained more than 0.01 in 1 of 2 cells, at most 0.220" in line
+    brief = stored("mean", one._replace(progress=((10, 0.3), (50, 0.3), (90, 0.3))), rung="evolution")
+    (line,) = caveats(SUITE, [calm, brief], [], [])
+    assert "evolution: in 1 of 2 cells its course has fewer than 4 points, too few to say" in line
 
 
 def test_unsuitable_searches_and_conditions_without_attacks_are_caveats() -> None:
