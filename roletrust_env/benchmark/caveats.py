@@ -145,8 +145,8 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
             )
         if short[rung]:
             yield (
-                f"{rung}: in {short[rung]} of {len(found)} cells its course has fewer than {_POINTS} points, too few to "
-                "say whether a larger budget finds worse"
+                f"{rung}: in {short[rung]} of {len(found)} cells its course has fewer than {_POINTS} points, "
+                "too few to say whether a larger budget finds worse"
             )
 
 
