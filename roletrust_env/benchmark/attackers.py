@@ -133,6 +133,7 @@ SEARCH_RUNGS = (
     "SAC",
     "coalition PPO",
     "evolution",
+    "evolution strategy",
     "gradients",
     "universal",
     "CMA-ES",

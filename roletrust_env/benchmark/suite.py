@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import chain
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PositiveInt, model_validator
 
@@ -20,6 +20,7 @@ Rung = Literal[
     "CMA-ES",
     "agreed CMA-ES",
     "evolution",
+    "evolution strategy",
     "coalition PPO",
     "PPO",
     "white-box planner",
@@ -33,7 +34,7 @@ PLANNER = "white-box planner"
 WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", "nobody"})
 """Rungs that play what is given, and that of cells in which everybody is honest."""
 
-FROM_KNOWN: frozenset[str] = frozenset({"known", "evolution"})
+FROM_KNOWN: frozenset[str] = frozenset({"known", "evolution", "evolution strategy"})
 """Rungs that play known attacks, or start from them."""
 
 WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
@@ -156,10 +157,16 @@ class Suite(SuiteSchema):
         return self
 
     def _check_stages(self) -> None:
-        """Check that the rungs and tracks that budgets and scenarios name exist."""
-        for rung in chain(self.budgets, *(stage.budgets for stage in self.scenarios.values())):
+        """Check that the rungs and tracks that budgets and scenarios name exist.
+
+        Scenarios that a suite has from another one may have budgets of rungs that it does not play.
+        """
+        for rung in self.budgets:
             if rung not in self.rungs:
                 raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
+        for rung in chain(*(stage.budgets for stage in self.scenarios.values())):
+            if rung not in get_args(Rung):
+                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(get_args(Rung))}")
         for name, stage in self.scenarios.items():
             for track, shares in (stage.shares or {}).items():
                 if track not in self.tracks:

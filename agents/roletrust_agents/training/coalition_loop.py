@@ -9,10 +9,23 @@ from roletrust_agents.learned.saved import SavedAttacker, task_from_card
 from roletrust_agents.training.coalition_methods import known_starts
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.run import OnReport, Point, Report, Run, finish
 from roletrust_agents.training.runs import Checkpoint, RunFolder
-from roletrust_agents.training.settings import EvolutionSettings, GradientSettings, make_settings
+from roletrust_agents.training.settings import (
+    CoalitionSettings,
+    EvolutionSettings,
+    GradientSettings,
+    StrategySettings,
+    make_settings,
+)
+
+_KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
+    EvolutionSettings: Evolution,
+    StrategySettings: EvolutionStrategy,
+    GradientSettings: GradientAscent,
+}
 
 
 def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[Point]]:
@@ -44,10 +57,8 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     """Return the training of a run at its beginning."""
     tasks = [task_from_card(run.task, model, run.scenario) for model in (run.trust_model, *run.further_models)]
     settings = make_settings(run.task.id, run.algo, run.settings)
-    if isinstance(settings, EvolutionSettings):
-        return Evolution(tasks, settings, run.seed, run.steps, known_starts(settings.start))
-    assert isinstance(settings, GradientSettings)  # others train no coalition
-    return GradientAscent(tasks, settings, run.seed, run.steps, known_starts(settings.start))
+    assert isinstance(settings, CoalitionSettings)  # others train no coalition
+    return _KINDS[type(settings)](tasks, settings, run.seed, run.steps, known_starts(settings.start))
 
 
 def _save(training: CoalitionTraining[Any], curve: list[Point], folder: RunFolder) -> None:

@@ -12,8 +12,15 @@ from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.saved import load_attacker, zoo
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.evolution import Evolution
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.gradients import GradientAscent
-from roletrust_agents.training.settings import CoalitionSettings, EvolutionSettings, GradientSettings, Start
+from roletrust_agents.training.settings import (
+    CoalitionSettings,
+    EvolutionSettings,
+    GradientSettings,
+    Start,
+    StrategySettings,
+)
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.records import read_record
 from roletrust_env.evaluation.search import Budget, Progress, SearchResult, UnsuitableError
@@ -91,6 +98,41 @@ class Evolve:
         evolution, progress = _trained(Evolution, settings, arguments, budget, seed, known, self.name)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words, progress=progress)
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class Strategy:
+    """Evolution strategy of a coalition for one task, see `EvolutionStrategy`.
+
+    Attributes:
+        start: `"universal"` begins with the best of the universal coalitions, of known ones and of random networks,
+            `"random"` with the best of random networks.
+        known: Records of attackers that others found in the same condition. A training may start from the coalitions.
+        pairs: Number of pairs of candidates of a step.
+        games: Number of games in which each candidate plays.
+        spread: Standard deviation of the candidates in each weight.
+        learning_rate: Initial learning rate.
+        name: Name in tables.
+    """
+
+    start: Start = "universal"
+    known: tuple[str, ...] = ()
+    pairs: int = 8
+    games: int = 4
+    spread: float = 0.1
+    learning_rate: float = 0.05
+    name: str = "evolution strategy"
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `roletrust_env.evaluation.search.SearchMethod`."""
+        fields = {name: getattr(self, name) for name in ("start", "pairs", "games", "spread", "learning_rate")}
+        known = known_starts(self.start, self.known)
+        strategy, progress = _trained(
+            EvolutionStrategy, StrategySettings(**fields), arguments, budget, seed, known, self.name
+        )
+        words = f"coalition, evolution strategy in {strategy.steps} steps of {2 * self.pairs} candidates"
+        return SearchResult(CoalitionAttacker(strategy.network), budget.spent, words, progress=progress)
 
 
 @refuse_unknown

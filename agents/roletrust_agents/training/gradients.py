@@ -8,15 +8,11 @@ What has no slope does not learn: whether an identity is present, and which prov
 the slope is right only between the jumps, and evolution may find more.
 """
 
-import io
 import math
-from typing import Any
-
-import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
-from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
+from roletrust_agents.training.adam_training import AdamTraining
 from roletrust_agents.training.settings import GradientSettings
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
@@ -27,16 +23,13 @@ from roletrust_env.metrics.confidence import Mean
 _LOST = 0.02
 """Distance to the best score below which weights are given up."""
 
-_COUNTS = ("steps", "skipped", "given_up")
-"""Attributes that a checkpoint holds."""
 
+class GradientAscent(AdamTraining[GradientSettings]):
+    """Gradient ascent in progress.
 
-class GradientAscent(CoalitionTraining[GradientSettings]):
-    """Gradient ascent in progress: Adam (Kingma and Ba, 2015) on all weights.
-
-    It validates its start, too. A network that is far below the best one in a validation is given up: the next step
-    goes on from the best one at half the learning rate. Otherwise a network that has lost its slopes, as its units
-    saturate, would stay so. A backward pass counts no rounds.
+    A network that is far below the best one in a validation is given up: the next step goes on from the best one at
+    half the learning rate. Otherwise a network that has lost its slopes, as its units saturate, would stay so. A
+    backward pass counts no rounds.
 
     For the arguments see `CoalitionTraining`. The learning rate is 0 when the budget is played.
 
@@ -48,29 +41,19 @@ class GradientAscent(CoalitionTraining[GradientSettings]):
         UnsuitableError: No slope leads from the objective to the network.
     """
 
-    def _begin(self) -> None:
-        import torch
+    _counts = ("steps", "skipped", "given_up")
 
+    def _begin(self) -> None:
         self.skipped = self.given_up = 0
         self._smooth = [SmoothTask(task, self.settings.temperature) for task in self.tasks]
-        self._vector: Any = torch.tensor(self._starts[0], dtype=torch.float32, requires_grad=True)
-        self._adam: Any = torch.optim.Adam([self._vector], lr=self.settings.learning_rate)
-        if self.best is None:
-            self.validate()
-
-    @property
-    def weights(self) -> Floats:
-        """See `CoalitionTraining.weights`."""
-        weights: Floats = self._vector.detach().numpy().astype(np.float64)
-        return weights
+        super()._begin()
 
     def step(self) -> None:
         """Play games forward and backward, and take a step of Adam. See `CoalitionTraining.step`."""
         import torch
 
-        settings, done = self.settings, min(1.0, self.rounds / self.budget)
-        rate = settings.learning_rate * 0.5**self.given_up
-        self._adam.param_groups[0]["lr"] = rate * 0.5 * (1 + math.cos(math.pi * done))
+        settings = self.settings
+        rate = settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self._done))
         self._adam.zero_grad()
         with one_thread():
             with flat_roots():
@@ -83,7 +66,7 @@ class GradientAscent(CoalitionTraining[GradientSettings]):
             (-score).backward()
             norm = torch.nn.utils.clip_grad_norm_([self._vector], settings.clip)
             if bool(norm.isfinite()):
-                self._adam.step()
+                self._follow(rate)
             else:
                 self.skipped += 1
         self.rounds += self.step_games * len(self.turn) * self.length
@@ -112,26 +95,6 @@ class GradientAscent(CoalitionTraining[GradientSettings]):
             self._adam.state.clear()
             self.given_up += 1
         return score
-
-    def state(self) -> bytes:
-        """Return the weights and the state of Adam. See `CoalitionTraining.state`."""
-        import torch
-
-        file = io.BytesIO()
-        counts = {name: getattr(self, name) for name in _COUNTS}
-        torch.save({**counts, "weights": self._vector.detach(), "adam": self._adam.state_dict()}, file)
-        return file.getvalue()
-
-    def restore(self, state: bytes) -> None:
-        """See `CoalitionTraining.restore`. Only tensors and numbers are read, and no code runs."""
-        import torch
-
-        saved = torch.load(io.BytesIO(state), weights_only=True)
-        for name in _COUNTS:
-            setattr(self, name, saved[name])
-        with torch.no_grad():
-            self._vector.copy_(saved["weights"])
-        self._adam.load_state_dict(saved["adam"])
 
 
 class _Unswayed(DeepSet):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 
-Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "gradients"]
+Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients"]
 Start = Literal["universal", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
@@ -123,6 +123,24 @@ class EvolutionSettings(CoalitionSettings):
         return self.population * self.games
 
 
+class StrategySettings(CoalitionSettings):
+    """Settings of an evolution strategy, see `roletrust_agents.training.evolution_strategy`."""
+
+    steps: Natural = 400_000
+    games: Natural = 4
+    pairs: Annotated[int, Field(ge=2, le=5_000)] = 8
+    """Number of pairs of candidates of a step."""
+    spread: Annotated[float, Field(gt=0, le=100)] = 0.1
+    """Standard deviation of the candidates in each weight."""
+    learning_rate: Rate = 0.05
+    """Initial learning rate of Adam; it falls linearly to a tenth."""
+
+    @property
+    def step_games(self) -> int:
+        """See `CoalitionSettings.step_games`."""
+        return 2 * self.pairs * self.games
+
+
 class GradientSettings(CoalitionSettings):
     """Settings of gradients through the game, see `roletrust_agents.training.gradients`."""
 
@@ -143,12 +161,13 @@ class GradientSettings(CoalitionSettings):
 
 CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
-Settings = LearnerSettings | EvolutionSettings | GradientSettings
+Settings = LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings
 _KINDS: dict[str, type[Settings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
     "recurrent-ppo": RecurrentPPOSettings,
     "evolution": EvolutionSettings,
+    "evolution-strategy": StrategySettings,
     "gradients": GradientSettings,
 }
 

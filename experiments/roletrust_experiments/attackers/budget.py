@@ -18,7 +18,16 @@ SCRIPTS = "scripts"
 """Way to attack: the best scripted attack at its defaults. Its rounds are those that choose it."""
 
 MODELS = ("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering")
-WAYS = (SCRIPTS, "random search", "agreed CMA-ES", "evolution", "gradients", "PPO", "coalition PPO")
+WAYS = (
+    SCRIPTS,
+    "random search",
+    "agreed CMA-ES",
+    "evolution",
+    "evolution strategy",
+    "gradients",
+    "PPO",
+    "coalition PPO",
+)
 BUDGETS = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
 
 _LONG, _MOST = ("PPO", "recurrent PPO", "SAC", "coalition PPO", "gradients"), 100_000

@@ -27,6 +27,7 @@ _BUILT_IN = {
     "SAC": "Soft actor-critic of Stable-Baselines3",
     "coalition PPO": "PPO on the network of a coalition, with noise that is held over an episode",
     "evolution": "Evolution of the network of a coalition, which treats all providers alike",
+    "evolution strategy": "The same with a slope that is estimated from pairs of candidates: better with few rounds",
     "gradients": "Gradients through the game for the network of a coalition",
     "universal": "Coalitions that come with the project, trained against other trust models",
     "CMA-ES": "Evolution strategy that searches the parameters of scripted attacks",

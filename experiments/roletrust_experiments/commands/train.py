@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from roletrust_agents.learned.saved import SavedAttacker
     from roletrust_agents.training.run import Point, Report, Run
 
-_COALITIONS = ("evolution", "gradients")
+_COALITIONS = ("evolution", "evolution-strategy", "gradients")
+_LISTED = ", ".join(_COALITIONS)
 """Algorithms that train the network of a coalition."""
 
 _ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"} | {name: name for name in _COALITIONS}
@@ -79,7 +80,7 @@ def train(
         typer.Option(
             metavar=NAMED,
             help="Trust model, role-trust if left out; a class of your own needs an entry point. "
-            "Evolution and gradients take several, and train against them in turn.",
+            "Learners of coalitions take several, and train against them in turn: " + _LISTED + ".",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -120,7 +121,7 @@ def train(
     r"""Train [bold]an attacker[/] by reinforcement learning, evolution or gradients, and save it to play it anywhere.
 
     Written: [green]attacker.json attacker.safetensors curve.csv curve.png config.json[/], checkpoints, and, except
-    by evolution and gradients, a log for TensorBoard. The score is the mean reward per round in held-out games. An
+    by learners of coalitions, a log for TensorBoard. The score is the mean reward per round in held-out games. An
     interrupted run continues with [cyan]--resume --out DIR[/]; to continue several runs, give the whole command again
     with [cyan]--resume[/]. On the same machine, the same seed gives the same result to the last bit if the run is not
     interrupted.
@@ -141,6 +142,9 @@ def train(
 
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
+
+    [dim]# the same by an evolution strategy, which needs fewer rounds[/]
+    [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
     [dim]# a coalition that learns by gradients through the game[/]
     [cyan]roletrust train CollusionAttack --learner gradients:learning_rate=0.005 --objective mislead --model beta[/]
@@ -172,9 +176,7 @@ def train(
             rules = rules.change(**fields)
         models = [_model_card(one, rules) for one in model or ["role-trust"]]
         if len(models) > 1 and algo not in _COALITIONS:
-            raise ValueError(
-                f"--model is given {len(models)} times; only evolution and gradients train against several trust models"
-            )
+            raise ValueError(f"--model is given {len(models)} times; only {_LISTED} train against several trust models")
         run = Run(
             algo=algo,
             steps=tuned.steps,

@@ -1,4 +1,4 @@
-"""`roletrust train` by evolution and by gradients: a coalition, saved, continued, and played by others."""
+"""`roletrust train` by evolution, by an evolution strategy and by gradients: a coalition, saved, continued, and played by others."""
 
 import csv
 import json
@@ -20,8 +20,10 @@ from roletrust_experiments.cli import app
 
 TINY = ["--set", "max_cycles=10", "--objective", "mislead", "--compromised", "sr_8", "--compromised", "sp_9"]
 EVOLUTION = ["--learner", "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random"]
+STRATEGY = ["--learner", "evolution-strategy:pairs=2,games=2,units=3,validation=4,validate_every=2,start=random"]
 GRADIENTS = ["--learner", "gradients:games=16,units=3,validation=4,validate_every=2,start=random"]
-BOTH = pytest.mark.parametrize("learner", [EVOLUTION, GRADIENTS], ids=["evolution", "gradients"])
+LEARNERS = {"evolution": EVOLUTION, "evolution-strategy": STRATEGY, "gradients": GRADIENTS}
+EACH = pytest.mark.parametrize("learner", LEARNERS.values(), ids=LEARNERS)
 
 
 def train(out, *arguments, code=0):
@@ -35,7 +37,7 @@ def weights(path):
     return load_attacker(path).network.flatten()
 
 
-@BOTH
+@EACH
 def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     name = learner[1].partition(":")[0]
     printed = train(tmp_path / "one", "CollusionAttack", *TINY, *learner, "--steps", 2000, "--model", "beta")
@@ -56,7 +58,7 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     assert name in checked.output
 
 
-@BOTH
+@EACH
 def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learner):
     arguments = ["CollusionAttack", *TINY, *learner, "--steps", 2400, "--model", "beta"]
     train(tmp_path / "whole", *arguments)
@@ -76,13 +78,13 @@ def test_an_interrupted_run_goes_on_to_the_same_end(tmp_path, monkeypatch, learn
     assert rounds[0] == rounds[1]
 
 
-@BOTH
+@EACH
 def test_it_trains_against_several_models_in_turn(tmp_path, learner):
     train(tmp_path / "two", "CollusionAttack", *TINY, *learner, "--steps", 1500, "--model", "beta", "--model", "qor")
     card = load_attacker(tmp_path / "two").card
     assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
     refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
-    assert "only evolution and gradients" in refused
+    assert "only evolution, evolution-strategy, gradients" in refused
 
 
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):

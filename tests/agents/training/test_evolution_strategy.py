@@ -1,0 +1,101 @@
+"""Evolution strategy of a coalition: its slope on a plane, what it learns, and what a run keeps."""
+
+import numpy as np
+import pytest
+
+from roletrust_agents.training.coalition_methods import Strategy
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy, _slope
+from roletrust_agents.training.settings import StrategySettings
+from roletrust_env.evaluation.records import record_of
+from roletrust_env.evaluation.search import Budget, UnsuitableError
+from roletrust_env.game.make_task import make_task
+
+SMALL = StrategySettings(games=2, pairs=4, units=4, candidates=3, validation=8, validate_every=2)
+TASK = {
+    "scenario": "market",
+    "compromised": ("sr_2", "sr_3"),
+    "objective": "mislead",
+    "max_cycles": 10,
+    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
+}
+
+
+def begun(*models, budget=2_000, **changes):
+    tasks = [make_task(**TASK, trust_model=model) for model in models or ("beta",)]
+    return EvolutionStrategy(tasks, SMALL.model_copy(update=changes), 0, budget)
+
+
+def run(strategy, steps):
+    for _ in range(steps):
+        strategy.step()
+        if strategy.due():
+            strategy.validate()
+    return strategy
+
+
+def test_the_slope_is_that_of_the_formula():
+    noise = np.random.default_rng(0).standard_normal((3, 5))
+    scores = np.array([0.5, -1.0, 3.0, 0.0, 2.0, 1.0])
+    ranks = {score: place / 5 - 0.5 for place, score in enumerate(sorted(scores))}
+    expected = np.zeros(5)
+    for k in range(3):
+        expected += (ranks[scores[k]] - ranks[scores[k + 3]]) * noise[k] / (6 * 0.2)
+    np.testing.assert_allclose(_slope(scores, noise, 0.2), expected)
+
+
+def test_the_slope_points_up_a_plane():
+    up, noise = np.arange(1.0, 6.0), np.random.default_rng(1).standard_normal((2_000, 5))
+    slope = _slope(np.concatenate([noise @ up, -noise @ up]), noise, 1.0)
+    assert slope @ up / np.linalg.norm(slope) / np.linalg.norm(up) > 0.99
+
+
+def test_equal_scores_have_no_slope():
+    noise = np.random.default_rng(0).standard_normal((3, 5))
+    assert not _slope(np.ones(6), noise, 1.0).any()
+
+
+def test_it_learns():
+    strategy = begun(budget=30_000, games=8, pairs=8, validation=64, validate_every=5)
+    first = strategy.best.score
+    run(strategy, 20)
+    assert strategy.best.score > first + 0.05
+
+
+def test_several_models_take_turns():
+    strategy = begun("beta", "median", "mean")
+    turns = []
+    for _ in range(3):
+        turns.append(strategy.turn)
+        strategy.step()
+    assert turns == [[0, 1], [2, 0], [1, 2]]
+
+
+def test_a_run_continues_to_the_last_bit():
+    whole, part = run(begun(), 6), run(begun(), 3)
+    again = begun()
+    again.restore(part.state())
+    again.best, again.rounds = part.best, part.rounds
+    run(again, 3)
+    assert np.array_equal(whole.weights, again.weights)
+    assert whole.state() == again.state()
+
+
+def test_the_search_keeps_to_its_budget_and_is_repeatable():
+    found = [Strategy(pairs=4, games=2).search(TASK, Budget(12_000), 3) for _ in range(2)]
+    assert found[0].rounds <= 12_000
+    assert "evolution strategy" in found[0].description
+    one, other = (search.attacker.network.flatten() for search in found)
+    assert np.array_equal(one, other)
+    assert found[0].progress == found[1].progress != ()
+
+
+def test_a_known_attack_is_the_least():
+    known = Strategy(start="random", pairs=4, games=2).search(TASK, Budget(20_000), 0)
+    record = record_of(known.attacker)
+    again = Strategy(known=(record,), pairs=4, games=2).search(TASK, Budget(20_000), 0)
+    assert max(score for _, score in again.progress) >= max(score for _, score in known.progress) - 1e-9
+
+
+def test_a_budget_that_is_too_small_is_refused():
+    with pytest.raises(UnsuitableError, match="too small for evolution strategy; give"):
+        Strategy().search(TASK, Budget(100), 0)
