@@ -63,7 +63,8 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_EXTENDABLE = ("quick", "standard", "standard-2", "standard-3-search", "standard-3", "full")
+_STANDARDS = "standard", "standard-2", "standard-3-search", "standard-3", "standard-4-search", "standard-4"
+_EXTENDABLE = ("quick", *_STANDARDS, "full")
 
 
 def _names() -> list[str]:

@@ -87,7 +87,7 @@ def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None
         ({"shares": {"raters": []}}, "a track has shares if it has compromised agents"),
         ({"shares": {"honest": [0.3]}}, "a track has shares if it has compromised agents"),
         ({"shares": {"raters": [1.5]}}, "less than 1"),
-        ({"budgets": {"PPO": 100}}, "budgets names 'PPO', which is none of the rungs scripted"),
+        ({"budgets": {"PP": 100}}, "budgets names 'PP', which is none of the rungs scripted, known"),
     ],
 )
 def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(scenario: dict, message: str) -> None:
@@ -171,7 +171,7 @@ def test_a_suite_extends_one_of_the_project(tmp_path):
     assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
     assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
     path.write_text('extends = "development"\n')
-    allowed = "quick, standard, standard-2, standard-3-search, standard-3, full"
+    allowed = "quick, standard, standard-2, standard-3-search, standard-3, standard-4-search, standard-4, full"
     with pytest.raises(ValueError, match=f"extends is 'development'; it must be one of {allowed}"):
         load_suite(path)
 
