@@ -15,7 +15,7 @@ extensions = [
     "sphinx_design",
     "roletrust_experiments.site.extension",
 ]
-exclude_patterns = ["leaderboards/standard*"]  # tables that a page includes, and the report
+exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md"]  # tables that a page includes, and the report
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

@@ -24,6 +24,7 @@ from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
+from roletrust_experiments.commands.reruns import reruns
 from roletrust_experiments.commands.serve import serve
 from roletrust_experiments.commands.speed import speed
 from roletrust_experiments.commands.submit import submit, verify
@@ -123,6 +124,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "benchmark": benchmark,
     "report": report,
     "replay": replay,
+    "reruns": reruns,
     "serve": serve,
     "submit": submit,
     "verify": verify,

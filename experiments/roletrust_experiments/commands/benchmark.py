@@ -50,7 +50,7 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard-3, standard-2, full, learners, learners-quick, or the path of a .toml "
+            help="Suite to play: quick, standard-4, standard-3, full, learners, learners-quick, or the path of a .toml "
             "file.",
             autocompletion=completion.suites,
         ),
@@ -132,7 +132,7 @@ def benchmark(
     [cyan]roletrust benchmark[/]
 
     [dim]# the time that the suite of the leaderboard takes[/]
-    [cyan]roletrust benchmark --suite standard-3 --dry-run[/]
+    [cyan]roletrust benchmark --suite standard-4 --dry-run[/]
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]

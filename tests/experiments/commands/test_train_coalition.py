@@ -1,4 +1,4 @@
-"""`roletrust train` by evolution, by an evolution strategy and by gradients: a coalition, saved, continued, and played by others."""
+"""`roletrust train` of coalitions, by evolution, a strategy or gradients: saved, continued, and played by others."""
 
 import csv
 import json
