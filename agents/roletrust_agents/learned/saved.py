@@ -16,7 +16,7 @@ from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import MAX_WEIGHTS, Network
 from roletrust_agents.learned.weights import read_weights, weights_bytes
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.make_task import make_task
+from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
 from roletrust_env.storage.untrusted import check_scenario_size, parse_json, parse_untrusted, read_limited
@@ -48,8 +48,10 @@ class SavedAttacker:
         return task_from_card(self.card.task, self.card.trust_model, self.card.scenario)
 
 
-def task_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -> AttackTask:
-    """Return the task described by cards, on NumPy in float32."""
+def task_from_card(
+    task: TaskCard, trust_model: ModelCard, scenario: Scenario, observation: Observation = "agents"
+) -> AttackTask:
+    """Return the task described by cards, on NumPy in float32; see `make_task` for `observation`."""
     return make_task(
         scenario,
         task.compromised,
@@ -58,6 +60,7 @@ def task_from_card(task: TaskCard, trust_model: ModelCard, scenario: Scenario) -
         stealth=Stealth(task.stealth.weight, task.stealth.tolerance),
         knowledge=task.knowledge,
         accomplices=task.accomplices,
+        observation=observation,
     )
 
 

@@ -32,11 +32,6 @@ class AdamTraining(CoalitionTraining[CoalitionSettingsT]):
         weights: Floats = self._vector.detach().numpy().astype(np.float64)
         return weights
 
-    @property
-    def _done(self) -> float:
-        """Share of the budget that is played."""
-        return min(1.0, self.rounds / self.budget)
-
     def _follow(self, learning_rate: float) -> None:
         """Take a step of Adam against the gradient that the weights have."""
         self._adam.param_groups[0]["lr"] = learning_rate

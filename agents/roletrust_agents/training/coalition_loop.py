@@ -7,6 +7,7 @@ import numpy as np
 
 from roletrust_agents.learned.saved import SavedAttacker, task_from_card
 from roletrust_agents.training.coalition_methods import known_starts
+from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy
@@ -14,17 +15,20 @@ from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.run import OnReport, Point, Report, Run, finish
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import (
+    CoalitionPPOSettings,
     CoalitionSettings,
     EvolutionSettings,
     GradientSettings,
     StrategySettings,
     make_settings,
 )
+from roletrust_env.game.make_task import Observation
 
 _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
     EvolutionSettings: Evolution,
     StrategySettings: EvolutionStrategy,
     GradientSettings: GradientAscent,
+    CoalitionPPOSettings: CoalitionPpoTraining,
 }
 
 
@@ -55,9 +59,11 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
 
 def _training(run: Run) -> CoalitionTraining[Any]:
     """Return the training of a run at its beginning."""
-    tasks = [task_from_card(run.task, model, run.scenario) for model in (run.trust_model, *run.further_models)]
     settings = make_settings(run.task.id, run.algo, run.settings)
     assert isinstance(settings, CoalitionSettings)  # others train no coalition
+    observation: Observation = "coalition" if isinstance(settings, CoalitionPPOSettings) else "agents"
+    models = (run.trust_model, *run.further_models)
+    tasks = [task_from_card(run.task, model, run.scenario, observation) for model in models]
     return _KINDS[type(settings)](tasks, settings, run.seed, run.steps, known_starts(settings.start))
 
 

@@ -1,15 +1,17 @@
-"""PPO for a coalition as one mind, as a search method with a budget of rounds."""
+"""PPO for a coalition as one mind: a training with checkpoints, and a search method with a budget of rounds."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.learned.deep_set import UNITS, DeepSet
+from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_methods import best_universal, choice_rounds, universal_coalitions
-from roletrust_agents.training.settings import Start
+from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
+from roletrust_agents.training.settings import CoalitionPPOSettings, Start
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -24,6 +26,106 @@ _COMPARED, _VALIDATION, _MOST_VALIDATION_GAMES = 5, 8, 200
 """Number of networks that are compared, share of the budget for it (1 of 8), and most games for each."""
 _LEAST = 40
 """Number of whole games that a budget must have."""
+_LAST_RATE = 0.1
+"""Learning rate at the end, as a share of the initial one."""
+
+
+def make_ppo(
+    task: CoalitionTask,
+    settings: CoalitionPPOSettings,
+    learning_rate: Callable[[float], float],
+    seed: int,
+    first: DeepSet | None,
+) -> Any:
+    """Return PPO of Stable-Baselines3 for a coalition, before its training.
+
+    Args:
+        task: Task of the coalition.
+        settings: Settings.
+        learning_rate: Function of the share of the training that is left, in the sense of Stable-Baselines3.
+        seed: Random seed.
+        first: Network to begin with; None is a random one whose mean actions are near the truth.
+    """
+    from stable_baselines3 import PPO
+
+    from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, policy_arguments
+    from roletrust_agents.training.experience import WholeGames
+
+    rounds, spread = task.game.scenario.max_cycles, float(np.log(settings.first_spread))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the last batch may be smaller than the others
+        model = PPO(
+            CoalitionPolicy,
+            WholeGames(task, settings.games, seed=seed),
+            learning_rate=learning_rate,
+            n_steps=rounds,
+            batch_size=settings.games * rounds // _BATCHES,
+            n_epochs=settings.n_epochs,
+            gamma=settings.gamma,
+            gae_lambda=settings.gae_lambda,
+            clip_range=settings.clip_range,
+            policy_kwargs=policy_arguments(task.coalition, settings.units, _CRITIC_UNITS, spread),
+            seed=seed,
+            device="cpu",
+        )
+    if first is not None:
+        policy: Any = model.policy
+        begin_with(policy, first)
+    return model
+
+
+class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
+    """PPO of a coalition in progress: a step is a rollout of whole games with each task of the turn, and its update.
+
+    It validates its start, too. The random numbers of a step follow from the seed and the number of the step, so that a
+    run continues to the last bit. For the arguments see `CoalitionTraining`; the tasks are those of a coalition.
+    """
+
+    def _begin(self) -> None:
+        from roletrust_agents.training.experience import WholeGames
+
+        tasks = [task for task in self.tasks if isinstance(task, CoalitionTask)]
+        if len(tasks) < len(self.tasks):
+            raise ValueError('PPO of a coalition is for tasks with observation="coalition"')
+        self._first = self.networks(self._starts[0]) if self.settings.start == "universal" else None
+        self._games = [WholeGames(task, self.settings.games) for task in tasks]
+        self._ppo = make_ppo(tasks[0], self.settings, self._rate, self.seed, self._first)
+        if self.best is None:
+            self.validate()
+
+    def _rate(self, left: float) -> float:
+        """Return the learning rate; Stable-Baselines3 knows only what is left of the present step."""
+        return self.settings.first_rate * (1 - (1 - _LAST_RATE) * self.done)
+
+    @property
+    def weights(self) -> Floats:
+        """See `CoalitionTraining.weights`."""
+        from roletrust_agents.training.coalition_policy import deep_set_of
+
+        weights: Floats = deep_set_of(self._ppo.policy, self._first).flatten().astype(np.float64)
+        return weights
+
+    def step(self) -> None:
+        """Play and learn. See `CoalitionTraining.step`."""
+        for k in self.turn:
+            self._ppo.set_env(self._games[k])
+            self._ppo.set_random_seed(int(np.random.SeedSequence([self.seed, self.steps, k]).generate_state(1)[0]))
+            self._ppo.learn(self.step_games * self.length, reset_num_timesteps=False)
+            self.rounds += self.step_games * self.length
+        self.steps += 1
+
+    def state(self) -> bytes:
+        """Return the number of steps, the parameters and the state of Adam. See `CoalitionTraining.state`."""
+        from roletrust_agents.training.learners import parameters_bytes
+
+        return self.steps.to_bytes(8, "little") + parameters_bytes(self._ppo)
+
+    def restore(self, state: bytes) -> None:
+        """See `CoalitionTraining.restore`."""
+        from roletrust_agents.training.learners import set_parameters
+
+        self.steps = int.from_bytes(state[:8], "little")
+        set_parameters(self._ppo, state[8:])
 
 
 @refuse_unknown
@@ -64,23 +166,16 @@ class CoalitionPpo:
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
-        from stable_baselines3 import PPO
         from stable_baselines3.common.utils import LinearSchedule
 
-        from roletrust_agents.training.coalition_policy import (
-            CoalitionPolicy,
-            begin_with,
-            deep_set_of,
-            policy_arguments,
-        )
-        from roletrust_agents.training.experience import AfterUpdates, WholeGames
+        from roletrust_agents.training.coalition_policy import deep_set_of
+        from roletrust_agents.training.experience import AfterUpdates
 
+        fields = ("start", "learning_rate", "gamma", "gae_lambda", "n_epochs", "clip_range", "spread")
+        settings = CoalitionPPOSettings(**{name: getattr(self, name) for name in fields})
         task = _task(arguments, self.name)
         rounds = task.game.scenario.max_cycles
         universal = self.start == "universal"
-        usual_rate, usual_spread = (0.003, 0.2) if universal else (0.01, 0.5)  # a good start is easily lost
-        rate = usual_rate if self.learning_rate is None else self.learning_rate
-        spread = usual_spread if self.spread is None else self.spread
         least = _LEAST * rounds + universal * choice_rounds(task)
         if budget.left < least:
             raise UnsuitableError(
@@ -89,25 +184,9 @@ class CoalitionPpo:
         first = universal_coalitions()[best_universal(task, budget, seed)] if universal else None
         plan = _Plan.of(budget.left // rounds, universal)
         rollout = plan.games * rounds
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the last batch may be smaller than the others
-            model = PPO(
-                CoalitionPolicy,
-                WholeGames(task, plan.games, seed=seed),
-                learning_rate=LinearSchedule(rate, 0.1 * rate, 1.0),
-                n_steps=rounds,
-                batch_size=rollout // _BATCHES,
-                n_epochs=self.n_epochs,
-                gamma=self.gamma,
-                gae_lambda=self.gae_lambda,
-                clip_range=self.clip_range,
-                policy_kwargs=policy_arguments(task.coalition, UNITS, _CRITIC_UNITS, float(np.log(spread))),
-                seed=seed,
-                device="cpu",
-            )
+        rate = LinearSchedule(settings.first_rate, _LAST_RATE * settings.first_rate, 1.0)
+        model = make_ppo(task, settings.model_copy(update={"games": plan.games}), rate, seed, first)
         policy: Any = model.policy
-        if first is not None:
-            begin_with(policy, first)
         scores: list[float] = []
         best: list[DeepSet] = []
 

@@ -118,6 +118,11 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         """Number of rounds of a game."""
         return self.tasks[0].game.scenario.max_cycles
 
+    @property
+    def done(self) -> float:
+        """Share of the budget that is played."""
+        return min(1.0, self.rounds / self.budget)
+
     def due(self) -> bool:
         """Return whether a validation is due."""
         return self.steps % self.settings.validate_every == 0

@@ -33,7 +33,7 @@ class EvolutionStrategy(AdamTraining[StrategySettings]):
         noise = np.random.default_rng((self.seed, self.steps)).standard_normal((settings.pairs, self.architecture.size))
         moves = settings.spread * np.concatenate([noise, -noise])
         networks, tasks = self.networks(self.weights + moves), [self.tasks[k] for k in self.turn]
-        rate = settings.learning_rate * (1 - (1 - _LAST_RATE) * self._done)
+        rate = settings.learning_rate * (1 - (1 - _LAST_RATE) * self.done)
         self.rounds += self.step_games * len(tasks) * self.length
         played = [self.play(task, networks, settings.games, self.steps) for task in tasks]
         slope = _slope(np.mean(played, axis=(0, 2)), noise, settings.spread)

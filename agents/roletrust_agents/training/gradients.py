@@ -53,7 +53,7 @@ class GradientAscent(AdamTraining[GradientSettings]):
         import torch
 
         settings = self.settings
-        rate = settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self._done))
+        rate = settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self.done))
         self._adam.zero_grad()
         with one_thread():
             with flat_roots():

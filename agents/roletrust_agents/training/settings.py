@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from roletrust_agents.learned.deep_set import UNITS
 from roletrust_env.errors import explain, suggest
 
-Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients"]
+Algo = Literal["ppo", "sac", "recurrent-ppo", "evolution", "evolution-strategy", "gradients", "coalition-ppo"]
 Start = Literal["universal", "random"]
 Natural = Annotated[int, Field(ge=1, le=10_000_000)]
 Rate = Annotated[float, Field(gt=0, le=1)]
@@ -159,9 +159,44 @@ class GradientSettings(CoalitionSettings):
         return self.games
 
 
+class CoalitionPPOSettings(CoalitionSettings):
+    """Settings of PPO for a coalition, see `roletrust_agents.training.coalition_ppo`."""
+
+    steps: Natural = 100_000
+    games: Natural = 32
+    """Number of games of a rollout."""
+    candidates: Natural = 1
+    validate_every: Natural = 15
+    learning_rate: Rate | None = None
+    """Initial learning rate, which falls linearly to a tenth; None is 0.003 for a universal coalition and 0.01 for a
+    random network, because a good start is easily lost."""
+    gamma: Discount = 0.95
+    gae_lambda: Discount = 0.95
+    n_epochs: Natural = 5
+    clip_range: Rate = 0.3
+    spread: Annotated[float, Field(gt=0, le=10)] | None = None
+    """Initial standard deviation of the actions, which lie in [-1, 1]; None is 0.2 for a universal coalition and 0.5
+    for a random network."""
+
+    @property
+    def step_games(self) -> int:
+        """See `CoalitionSettings.step_games`."""
+        return self.games
+
+    @property
+    def first_rate(self) -> float:
+        """Initial learning rate."""
+        return self.learning_rate or (0.003 if self.start == "universal" else 0.01)
+
+    @property
+    def first_spread(self) -> float:
+        """Initial standard deviation of the actions."""
+        return self.spread or (0.2 if self.start == "universal" else 0.5)
+
+
 CoalitionSettingsT = TypeVar("CoalitionSettingsT", bound=CoalitionSettings)
 LearnerSettings = PPOSettings | RecurrentPPOSettings | SACSettings
-Settings = LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings
+Settings = LearnerSettings | EvolutionSettings | StrategySettings | GradientSettings | CoalitionPPOSettings
 _KINDS: dict[str, type[Settings]] = {
     "ppo": PPOSettings,
     "sac": SACSettings,
@@ -169,6 +204,7 @@ _KINDS: dict[str, type[Settings]] = {
     "evolution": EvolutionSettings,
     "evolution-strategy": StrategySettings,
     "gradients": GradientSettings,
+    "coalition-ppo": CoalitionPPOSettings,
 }
 
 TUNED: dict[tuple[str, str], dict[str, Any]] = {

@@ -36,11 +36,16 @@ if TYPE_CHECKING:
     from roletrust_agents.learned.saved import SavedAttacker
     from roletrust_agents.training.run import Point, Report, Run
 
-_COALITIONS = ("evolution", "evolution-strategy", "gradients")
-_LISTED = ", ".join(_COALITIONS)
-"""Algorithms that train the network of a coalition."""
+_SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
+_COALITIONS = {
+    "evolution": "evolution",
+    "evolution-strategy": "evolution-strategy",
+    "gradients": "gradients",
+    "coalition-PPO": "coalition-ppo",
+}
+"""Learners of the network of a coalition, and their algorithms."""
 
-_ALGORITHMS = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"} | {name: name for name in _COALITIONS}
+_ALGORITHMS = _SINGLE | _COALITIONS
 """Names of the learners, and of their algorithms in configurations and saved attackers."""
 
 
@@ -80,7 +85,7 @@ def train(
         typer.Option(
             metavar=NAMED,
             help="Trust model, role-trust if left out; a class of your own needs an entry point. "
-            "Learners of coalitions take several, and train against them in turn: " + _LISTED + ".",
+            "Learners of coalitions take several, and train against them in turn: " + ", ".join(_COALITIONS) + ".",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -146,6 +151,9 @@ def train(
     [dim]# the same by an evolution strategy, which needs fewer rounds[/]
     [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
+    [dim]# the same network by PPO, with noise that is held over a game[/]
+    [cyan]roletrust train CollusionAttack --learner coalition-PPO --objective mislead --model median[/]
+
     [dim]# a coalition that learns by gradients through the game[/]
     [cyan]roletrust train CollusionAttack --learner gradients:learning_rate=0.005 --objective mislead --model beta[/]
 
@@ -175,8 +183,11 @@ def train(
         if fields := parse_settings(settings or []):
             rules = rules.change(**fields)
         models = [_model_card(one, rules) for one in model or ["role-trust"]]
-        if len(models) > 1 and algo not in _COALITIONS:
-            raise ValueError(f"--model is given {len(models)} times; only {_LISTED} train against several trust models")
+        if len(models) > 1 and algo not in _COALITIONS.values():
+            raise ValueError(
+                f"--model is given {len(models)} times; only {', '.join(_COALITIONS)} train against several trust "
+                "models"
+            )
         run = Run(
             algo=algo,
             steps=tuned.steps,
@@ -243,8 +254,8 @@ def _train(run: "Run", folder: RunFolder) -> None:
     from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.run import versions
 
-    learn, games = coalition_loop.train if run.algo in _COALITIONS else loop.train, run.settings["games"]
-    if run.algo not in _COALITIONS and games > loop.MANY:
+    learn, games = coalition_loop.train if run.algo in _COALITIONS.values() else loop.train, run.settings["games"]
+    if run.algo not in _COALITIONS.values() and games > loop.MANY:
         check_memory("--learner games", games, loop.game_memory(run))
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()

@@ -22,7 +22,8 @@ TINY = ["--set", "max_cycles=10", "--objective", "mislead", "--compromised", "sr
 EVOLUTION = ["--learner", "evolution:population=4,games=2,units=3,validation=4,validate_every=2,start=random"]
 STRATEGY = ["--learner", "evolution-strategy:pairs=2,games=2,units=3,validation=4,validate_every=2,start=random"]
 GRADIENTS = ["--learner", "gradients:games=16,units=3,validation=4,validate_every=2,start=random"]
-LEARNERS = {"evolution": EVOLUTION, "evolution-strategy": STRATEGY, "gradients": GRADIENTS}
+PPO = ["--learner", "coalition-PPO:games=4,units=3,validation=4,validate_every=2,start=random"]
+LEARNERS = {"evolution": EVOLUTION, "evolution-strategy": STRATEGY, "gradients": GRADIENTS, "coalition-ppo": PPO}
 EACH = pytest.mark.parametrize("learner", LEARNERS.values(), ids=LEARNERS)
 
 
@@ -39,7 +40,7 @@ def weights(path):
 
 @EACH
 def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
-    name = learner[1].partition(":")[0]
+    name = learner[1].partition(":")[0].lower()
     printed = train(tmp_path / "one", "CollusionAttack", *TINY, *learner, "--steps", 2000, "--model", "beta")
     attacker = load_attacker(tmp_path / "one")
     card = attacker.card
@@ -84,7 +85,7 @@ def test_it_trains_against_several_models_in_turn(tmp_path, learner):
     card = load_attacker(tmp_path / "two").card
     assert [one.name for one in (card.trust_model, *card.further_models)] == ["beta", "qor"]
     refused = train(tmp_path / "ppo", "ProviderAttack", "--model", "beta", "--model", "qor", code=2)
-    assert "only evolution, evolution-strategy, gradients" in refused
+    assert "only evolution, evolution-strategy, gradients, coalition-PPO train" in refused
 
 
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
