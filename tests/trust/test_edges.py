@@ -136,7 +136,7 @@ def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
     for _ in range(8):
         rounds.append((rng.integers(0, 300, 12), rng.integers(0, 200, 12), rng.random(12)))
     rounds[5] = tuple(column[:0] for column in rounds[5])  # type: ignore[assignment]
-    rounds[6], rounds[7] = rounds[0], rounds[3]
+    rounds[6], rounds[7] = ((*rounds[t][:2], rng.random(12)) for t in (0, 3))  # the same pairs, later
     for edges in rounds:
         before = ledger.rater_trust, ledger.provider_trust
         ledger.play(*edges)
