@@ -19,14 +19,28 @@ class KeyIndex:
 
     Example:
         >>> index = KeyIndex()
-        >>> index.places(np.array([70, 90, 70])), index.places(np.array([90, 5]), add=False)
-        (array([0, 1, 0]), array([ 1, -1]))
+        >>> index.places(np.array([70])), index.places(np.array([90, 70, 90])), index.places(np.array([5]), add=False)
+        (array([0]), array([1, 0, 1]), array([-1]))
     """
 
     def __init__(self) -> None:
         self._keys: Ints = np.empty(0, np.int64)
         self._count = 0
         self._allocate(1 << 10)
+
+    @classmethod
+    def of(cls, keys: Ints) -> "KeyIndex":
+        """Return an index that has distinct keys at places in their order.
+
+        Raises:
+            ValueError: A key occurs twice.
+        """
+        index = cls()
+        index._keys, index._count = np.array(keys, np.int64), len(keys)
+        if len(np.unique(index._keys)) < len(keys):
+            raise ValueError("a key occurs twice")
+        index._reserve(len(keys), refill=True)
+        return index
 
     def __len__(self) -> int:
         """Return the number of keys."""
@@ -80,12 +94,12 @@ class KeyIndex:
         self._keys[self._count : self._count + new] = self._table[chosen]
         self._count += new
 
-    def _reserve(self, count: int) -> None:
-        """Make the table large enough for so many keys."""
+    def _reserve(self, count: int, refill: bool = False) -> None:
+        """Make the table large enough for so many keys; fill it again if it grows, or in any case."""
         size = len(self._table)
         while count > _LOAD * size:
             size *= 2
-        if size > len(self._table):
+        if refill or size > len(self._table):
             self._allocate(size)
             self._insert_distinct(self.keys)
 

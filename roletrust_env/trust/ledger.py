@@ -1,5 +1,6 @@
 """The trust of a growing number of agents, from rounds of edges: only what a round touches is updated."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +92,43 @@ class Ledger:
         else:
             self._play_all(raters, providers, values, pair)
         self.rounds += 1
+
+    def skip(self, rounds: int) -> None:
+        """Play so many rounds without ratings."""
+        if self.model.local:
+            self.rounds += rounds
+            return
+        nobody = np.zeros(0, np.int64)
+        for _ in range(rounds):
+            self.play(nobody, nobody, np.zeros(0))
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all that the ledger keeps, by name, for `restore`."""
+        leaves: list[Floats] = []
+        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
+        map_state(self._state, lambda kind, leaf: leaves.append(leaf[: sizes[kind]]) or leaf)  # type: ignore[func-returns-value]
+        counts = np.array([*self.shape, self.rounds])
+        return {"counts": counts, "pairs": self._index.keys, **{f"state_{n}": leaf for n, leaf in enumerate(leaves)}}
+
+    def restore(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Go on from what another ledger of the same model has kept.
+
+        Raises:
+            ValueError: The arrays do not fit together.
+        """
+        raters, providers, rounds = (int(count) for count in arrays["counts"])
+        keys, place = arrays["pairs"], iter(range(100))
+        sizes = {"rater": raters, "provider": providers, "pair": len(keys), "age": len(keys)}
+
+        def restored(kind: Kind, leaf: Floats) -> Floats:
+            stored: Floats = np.array(arrays[f"state_{next(place)}"])
+            if stored.shape != (sizes[kind],) or stored.dtype != leaf.dtype:
+                raise ValueError(f"{stored.shape} values of {stored.dtype} where {sizes[kind]} of {leaf.dtype} belong")
+            return stored
+
+        state, index = map_state(self._start, restored), KeyIndex.of(keys)
+        self._state, self._index, self.rounds = state, index, rounds
+        self._sizes = {"rater": raters, "provider": providers}
 
     def join(self, raters: int, providers: int) -> None:
         """Make room for so many raters and providers; new ones have the initial trust."""
