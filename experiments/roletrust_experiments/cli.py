@@ -23,6 +23,7 @@ from roletrust_experiments.commands.live.app import live
 from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
 from roletrust_experiments.commands.rate import rate
+from roletrust_experiments.commands.real import real
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.serve import serve
@@ -131,6 +132,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "speed": speed,
     "costs": costs,
     "rate": rate,
+    "real": real,
 }
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

@@ -30,12 +30,12 @@ class GridLedger:
         """Start with all agents.
 
         Raises:
-            ValueError: The state would take more than `MEMORY`. The message says how much.
+            MemoryError: The state would take more than `MEMORY`. The message says how much.
         """
         self.model, self.rounds, self.shape = model, 0, shape
         needed = state_bytes(model, shape)
         if needed > MEMORY:
-            raise ValueError(
+            raise MemoryError(
                 f"trust model {model!r} keeps numbers for pairs of agents: with {shape[0]:,} raters and {shape[1]:,} "
                 f"ratees its state would take {needed / 1e9:,.1f} GB, and {MEMORY / 1e9:.0f} GB are allowed; central "
                 "models keep what the ratings take"
@@ -73,7 +73,7 @@ def make_ledger(model: Any, shape: tuple[int, int], *, one_role: bool = True) ->
     """Return a ledger with so many raters and providers: on edges if the model runs there, otherwise on a grid.
 
     Raises:
-        ValueError: The state on a grid would be too large, see `GridLedger`.
+        MemoryError: The state on a grid would be too large, see `GridLedger`.
     """
     if not isinstance(model, Central):
         return GridLedger(model, shape, one_role=one_role)
