@@ -17,6 +17,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, trust_models
+from roletrust_env.trust.neighbours import NEIGHBOURS
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
 
@@ -45,7 +46,8 @@ def real(
 
     The files are yours: none comes with the package. A log of ratings is a file *network.csv or ratings.csv without
     header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
-    truth). Each may be compressed by gzip. By default all central models are measured. A model that does not fit is
+    truth). Each may be compressed by gzip. By default all central models are measured, and four of
+    neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A model that does not fit is
     left out, and a line says so. Intervals resample whole users or tasks.
 
     Written: [green]real.csv real.md[/].
@@ -60,7 +62,10 @@ def real(
     """
     scenario = make_scenario("paper-3x3")
     central = [name for name in trust_models() if Traits.of(parse_trust_model(name, scenario)).family == "central"]
-    models = {name: parse_trust_model(name, scenario) for name in model or central}
+    models = {
+        name: NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
+        for name in model or [*central, *NEIGHBOURS]
+    }
     if synthetic:
         prepare_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
