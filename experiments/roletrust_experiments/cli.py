@@ -22,6 +22,8 @@ from roletrust_experiments.commands.listing import list_command
 from roletrust_experiments.commands.live.app import live
 from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
+from roletrust_experiments.commands.rate import rate
+from roletrust_experiments.commands.real import real
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.reruns import reruns
@@ -131,6 +133,8 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "findings": findings,
     "speed": speed,
     "costs": costs,
+    "rate": rate,
+    "real": real,
 }
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

@@ -13,7 +13,8 @@ from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
 from roletrust_env.trust import RoleTrust, TrustModel
-from roletrust_env.trust.algorithms import MaskedRatings, rater_quality
+from roletrust_env.trust.algorithms import rater_quality
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.world import Scenario
 
 SOFT = 1e-8
@@ -28,8 +29,8 @@ class SmoothRoleTrust(RoleTrust):
     from that of role-trust by at most sqrt(s), see `SOFT`. Attacks that are found are scored by the exact role-trust.
     """
 
-    def _rater_quality(self, masked: MaskedRatings) -> Array:
-        return rater_quality(masked, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
+    def _rater_quality(self, ratings: Ratings) -> Array:
+        return rater_quality(ratings, lambda apart: namespace(apart).sqrt(apart + SOFT) - math.sqrt(SOFT))
 
 
 def smooth_model(model: TrustModel[Any]) -> TrustModel[Any]:

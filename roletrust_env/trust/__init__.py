@@ -1,6 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
-from roletrust_env.trust.algorithms import agent_trust, masked_mean, provider_trust, rater_trust, smooth
+from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust, smooth
 from roletrust_env.trust.model import (
     Traits,
     TrustModel,
@@ -11,6 +11,7 @@ from roletrust_env.trust.model import (
 from roletrust_env.trust.model_checks import check_trust_model
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.trust.models.central.role_trust import RoleTrust
+from roletrust_env.trust.ratings import masked_mean
 
 __all__ = [
     "Mean",

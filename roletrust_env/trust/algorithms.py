@@ -10,17 +10,13 @@ from collections.abc import Callable
 from functools import reduce
 from typing import NamedTuple
 
-import numpy as np
-
-from roletrust_env.arrays import Array, is_compiling, largest, namespace, total
+from roletrust_env.arrays import Array, is_compiling, namespace
+from roletrust_env.trust.ratings import TINY, MaskedRatings, PerProvider, PerRater, Ratings
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Coefficients of `_sinc_polynomial`, the constant first."""
 
-_LARGE, _BLOCK = 1_000_000, 100_000
-"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
-
-_TINY = 1e-30  # replaces a branch at 0; elsewhere it is lost in rounding
+_ROUNDING = 1e-12  # a gap to a mean in double precision that is smaller is rounding
 
 
 def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> Array:
@@ -131,142 +127,80 @@ def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initia
         raise ValueError(f"initial is {initial!r}; a trust must lie in [0, 1]")
     rated, provided = _like(rated, tor), _like(provided, tor)
     total = rated + provided
-    alpha = rated / (total + _TINY)
+    alpha = rated / (total + TINY)
     return namespace(tor).where(total > 0, alpha * tor + (1 - alpha) * top, initial)
 
 
 class Trusts(NamedTuple):
     """The trust of the raters, shape (S, ...), and of the providers, shape (P, ...)."""
 
-    tor: Array
-    top: Array
-
-
-class MaskedRatings(NamedTuple):
-    """The ratings of one round, prepared once for all the means that a model takes of them.
-
-    Attributes:
-        values: Ratings inside the mask and 0 elsewhere, shape (S, P, ...).
-        weights: Weights, 1 inside the mask and 0 elsewhere, shape (S, P, ...), in the dtype of the ratings; None if
-            every rater rated every provider.
-        received: Number of ratings of each provider, shape (P, ...); one number where it is S for all.
-        given: Number of ratings by each rater, shape (S, ...); one number where it is P for all.
-    """
-
-    values: Array
-    weights: Array | None
-    received: Array
-    given: Array
-
-    @classmethod
-    def of(cls, ratings: Array, mask: Array | None) -> "MaskedRatings":
-        """Return the ratings inside a mask, both of shape (S, P, ...); None is a mask that is true everywhere."""
-        if mask is None:
-            return cls(ratings, None, *ratings.shape[:2])
-        xp = namespace(ratings)
-        weights = xp.astype(mask, ratings.dtype)
-        values = xp.where(mask, ratings, weights)
-        return cls(values, weights, total(weights, 0), total(weights, 1))
-
-    def weigh(self, cells: Array) -> Array:
-        """Return the cells inside the mask, and 0 elsewhere."""
-        return cells if self.weights is None else self.weights * cells
-
-    def blocks(self) -> list[slice]:
-        """Return slices of raters whose ratings fit into a processor's cache; one slice if the library does that."""
-        raters, values = len(self.values), self.values
-        if not isinstance(values, np.ndarray) or values.size <= _LARGE:
-            return [slice(raters)]
-        rows = max(1, _BLOCK * raters // values.size)
-        return [slice(at, at + rows) for at in range(0, raters, rows)]
-
-    def of_raters(self, some: slice) -> "MaskedRatings":
-        """Return the ratings of some raters; `received` still counts all."""
-        weights = None if self.weights is None else self.weights[some]
-        return MaskedRatings(
-            self.values[some], weights, self.received, self.given if weights is None else self.given[some]
-        )
+    tor: PerRater
+    top: PerProvider
 
 
 Root = Callable[[Array], Array]
 """A function in place of the square root."""
 
 
-def rater_quality(masked: MaskedRatings, root: Root | None = None) -> Array:
+def rater_quality(ratings: Ratings, root: Root | None = None) -> Array:
     """Return QoR of Algorithm 1, shape (S, ...); 1 for a rater without ratings.
 
     Args:
-        masked: Ratings of the round.
+        ratings: Ratings of the round.
         root: Function in place of the square root, for callers that need a slope at 0.
     """
-    xp = namespace(masked.values)
+    xp = namespace(ratings.values)
     root = root or xp.sqrt
     # Relative to the best rating, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    best = largest(masked.values)
-    blocks = masked.blocks()
+    best = ratings.of_providers(ratings.largest_over_raters(ratings.values))
+    blocks = ratings.blocks()
     if len(blocks) == 1:
-        below = masked.weigh(masked.values - best)
-        return _nearness(masked, below - total(below, 0) * _share(masked.received), root)
-    parts = [masked.of_raters(some) for some in blocks]
-    below = reduce(operator.add, (total(part.weigh(part.values - best), 0) for part in parts))
-    average = below * _share(masked.received)
+        below = ratings.weigh(ratings.values - best)
+        average = ratings.sum_over_raters(below) * _share(ratings.received)
+        return _nearness(ratings, below - ratings.of_providers(average), root)
+    parts = [ratings.rows(some) for some in blocks]
+    average = reduce(operator.add, (part.sum_over_raters(part.weigh(part.values - best)) for part in parts))
+    average = average * _share(ratings.received)
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
-def _nearness(masked: MaskedRatings, apart: Array, root: Root) -> Array:
+def _nearness(ratings: Ratings, apart: Array, root: Root) -> Array:
     """Return 1 minus the mean root of the distances of each rater's ratings to the average ratings."""
-    return 1.0 - total(masked.weigh(root(abs(apart))), 1) * _share(masked.given)
+    return 1.0 - ratings.sum_over_providers(ratings.weigh(root(without_rounding(abs(apart))))) * _share(ratings.given)
 
 
-def provider_quality(masked: MaskedRatings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+def without_rounding(gap: Array) -> Array:
+    """Return the gaps, and 0 for those below 1e-12: the order of a sum decides over them, and a root magnifies them."""
+    return namespace(gap).where(gap < _ROUNDING, 0.0, gap)
+
+
+def provider_quality(ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """Return QoP of Algorithm 2, shape (P, ...); 0 for a provider without ratings.
 
     Args:
-        masked: Ratings of the round.
+        ratings: Ratings of the round.
         tor: Trust ToR as just updated by this round, shape (S, ...).
-        last_ratings: Last rating that i gave j, shape (S, P, ...).
-        elapsed: Time dt, see `provider_trust`; None where it is 1 everywhere.
+        last_ratings: Last rating that i gave j, for each cell of the round.
+        elapsed: Time dt for each cell of the round, see `provider_trust`; None where it is 1 everywhere.
     """
-    if len(blocks := masked.blocks()) == 1:
-        worth = _worth(masked.values, tor, last_ratings, elapsed)
+    if len(blocks := ratings.blocks()) == 1:
+        worth = _worth(ratings, tor, last_ratings, elapsed)
     else:
         worth = reduce(
             operator.add,
             (
-                _worth(masked.values[some], tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
+                _worth(ratings.rows(some), tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
                 for some in blocks
             ),
         )
-    return worth * _share(masked.received)
+    return worth * _share(ratings.received)
 
 
-def _worth(values: Array, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
+def _worth(ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """Return the sum over raters of rho * ToR * f, shape (P, ...)."""
-    steady = sinc(values - last_ratings)
-    rho = sinc(1.0 - values) * (steady if elapsed is None else steady**elapsed)
-    return total(rho * tor[:, None, ...] * values, 0)
-
-
-def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
-    """Return the mean of the values inside the mask along an axis, 0 where there are none, and their number.
-
-    A mask of None is true everywhere.
-    """
-    if mask is None:
-        return values.mean(axis=axis), values.shape[axis]
-    count = mask.sum(axis=axis, dtype=values.dtype)
-    return namespace(values).where(mask, values, 0.0).sum(axis=axis) / (count + _TINY), count
-
-
-def weighted_mean(values: Array, weights: Array, *, axis: int) -> Array:
-    """Return the weighted mean along an axis, and 0 where all weights are 0.
-
-    Args:
-        values: Values, finite also where the weight is 0.
-        weights: Weights of at least 0, in a shape that broadcasts with the values.
-        axis: Axis of the mean.
-    """
-    return total(weights * values, axis) / (total(weights, axis) + _TINY)
+    steady = sinc(ratings.values - last_ratings)
+    rho = sinc(1.0 - ratings.values) * (steady if elapsed is None else steady**elapsed)
+    return ratings.sum_over_raters(rho * ratings.of_raters(tor) * ratings.values)
 
 
 def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
@@ -275,7 +209,7 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
     It is computed as a step from the previous value, so that it is exact where the step is 0.
 
     Args:
-        value: Mean of a round, as from `masked_mean`.
+        value: Mean of a round, as from `Ratings.mean_over_raters`.
         previous: Exponential mean before the round.
         lam: Weight of the newest round.
         count: Number of values in the mean; 0 where there are none.
@@ -285,12 +219,12 @@ def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
 
 def _share(count: Array) -> Array:
     """Return the factor that turns a sum of so many values into a mean, and an empty sum into 0."""
-    return 1.0 / (count + _TINY)
+    return 1.0 / (count + TINY)
 
 
 def occurred(count: Array) -> Array:
     """Return 1 where a count is above 0 and 0 where it is 0, in the dtype of the count."""
-    return count / (count + _TINY)
+    return count / (count + TINY)
 
 
 def sinc(x: Array) -> Array:
@@ -301,7 +235,7 @@ def sinc(x: Array) -> Array:
     xp = namespace(x)
     if is_compiling(x) and x.dtype == xp.float32:
         return _sinc_polynomial(x)
-    angle = math.pi * x + _TINY
+    angle = math.pi * x + TINY
     return abs(xp.sin(angle) / angle)
 
 

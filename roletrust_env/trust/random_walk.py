@@ -4,10 +4,13 @@ A rater and a provider that are one agent have one trust. All others are agents 
 rated, or a provider that does not rate. An agent's opinion of itself does not count.
 """
 
+import math
+
 from roletrust_env.arrays import Array, largest, namespace, total
 from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.ratings import TINY, Cells, MaskedRatings
 
-_TINY = 1e-30  # a row with a sum this small is empty
+_REST = 1e-15  # a relative step this small is rounding
 
 
 def shared(peers: Array, like: Array) -> Array:
@@ -21,23 +24,18 @@ def shared(peers: Array, like: Array) -> Array:
     return xp.zeros_like(like) + xp.astype(peers, like.dtype).reshape(*peers.shape, *[1] * (like.ndim - 2))
 
 
-def number(peers: Array) -> Array:
-    """Return the number of agents N, shape (...), for peers from `shared`."""
-    return sum(peers.shape[:2]) - total(total(peers, 0), 0)
-
-
-def walk(links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+def walk(pairs: Cells, links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
     """Return where a random walker is found that follows links, or restarts with probability a: PageRank.
 
         v = (1 - a) C^T v + a start,   C[i, j] = links[i, j] / sum over j of links[i, j]
 
     From an agent without links, such as a provider that does not rate, the walker goes to any of the N agents alike.
-    This adds the same number to each agent, so the raters' part of v is that number times one solution of S linear
-    equations, plus another solution.
+    On a grid the equations are solved. On edges the walker walks until it is at rest.
 
     Args:
-        links: Weights of at least 0, shape (S, P, ...); those of an agent to itself are ignored.
-        peers: Pairs, see `shared`.
+        pairs: Pairs of raters and providers, on a grid or on edges.
+        links: Weights of at least 0, one for each pair; those of an agent to itself are ignored.
+        peers: Pairs, see `Cells.agents`.
         start: Distribution over the agents at the start; an agent of two roles is in both arrays and counts once.
         a: Probability of a restart, in (0, 1].
 
@@ -45,16 +43,46 @@ def walk(links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
         The probabilities divided by the largest, so that the most trusted agent has trust 1.
     """
     xp = namespace(links)
-    links = (1 - peers) * links
-    rows = total(links, 1)
-    links, follows = links / (rows + _TINY)[:, None, ...], rows / (rows + _TINY)
-    spread, restarted = _from_both(xp.ones_like(rows), a * start.tor, links, peers, 1 - a)
-    lost = xp.clip(1 - total(follows * restarted, 0), 0.0, 1.0)  # rounding may leave less than 0
-    anyone = (1 - a) * lost / (number(peers) + (1 - a) * total(follows * spread, 0))
-    tor = anyone * spread + restarted
-    top = (1 - a) * total(links * tor[:, None, ...], 0) + anyone + a * start.top
+    links = pairs.apart(peers) * links
+    rows = pairs.sum_over_providers(links)
+    links, follows = links / pairs.of_raters(rows + TINY), rows / (rows + TINY)
+    find = _solved if isinstance(pairs, MaskedRatings) else _walked
+    tor, top = find(pairs, links, follows, peers, start, a)
     most = xp.maximum(largest(tor), largest(top))
     return Trusts(tor / most, top / most)
+
+
+def _walked(pairs: Cells, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+    """Return v after as many steps as it takes until rounding is all that moves; `follows` is 1 for raters with links.
+
+    An agent of two roles is found as a provider.
+    """
+    xp, many = namespace(links), pairs.agents(peers)
+    provides = pairs.of_own_role(xp.ones_like(start.top), peers)
+    tor, top = 1 / many + 0 * start.tor, 1 / many + 0 * start.top
+    for _ in range(math.ceil(math.log(_REST) / math.log1p(-a)) if a < 1 else 1):
+        before = top
+        anyone = (1 - a) * (1 - (follows * tor).sum()) / many
+        top = (1 - a) * pairs.sum_over_raters(links * pairs.of_raters(tor)) + anyone + a * start.top
+        alone = anyone + a * start.tor
+        tor = pairs.of_own_role(top, peers) + (1 - provides) * alone
+        if bool((abs(top - before) <= _REST * top).all()):
+            break
+    return Trusts(tor, top)
+
+
+def _solved(pairs: Cells, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+    """Return v from S linear equations.
+
+    All agents without links add the same number to each agent, so the raters' part of v is that number times one
+    solution of the equations, plus another solution.
+    """
+    xp = namespace(links)
+    spread, restarted = _from_both(xp.ones_like(follows), a * start.tor, links, peers, 1 - a)
+    lost = xp.clip(1 - total(follows * restarted, 0), 0.0, 1.0)  # rounding may leave less than 0
+    anyone = (1 - a) * lost / (pairs.agents(peers) + (1 - a) * total(follows * spread, 0))
+    tor = anyone * spread + restarted
+    return Trusts(tor, (1 - a) * total(links * pairs.of_raters(tor), 0) + anyone + a * start.top)
 
 
 def _from_both(one: Array, other: Array, links: Array, peers: Array, on: float) -> tuple[Array, Array]:

@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.algorithms import MaskedRatings, occurred
+from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import by_judges, in_common
+from roletrust_env.trust.ratings import MaskedRatings
 
 
 class Experience(NamedTuple):

@@ -4,10 +4,11 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
 from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.central import Central
 
 
 @checked_dataclass
-class Smoothed:
+class Smoothed(Central):
     """Base of trust models that remember nothing but trust: initial state and read-outs.
 
     Attributes:
@@ -18,6 +19,7 @@ class Smoothed:
     lam: Lam = 0.5
     initial: Share = 0.5
     rates_raters = True
+    local = True
 
     def start(self, like: Array) -> Trusts:
         """Return the initial trust of all agents. See `TrustModel.start`."""

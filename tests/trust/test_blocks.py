@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from roletrust_env.trust import RoleTrust, algorithms
+from roletrust_env.trust import RoleTrust
+from roletrust_env.trust import ratings as prepared
 
 
 @pytest.mark.parametrize("block", [1, 7, 12, 40])
@@ -17,8 +18,8 @@ def test_blocks_of_raters_add_up_to_all_of_them(
         ratings, mask = rng.random(shape), None if t % 3 else rng.random(shape) < 0.6
         whole = model.update(whole, ratings, mask)
         with monkeypatch.context() as patch:
-            patch.setattr(algorithms, "_LARGE", 3)
-            patch.setattr(algorithms, "_BLOCK", block)
+            patch.setattr(prepared, "_LARGE", 3)
+            patch.setattr(prepared, "_BLOCK", block)
             blocked = model.update(blocked, ratings, mask)
         for one, other in zip(blocked[:4], whole[:4], strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)

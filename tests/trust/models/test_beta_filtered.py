@@ -7,6 +7,7 @@ from scipy import special
 
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.central import beta_filtered
+from roletrust_env.trust.ratings import MaskedRatings
 
 
 def mean(raters, good, bad, initial):
@@ -103,10 +104,11 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     rates = np.clip(np.where(liars, 0, 1) + rng.normal(0, 0.1, (30, 2_000)), 0, 1)
     evidence = rng.uniform(0, 10, (30, 2_000))
     model = beta_filtered.BetaFiltered()
-    kept = model._filter(rates * evidence, (1 - rates) * evidence)
+    pairs = MaskedRatings.of(rates, None)
+    kept = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
     for passes, same in ((29, True), (5, False)):
         monkeypatch.setattr(beta_filtered, "_PASSES", passes)
-        assert np.array_equal(model._filter(rates * evidence, (1 - rates) * evidence), kept) == same
+        assert np.array_equal(model._filter(pairs, rates * evidence, (1 - rates) * evidence), kept) == same
 
 
 def test_the_tail_must_be_one() -> None:

@@ -10,8 +10,8 @@ import scipy
 from model_cases import Matrix, Vector, assert_matches, named
 
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.models.central.huber_mean import STEPS
+from roletrust_env.trust.ratings import MaskedRatings
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 

@@ -2,11 +2,13 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import MaskedRatings, occurred
+from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.beta import reputation
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.ratings import PerProvider, PerRater, Ratings
 
 
 class BetaState(NamedTuple):
@@ -18,13 +20,13 @@ class BetaState(NamedTuple):
         tor: Trust of the raters, shape (S, ...), always 1.
     """
 
-    successes: Array
-    failures: Array
-    tor: Array
+    successes: PerProvider
+    failures: PerProvider
+    tor: PerRater
 
 
 @checked_dataclass
-class Beta:
+class Beta(Central):
     """Beta reputation: ratings of a provider count as successes and failures, which fade.
 
         r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
@@ -46,18 +48,18 @@ class Beta:
     rates_raters = False
     source = "Jøsang and Ismail (2002)"
     takes_full_rounds = True
+    local = True
 
     def start(self, like: Array) -> BetaState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return BetaState(nothing[0], nothing[0], nothing[:, 0, ...] + 1)
 
-    def update(self, state: BetaState, ratings: Array, mask: Array | None) -> BetaState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        masked = MaskedRatings.of(ratings, mask)
-        kept, successes = left(self.keep, masked), total(masked.values, 0)
+    def after_round(self, state: BetaState, ratings: Ratings) -> BetaState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        kept, successes = left(self.keep, ratings), ratings.sum_over_raters(ratings.values)
         return BetaState(
-            kept * state.successes + successes, kept * state.failures + (masked.received - successes), state.tor
+            kept * state.successes + successes, kept * state.failures + (ratings.received - successes), state.tor
         )
 
     def rater_trust(self, state: BetaState) -> Array:
@@ -69,6 +71,6 @@ class Beta:
         return reputation(state.successes, state.failures, self.initial)
 
 
-def left(keep: float, masked: MaskedRatings) -> Array:
+def left(keep: float, ratings: Ratings) -> Array:
     """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an unrated provider."""
-    return 1 - (1 - keep) * occurred(masked.received)
+    return 1 - (1 - keep) * occurred(ratings.received)

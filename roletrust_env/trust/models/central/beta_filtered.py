@@ -5,9 +5,10 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
-from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.beta import between_quantiles, reputation
+from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left
+from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
 
 _PASSES = 12
 """Maximum number of filter passes. Each drops some raters and none drops all, so S - 1 suffice; 30 raters took 9."""
@@ -23,14 +24,14 @@ class BetaFilteredState(NamedTuple):
         tor: Trust of the raters, shape (S, ...).
     """
 
-    successes: Array
-    failures: Array
-    top: Array
-    tor: Array
+    successes: PerPair
+    failures: PerPair
+    top: PerProvider
+    tor: PerRater
 
 
 @checked_dataclass
-class BetaFiltered:
+class BetaFiltered(Central):
     """Filtered Beta reputation: raters whose ratings make the overall mean too unlikely do not count.
 
     Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
@@ -64,37 +65,45 @@ class BetaFiltered:
         nothing = namespace(like).zeros_like(like)
         return BetaFilteredState(nothing, nothing, nothing[0] + self.initial, nothing[:, 0, ...] + self.initial)
 
-    def update(self, state: BetaFilteredState, ratings: Array, mask: Array | None) -> BetaFilteredState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        masked = MaskedRatings.of(ratings, mask)
-        kept = left(self.keep, masked)
-        successes = kept * state.successes + masked.values
-        failures = kept * state.failures + ((1 if masked.weights is None else masked.weights) - masked.values)
-        heard = self._filter(successes, failures)
-        top = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
-        return BetaFilteredState(successes, failures, top, self._share(heard, successes + failures))
+    def after_round(self, state: BetaFilteredState, ratings: Ratings) -> BetaFilteredState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        pairs = ratings.pairs
+        kept = pairs.of_providers(left(self.keep, ratings))
+        none = 0 * state.successes
+        count, values = ratings.remember(none, 1.0), ratings.remember(none, ratings.values)
+        successes, failures = kept * state.successes + values, kept * state.failures + (count - values)
+        heard = self._filter(pairs, successes, failures)
+        top = self._reputation(pairs, heard, successes, failures)
+        return BetaFilteredState(successes, failures, top, self._share(pairs, heard, successes + failures))
 
-    def _filter(self, successes: Array, failures: Array) -> Array:
-        """Return 1 for each rater that counts for a provider and 0 for each that is dropped, shape (S, P, ...)."""
+    def _reputation(self, pairs: Cells, heard: Array, successes: Array, failures: Array) -> Array:
+        """Return the Beta reputation of each provider by the raters that count, shape (P, ...)."""
+        return reputation(
+            pairs.sum_over_raters(heard * successes), pairs.sum_over_raters(heard * failures), self.initial
+        )
+
+    def _filter(self, pairs: Cells, successes: Array, failures: Array) -> Array:
+        """Return 1 for each pair whose rater counts for the provider, and 0 for each whose rater is dropped."""
         xp = namespace(successes)
         is_likely = between_quantiles(self.q, 1 + successes, 1 + failures)
-        evident = successes + failures > 0
+        evident = cast(successes + failures > 0, successes.dtype)
         heard = xp.ones_like(successes)
-        for _ in range(min(successes.shape[0] - 1, _PASSES)):
+        for _ in range(min(pairs.shape[0] - 1, _PASSES)):
             before = heard
-            mean = reputation((heard * successes).sum(axis=0), (heard * failures).sum(axis=0), self.initial)
-            still = heard * cast(is_likely(mean), heard.dtype)
-            heard = xp.where(xp.any((still > 0) & evident, axis=0), still, heard)
+            mean = self._reputation(pairs, heard, successes, failures)
+            still = heard * cast(is_likely(pairs.of_providers(mean)), heard.dtype)
+            some = pairs.sum_over_raters(still * evident) > 0
+            heard = xp.where(pairs.of_providers(some), still, heard)
             if not is_compiling(heard) and bool(xp.all(heard == before)):
                 break  # all other passes would do the same
         return heard
 
-    def _share(self, heard: Array, evidence: Array) -> Array:
+    def _share(self, pairs: Cells, heard: Array, evidence: Array) -> Array:
         """Return the share of the providers rated by each rater for which it was not dropped, shape (S, ...)."""
         xp = namespace(heard)
         rated = cast(evidence > 0, heard.dtype)
-        count = rated.sum(axis=1)
-        return xp.where(count > 0, (heard * rated).sum(axis=1) / xp.clip(count, 1, None), self.initial)
+        count = pairs.sum_over_providers(rated)
+        return xp.where(count > 0, pairs.sum_over_providers(heard * rated) / xp.clip(count, 1, None), self.initial)
 
     def rater_trust(self, state: BetaFilteredState) -> Array:
         """Return the share of providers for which a rater counts, shape (S, ...); `initial` if it rated none."""

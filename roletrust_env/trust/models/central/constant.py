@@ -4,10 +4,12 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
 from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.ratings import Ratings
 
 
 @checked_dataclass
-class Constant:
+class Constant(Central):
     """Control: all agents keep the initial trust, so no attack does harm and no choice by trust is informed.
 
     Attributes:
@@ -19,14 +21,15 @@ class Constant:
     differentiable = False  # it has no gradient at all
     cost = "S + P"
     takes_full_rounds = True
+    local = True
 
     def start(self, like: Array) -> Trusts:
         """Return the initial trust of all agents. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
 
-    def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
-        """Return the state unchanged. See `TrustModel.update`."""
+    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state unchanged. See `Central.after_round`."""
         return state
 
     def rater_trust(self, state: Trusts) -> Array:

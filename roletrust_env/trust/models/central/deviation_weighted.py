@@ -1,8 +1,8 @@
 """The deviation-weighted mean: raters count by their agreement with the average."""
 
-from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import MaskedRatings, Trusts, masked_mean, smooth, weighted_mean
+from roletrust_env.trust.algorithms import Trusts, smooth
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -24,12 +24,11 @@ class DeviationWeighted(Smoothed):
 
     takes_full_rounds = True
 
-    def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        masked = MaskedRatings.of(ratings, mask)
-        average, received = masked_mean(masked.values, mask, axis=0)
-        distance, given = masked_mean(abs(masked.values - average), mask, axis=1)
-        tor = smooth(1 - distance, state.tor, self.lam, given)
+    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        average = ratings.mean_over_raters(ratings.values)
+        distance = ratings.mean_over_providers(abs(ratings.values - ratings.of_providers(average)))
+        tor = smooth(1 - distance, state.tor, self.lam, ratings.given)
         # A rating is nearer than 1 to an average that includes it, so weights are above 0.
-        quality = weighted_mean(masked.values, masked.weigh(tor[:, None, ...]), axis=0)
-        return Trusts(tor, smooth(quality, state.top, self.lam, received))
+        quality = ratings.weighted_mean_over_raters(ratings.values, ratings.weigh(ratings.of_raters(tor)))
+        return Trusts(tor, smooth(quality, state.top, self.lam, ratings.received))

@@ -5,7 +5,9 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.random_walk import number, shared, walk
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.random_walk import shared, walk
+from roletrust_env.trust.ratings import Cells, MaskedRatings, PerPair, Ratings
 
 A = 0.5
 """Share of all trust that comes from pre-trusted agents."""
@@ -23,12 +25,12 @@ class EigenTrustState(NamedTuple):
     """
 
     trusts: Trusts
-    scores: Array
-    peers: Array
+    scores: PerPair
+    peers: PerPair
 
 
 @checked_dataclass
-class EigenTrust:
+class EigenTrust(Central):
     """EigenTrust: an agent is trusted as far as trusted agents were satisfied with it.
 
     Kamvar, Schlosser and Garcia-Molina (2003):
@@ -54,18 +56,19 @@ class EigenTrust:
 
     def start(self, like: Array, peers: Array) -> EigenTrustState:
         """Return the state before any rating. See `TrustModel.start`."""
-        return self._trusting(namespace(like).zeros_like(like), shared(peers, like))
+        nothing = namespace(like).zeros_like(like)
+        return self._trusting(MaskedRatings.of(nothing, None), nothing, shared(peers, like))
 
-    def update(self, state: EigenTrustState, ratings: Array, mask: Array) -> EigenTrustState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        content = namespace(ratings).where(mask, 2 * ratings - 1, 0.0)
-        return self._trusting(state.scores + content, state.peers)
+    def after_round(self, state: EigenTrustState, ratings: Ratings) -> EigenTrustState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        content = ratings.remember(0 * state.scores, 2 * ratings.values - 1)
+        return self._trusting(ratings.pairs, state.scores + content, state.peers)
 
-    def _trusting(self, scores: Array, peers: Array) -> EigenTrustState:
+    def _trusting(self, pairs: Cells, scores: Array, peers: Array) -> EigenTrustState:
         xp = namespace(scores)
-        each = 1 / number(peers)
-        p = Trusts(xp.zeros_like(scores[:, 0, ...]) + each, xp.zeros_like(scores[0]) + each)
-        trusts = walk(xp.where(scores > _ROUNDING, scores, 0.0), peers, p, A)
+        each = 1 / pairs.agents(peers)
+        p = Trusts(0 * pairs.sum_over_providers(scores) + each, 0 * pairs.sum_over_raters(scores) + each)
+        trusts = walk(pairs, xp.where(scores > _ROUNDING, scores, 0.0), peers, p, A)
         return EigenTrustState(trusts, scores, peers)
 
     def rater_trust(self, state: EigenTrustState) -> Array:

@@ -4,7 +4,7 @@ from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import MaskedRatings, weighted_mean
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.robust import ByCentre, median
 
 STEPS = 30
@@ -34,10 +34,11 @@ class HuberMean(ByCentre):
     source = "Huber (1964)"
     cost = "S log S P"
 
-    def centre(self, masked: MaskedRatings) -> Array:
+    def centre(self, ratings: Ratings) -> Array:
         """Return the Huber mean of each provider's ratings. See `ByCentre.centre`."""
-        xp, centre = namespace(masked.values), median(masked)
+        xp, centre = namespace(ratings.values), median(ratings)
         for _ in range(STEPS):
-            weights = masked.weigh(self.width / xp.clip(abs(masked.values - centre), self.width, None))
-            centre = weighted_mean(masked.values, weights, axis=0)
+            distance = abs(ratings.values - ratings.of_providers(centre))
+            weights = ratings.weigh(self.width / xp.clip(distance, self.width, None))
+            centre = ratings.weighted_mean_over_raters(ratings.values, weights)
         return centre

@@ -4,10 +4,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import weighted_mean
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.ratings import PerPair, PerProvider, PerRater, Ratings
 
 STEPS = 80
 """Number of iterations. With these weightings the result is within 1e-6 of the fixed point."""
@@ -27,14 +28,14 @@ class FilteringState(NamedTuple):
         rated: Flag, 1 where there are ratings, 0 elsewhere, shape (S, P, ...).
     """
 
-    tor: Array
-    top: Array
-    means: Array
-    rated: Array
+    tor: PerRater
+    top: PerProvider
+    means: PerPair
+    rated: PerPair
 
 
 @checked_dataclass
-class IterativeFiltering:
+class IterativeFiltering(Central):
     """Iterative filtering: raters are weighted by their distance to the weighted mean, iterated until both agree.
 
     De Kerchove and Van Dooren (2010) give the scheme and the linear weighting. The power weighting, which is the
@@ -71,20 +72,20 @@ class IterativeFiltering:
         means, rated = xp.zeros_like(like), xp.zeros_like(like)
         return FilteringState(means[:, 0, ...] + self.initial, means[0] + self.initial, means, rated)
 
-    def update(self, state: FilteringState, ratings: Array, mask: Array) -> FilteringState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
+    def after_round(self, state: FilteringState, ratings: Ratings) -> FilteringState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        xp, pairs = namespace(ratings.values), ratings.pairs
         weight = 1 - (1 - self.lam) * state.rated
-        means = state.means + weight * (xp.where(mask, ratings, state.means) - state.means)
-        rated = xp.where(mask, 1.0, state.rated)
-        given, received = total(rated, 1), total(rated, 0)
-        weights, worth = rated[:, 0, ...], weighted_mean(means, rated, axis=0)
+        means = state.means + weight * (ratings.remember(state.means, ratings.values) - state.means)
+        rated = ratings.remember(state.rated, 1.0)
+        given, received = pairs.sum_over_providers(rated), pairs.sum_over_raters(rated)
+        weights, worth = given, pairs.weighted_mean_over_raters(means, rated)
         for _ in range(STEPS):
             before = worth
-            distance = weighted_mean((means - worth) ** 2, rated, axis=1)
+            distance = pairs.weighted_mean_over_providers((means - pairs.of_providers(worth)) ** 2, rated)
             least = xp.min(xp.where(given > 0, distance, 1.0), axis=0)
             weights = self._weights(xp.where(given > 0, distance, least), least)
-            worth = weighted_mean(means, rated * weights[:, None, ...], axis=0)
+            worth = pairs.weighted_mean_over_raters(means, rated * pairs.of_raters(weights))
             if isinstance(worth, np.ndarray) and np.max(abs(worth - before)) <= _ROUNDING * np.finfo(worth.dtype).eps:
                 break
         return FilteringState(

@@ -2,7 +2,8 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Trusts, masked_mean, smooth
+from roletrust_env.trust.algorithms import Trusts, smooth
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -23,7 +24,7 @@ class Mean(Smoothed):
         nobody, top = super().start(like)
         return Trusts(0 * nobody + 1, top)
 
-    def update(self, state: Trusts, ratings: Array, mask: Array | None) -> Trusts:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        average, raters = masked_mean(ratings, mask, axis=0)
-        return Trusts(state.tor, smooth(average, state.top, self.lam, raters))
+    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        average = ratings.mean_over_raters(ratings.values)
+        return Trusts(state.tor, smooth(average, state.top, self.lam, ratings.received))

@@ -2,7 +2,7 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import MaskedRatings
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.robust import ByCentre, median
 
 
@@ -17,6 +17,6 @@ class Median(ByCentre):
     differentiable = False  # the middle rating changes from one rater to another, and the others have no slope
     cost = "S log S P"
 
-    def centre(self, masked: MaskedRatings) -> Array:
+    def centre(self, ratings: Ratings) -> Array:
         """Return the median of each provider's ratings. See `ByCentre.centre`."""
-        return median(masked)
+        return median(ratings)

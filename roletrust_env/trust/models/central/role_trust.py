@@ -5,7 +5,9 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import MaskedRatings, occurred, provider_quality, rater_quality, smooth
+from roletrust_env.trust.algorithms import occurred, provider_quality, rater_quality, smooth
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.ratings import PairAge, PerPair, PerProvider, PerRater, Ratings
 
 
 class RoleTrustState(NamedTuple):
@@ -19,15 +21,15 @@ class RoleTrustState(NamedTuple):
         full: Whether every rater rated every provider in the last round, so that `elapsed` is 1 everywhere.
     """
 
-    tor: Array
-    top: Array
-    last: Array
-    elapsed: Array
+    tor: PerRater
+    top: PerProvider
+    last: PerPair
+    elapsed: PairAge
     full: bool = False
 
 
 @checked_dataclass
-class RoleTrust:
+class RoleTrust(Central):
     """Role-based trust: raters by their distance to the average rating, providers by good, steady, trusted ratings.
 
     Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. The game computes an agent's ToA (Algorithm 3) from the two
@@ -43,6 +45,7 @@ class RoleTrust:
     rates_raters = True
     source = "Su and Saint-Jore (2023)"
     takes_full_rounds = True
+    local = True
 
     def start(self, like: Array) -> RoleTrustState:
         """Return the state before any rating, with initial trust for all. See `TrustModel.start`."""
@@ -50,22 +53,20 @@ class RoleTrust:
         last, elapsed = xp.zeros_like(like), xp.zeros_like(like)
         return RoleTrustState(last[:, 0, ...] + self.initial, last[0] + self.initial, last, elapsed)
 
-    def update(self, state: RoleTrustState, ratings: Array, mask: Array | None) -> RoleTrustState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        masked = MaskedRatings.of(ratings, mask)
-        tor = smooth(self._rater_quality(masked), state.tor, self.lam, masked.given)
-        quality = provider_quality(masked, tor, state.last, None if state.full else state.elapsed)
-        top = smooth(quality, state.top, self.lam, masked.received)
-        if mask is None:
-            return RoleTrustState(tor, top, ratings, ones(ratings), True)
-        last = xp.where(mask, ratings, state.last)
-        elapsed = xp.where(mask, masked.weights, state.elapsed + occurred(state.elapsed))
-        return RoleTrustState(tor, top, last, elapsed)
+    def after_round(self, state: RoleTrustState, ratings: Ratings) -> RoleTrustState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.given)
+        elapsed = None if state.full else ratings.recall(state.elapsed)
+        quality = provider_quality(ratings, tor, ratings.recall(state.last), elapsed)
+        top = smooth(quality, state.top, self.lam, ratings.received)
+        if ratings.full:
+            return RoleTrustState(tor, top, ratings.values, ones(ratings.values), True)
+        last = ratings.remember(state.last, ratings.values)
+        return RoleTrustState(tor, top, last, ratings.remember(state.elapsed + occurred(state.elapsed), 1.0))
 
-    def _rater_quality(self, masked: MaskedRatings) -> Array:
+    def _rater_quality(self, ratings: Ratings) -> Array:
         """Return QoR, shape (S, ...)."""
-        return rater_quality(masked)
+        return rater_quality(ratings)
 
     def rater_trust(self, state: RoleTrustState) -> Array:
         """Return ToR, shape (S, ...)."""

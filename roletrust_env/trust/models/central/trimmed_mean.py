@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import LessThanHalf
-from roletrust_env.trust.algorithms import MaskedRatings
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.robust import ByCentre, middle_mean
 
 
@@ -24,6 +24,6 @@ class TrimmedMean(ByCentre):
     differentiable = False  # a rating that is cut has no slope
     cost = "S log S P"
 
-    def centre(self, masked: MaskedRatings) -> Array:
+    def centre(self, ratings: Ratings) -> Array:
         """Return the trimmed mean of each provider's ratings. See `ByCentre.centre`."""
-        return middle_mean(masked, self.share * masked.received)
+        return middle_mean(ratings, self.share * ratings.received)

@@ -2,10 +2,12 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, largest, namespace
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Lam, Power, Share
-from roletrust_env.trust.algorithms import masked_mean, sinc, smooth, weighted_mean
+from roletrust_env.trust.algorithms import sinc, smooth, without_rounding
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
 
 _LEAST = 0.01
 """Minimum trust of a rater in its weight, so that weights do not vanish where no rater is trusted."""
@@ -21,14 +23,14 @@ class WaryState(NamedTuple):
         fresh: Remaining weight of that rating, shape (S, P, ...), 0 where there is none.
     """
 
-    tor: Array
-    top: Array
-    last: Array
-    fresh: Array
+    tor: PerRater
+    top: PerProvider
+    last: PerPair
+    fresh: PerPair
 
 
 @checked_dataclass
-class WaryRoleTrust:
+class WaryRoleTrust(Central):
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 
     The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their distance to the consensus, and
@@ -82,27 +84,28 @@ class WaryRoleTrust:
         nothing = namespace(like).zeros_like(like)
         return WaryState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
 
-    def update(self, state: WaryState, ratings: Array, mask: Array) -> WaryState:
-        """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        last = xp.where(mask, ratings, state.last)
-        fresh = xp.where(mask, 1.0, self.keep * state.fresh)
-        below = last - largest(xp.where(fresh > 0, last, 0.0))  # raters who agree are exactly 0 apart
-        consensus = weighted_mean(below, self._weights(fresh, state.tor), axis=0)
-        consensus = _level(consensus, xp.min(xp.where(fresh > 0, below, 0.0), axis=0), len(below))
-        distance, given = masked_mean(xp.sqrt(abs(below - consensus)), mask, axis=1)
-        tor = smooth(1 - distance, state.tor, self.lam, given)
-        quality = weighted_mean(sinc(1 - last) * last, self._weights(fresh, tor), axis=0)
-        return WaryState(tor, self._moved(state.top, quality, mask), last, fresh)
+    def after_round(self, state: WaryState, ratings: Ratings) -> WaryState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        xp, pairs = namespace(ratings.values), ratings.pairs
+        last = ratings.remember(state.last, ratings.values)
+        fresh = ratings.remember(self.keep * state.fresh, 1.0)
+        best = pairs.largest_over_raters(xp.where(fresh > 0, last, 0.0))
+        below = last - pairs.of_providers(best)  # raters who agree are exactly 0 apart
+        consensus = pairs.weighted_mean_over_raters(below, self._weights(pairs, fresh, state.tor))
+        lowest = -pairs.largest_over_raters(xp.where(fresh > 0, -below, 0.0))
+        consensus = pairs.of_providers(_level(consensus, lowest, pairs.shape[0]))
+        distance = ratings.mean_over_providers(ratings.recall(xp.sqrt(without_rounding(abs(below - consensus)))))
+        tor = smooth(1 - distance, state.tor, self.lam, ratings.given)
+        quality = pairs.weighted_mean_over_raters(sinc(1 - last) * last, self._weights(pairs, fresh, tor))
+        return WaryState(tor, self._moved(state.top, quality, ratings.received > 0), last, fresh)
 
-    def _weights(self, fresh: Array, tor: Array) -> Array:
-        """Return the weights w, shape (S, P, ...)."""
-        return fresh * (namespace(tor).clip(tor, _LEAST, None) ** self.power)[:, None, ...]
+    def _weights(self, pairs: Cells, fresh: Array, tor: Array) -> Array:
+        """Return the weights w, one for each pair."""
+        return fresh * pairs.of_raters(namespace(tor).clip(tor, _LEAST, None) ** self.power)
 
-    def _moved(self, top: Array, quality: Array, mask: Array) -> Array:
-        """Return ToP after the round, shape (P, ...)."""
+    def _moved(self, top: Array, quality: Array, rated: Array) -> Array:
+        """Return ToP after the round, shape (P, ...); `rated` is true for providers with a rating."""
         xp = namespace(top)
-        rated = xp.any(mask, axis=0)
         change = xp.where(rated, quality - top, 0.0)
         common = _upper_median(change, rated)
         own = xp.clip(change - xp.where(common < -self.shock, common, 0.0), None, 0)

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import MaskedRatings, smooth
+from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,
     credences,
@@ -12,6 +12,7 @@ from roletrust_env.trust.judges import (
     weighted_advice,
     with_self,
 )
+from roletrust_env.trust.ratings import MaskedRatings
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 

@@ -3,8 +3,8 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share
-from roletrust_env.trust.algorithms import MaskedRatings
 from roletrust_env.trust.judges import Personal, credences, published_raters, weighted_advice
+from roletrust_env.trust.ratings import MaskedRatings
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding

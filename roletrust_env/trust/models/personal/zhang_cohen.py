@@ -6,7 +6,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Inside, Lam, Share
-from roletrust_env.trust.algorithms import MaskedRatings, smooth
+from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,
     compare_opinions,
@@ -16,6 +16,7 @@ from roletrust_env.trust.judges import (
     weighted_advice,
     with_self,
 )
+from roletrust_env.trust.ratings import MaskedRatings
 
 
 class ZhangCohenState(NamedTuple):

@@ -1,0 +1,152 @@
+"""`roletrust real`: trust models on logs of real ratings that the user brings."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from roletrust_env import make_scenario
+from roletrust_env.data.crowd import crowd_work, read_crowd, write_crowd
+from roletrust_env.data.folders import Folder, find_logs, write_log
+from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
+from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.replay import replay_attacks
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.trust import Traits, trust_models
+from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.options import ModelsOption, Out, Seed
+
+_HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
+_Row = tuple[str, str, float | None, str, str, str, float, float, float]
+
+
+def real(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of logs; a folder in it may hold one, too.")],
+    model: ModelsOption = None,
+    every: Annotated[float, typer.Option(min=0, help="Length of a round, in the unit of the times.")] = 2_592_000,
+    scale: Annotated[tuple[float, float], typer.Option(metavar="WORST BEST", help="Worst and best rating.")] = (
+        -10,
+        10,
+    ),
+    two_roles: Annotated[
+        bool, typer.Option("--two-roles", help="A rater and a ratee of one name are different agents.")
+    ] = False,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="First write a small synthetic log of either kind to DIR.")
+    ] = False,
+    seed: Seed = 0,
+    out: Out = Path("results/real"),
+) -> None:
+    """Measure [bold]trust models on real ratings[/]: forecasts, crowd work, and a few hostile accounts in a replay.
+
+    The files are yours: none comes with the package. A log of ratings is a file *network.csv or ratings.csv without
+    header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
+    truth). Each may be compressed by gzip. By default all central models are measured, and four of
+    neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A model that does not fit is
+    left out, and a line says so. Intervals resample whole users or tasks.
+
+    Written: [green]real.csv real.md[/].
+
+    [bold]Examples[/]
+
+    [dim]# a synthetic log, to see what comes out[/]
+    [cyan]roletrust real results/log --synthetic[/]
+
+    [dim]# two models, with rounds of a week[/]
+    [cyan]roletrust real results/log --model role-trust --model beta --every 604800[/]
+    """
+    scenario = make_scenario("paper-3x3")
+    central = [name for name in trust_models() if Traits.of(parse_trust_model(name, scenario)).family == "central"]
+    models = {
+        name: NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
+        for name in model or [*central, *NEIGHBOURS]
+    }
+    if synthetic:
+        prepare_folder(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_log(folder / "ratings.csv.gz", seed)
+        write_crowd(folder, seed)
+    logs = find_logs(folder)
+    prepare_folder(out)
+    rows: list[_Row] = []
+    left_out: list[str] = []
+    with progress_bar() as progress:
+        task = progress.add_task("", total=len(logs) * len(models))
+        for log in logs:
+            measure = _measures(log, every, scale, not two_roles, seed)
+            for name, one in models.items():
+                progress.update(task, description=f"{log.name}, {name}", advance=1)
+                try:
+                    found = measure(one)
+                except MemoryError as error:
+                    left_out.append(f"{name} on {log.name}: {error}")
+                    continue
+                length = every if log.truth is None else None
+                for (protocol, what), value in found.items():
+                    rows.append((log.name, log.sha256, length, protocol, name, what, *value))
+    write_csv(out / "real.csv", _HEADER, rows)
+    tables = _tables(rows)
+    for title, headings, lines in tables:
+        table = number_table(title, "", *headings[1:], name="model")
+        for line in lines:
+            table.add_row(*map(escape, line))
+        console.print(table)
+    for reason in left_out:
+        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+    with replacing(out / "real.md") as path:
+        path.write_text(_page(tables, left_out), encoding="utf-8")
+    console.print(f"Written to {out}: real.csv, real.md", soft_wrap=True)
+
+
+def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, seed: int) -> Any:
+    """Read a log once, and return a function from a model to its measures, by protocol and name."""
+    if log.truth is not None:
+        crowd = read_crowd(log.path, log.truth)
+        return lambda model: {("crowd work", what): value for what, value in crowd_work(model, crowd, seed).items()}
+    ratings = read_ratings(log.path, Columns("1", "2", "3", "4"), scale=scale, same_agents=same_agents, repeats=True)
+
+    def measure(model: Any) -> dict[tuple[str, str], Interval]:
+        before = forecasts(model, ratings, every, same_agents=same_agents)
+        found = {("next rating", what): value for what, value in next_rating(before, ratings, seed).items()}
+        found |= {("rater forward", what): value for what, value in rater_forward(before, ratings, seed).items()}
+        for attack, moved in replay_attacks(model, ratings, every, same_agents=same_agents, seed=seed).items():
+            found["attack", f"{attack.goal}, honest"] = moved.before
+            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = moved.after
+        return found
+
+    return measure
+
+
+def _tables(rows: list[_Row]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
+    tables = []
+    for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
+        some = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
+        measures = list(dict.fromkeys(what for _, what in some))
+        names = dict.fromkeys(name for name, _ in some)
+        undefined = Interval(math.nan, math.nan, math.nan)
+        lines = [[name, *(_cell(some.get((name, what), undefined)) for what in measures)] for name in names]
+        tables.append((f"{log}: {protocol}", ["model", *measures], lines))
+    return tables
+
+
+def _cell(value: Interval) -> str:
+    if math.isnan(value.value):
+        return "-"
+    return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
+
+
+def _page(tables: list[tuple[str, list[str], list[list[str]]]], left_out: list[str]) -> str:
+    """Return the tables as Markdown."""
+    parts = ["# Trust models on real ratings"]
+    for title, headings, lines in tables:
+        rows = [headings, ["---"] + ["---:"] * (len(headings) - 1), *lines]
+        parts += [f"## {title}", "\n".join(f"| {' | '.join(row)} |" for row in rows)]
+    if left_out:
+        parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,106 @@
+"""Crowd work: workers answer questions, some of which have a known truth."""
+
+import csv
+import gzip
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.resampling import correlation, interval, mean, ranks
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.grid_ledger import make_ledger
+from roletrust_env.trust.ledger import Floats
+
+
+class CrowdTask(NamedTuple):
+    """Answers, 0 or 1, and the truth.
+
+    Attributes:
+        answers: Answers as ratings: workers are raters, questions are ratees.
+        truth: Truth of each question, 0 or 1, shape (questions,); NaN where it is unknown.
+    """
+
+    answers: RatingLog
+    truth: Floats
+
+
+def read_crowd(answers: Path, truth: Path) -> CrowdTask:
+    """Read answers (question, worker, answer) and truth (question, truth), CSV files with a header, also in gzip.
+
+    Raises:
+        ValueError: A file is no such table, an answer is neither 0 nor 1, or no question has a truth.
+        OSError: A file cannot be read.
+    """
+    log = read_ratings(answers, Columns("worker", "question", "answer"))
+    gold = read_ratings(truth, Columns("question", "question", "truth"), same_agents=False)
+    for path, found in ((answers, log), (truth, gold)):
+        if (wrong := np.flatnonzero((found.values != 0) & (found.values != 1))).size:
+            raise ValueError(f"{path}, row {wrong[0] + 2}: {found.values[wrong[0]]:g} is neither 0 nor 1")
+    known = dict(zip((gold.rater_names[at] for at in gold.raters.tolist()), gold.values.tolist(), strict=True))
+    values = np.array([known.get(name, np.nan) for name in log.ratee_names])
+    if np.isnan(values).all():
+        raise ValueError(f"{truth} has the truth of no question in {answers}")
+    return CrowdTask(log, values)
+
+
+def crowd_work(model: Any, task: CrowdTask, seed: int = 0) -> dict[str, Interval]:
+    """Return how well trust in workers serves to find the truth. All answers are one round.
+
+    - `accuracy`: share of questions with a known truth in which the vote, weighted by trust, is right; a tie is half.
+    - `majority`: the same with equal weights.
+    - `spearman`: rank correlation of trust in the workers and their true accuracy; undefined without rater trust.
+
+    Intervals resample questions; that of `spearman` resamples workers.
+
+    Args:
+        model: Trust model.
+        task: Answers and truth.
+        seed: Random seed of the resamples.
+
+    Raises:
+        MemoryError: The model does not fit, see `make_ledger`.
+    """
+    log, truth = task
+    ledger = make_ledger(model, log.shape)
+    ledger.play(log.raters, log.ratees, log.values)
+    trust, known = ledger.rater_trust, ~np.isnan(truth)
+    found: dict[str, Interval] = {}
+    for name, weights in (("accuracy", trust), ("majority", np.ones(log.shape[0]))):
+        vote = np.bincount(log.ratees, weights[log.raters] * (2 * log.values - 1), log.shape[1])
+        right = np.where(abs(vote) < 1e-12, 0.5, (vote > 0) == (truth > 0.5))[known]
+        found[name] = interval(mean(right), np.arange(len(right)), seed)
+    graded = known[log.ratees]
+    right = (log.values == truth[log.ratees])[graded]
+    count = np.bincount(log.raters[graded], minlength=log.shape[0])
+    accuracy = np.bincount(log.raters[graded], right, log.shape[0])[count > 0] / count[count > 0]
+    if model.rates_raters:
+        pair = ranks(trust[count > 0]), ranks(accuracy)
+        found["spearman"] = interval(correlation(*pair), np.arange(len(accuracy)), seed)
+    return found
+
+
+def write_crowd(folder: Path, seed: int = 0, questions: int = 300, workers: int = 30) -> None:
+    """Write a small synthetic task, `answer.csv.gz` and `truth.csv.gz`: three answers a question, some workers guess.
+
+    Args:
+        folder: Folder of the files, which must exist.
+        seed: Random seed.
+        questions: Number of questions.
+        workers: Number of workers.
+    """
+    rng = np.random.default_rng(seed)
+    truth, skill = rng.random(questions) < 0.3, rng.choice([0.5, 0.8, 0.95], workers)
+    rows = []
+    for question in range(questions):
+        for worker in rng.choice(workers, 3, replace=False):
+            right = rng.random() < skill[worker]
+            rows.append((f"q{question}", f"w{worker}", int(truth[question] == right)))
+    tables: dict[str, tuple[tuple[str, ...], list[Any]]] = {
+        "answer.csv.gz": (("question", "worker", "answer"), rows),
+        "truth.csv.gz": (("question", "truth"), [(f"q{n}", int(value)) for n, value in enumerate(truth)]),
+    }
+    for name, (header, lines) in tables.items():
+        with gzip.open(folder / name, "wt", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([header, *lines])

@@ -1,0 +1,143 @@
+"""Trust as a forecast on a log of real ratings: of the next rating, and of raters against the others' later view.
+
+A round's ratings are compared with the trust before it, so no number sees the future but the view of the others, which
+is the truth to be forecast. The length of a round is part of every number.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roletrust_env.data.log import RatingLog
+from roletrust_env.data.resampling import auc, correlation, interval, mean
+from roletrust_env.data.rounds import log_rounds, play_round, spans
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.grid_ledger import make_ledger
+from roletrust_env.trust.key_index import Ints
+from roletrust_env.trust.ledger import Floats
+
+_OTHERS = 2  # so many ratings by others make a view
+_ACTIVITY = (3, 10, 30, 100)  # limits of the strata, in earlier ratings by the rater
+_SPREAD = 1e-9  # less variance of trust in the past than this fits no line
+
+
+class Forecasts(NamedTuple):
+    """Trust before the round of each rating from the second round on, in the order of the log.
+
+    Attributes:
+        top: Trust in the ratee before the round, shape (n,).
+        tor: Trust in the rater before the round, shape (n,); None if the model does not rate raters.
+        number: Number of the round, shape (n,).
+        since: Place in the log of the first of these ratings.
+    """
+
+    top: Floats
+    tor: Floats | None
+    number: Ints
+    since: int
+
+
+def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) -> Forecasts:
+    """Return what a model publishes before each round of a log.
+
+    Raises:
+        ValueError: The log has a single round.
+        MemoryError: The model does not fit, see `make_ledger`.
+    """
+    numbers = log_rounds(log, every)
+    since = int(np.searchsorted(numbers, 0, side="right"))
+    if since == len(numbers):
+        raise ValueError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
+    ledger = make_ledger(model, log.shape, one_role=not same_agents)
+    top, tor = np.zeros(len(numbers)), np.zeros(len(numbers))
+    for number, some in spans(numbers):
+        top[some] = ledger.provider_trust[log.ratees[some]]
+        tor[some] = ledger.rater_trust[log.raters[some]]
+        play_round(ledger, number, log.raters[some], log.ratees[some], log.values[some])
+    return Forecasts(top[since:], tor[since:] if model.rates_raters else None, numbers[since:], since)
+
+
+def next_rating(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
+    """Return how well trust in a ratee forecasts its next ratings.
+
+    - `auc`: negative ratings, below the middle of the scale, against the others, of ratees with earlier ratings.
+    - `auc, newcomers too`: the same with the first ratings of ratees, which the initial trust forecasts.
+    - `r`: Pearson's correlation of trust and rating.
+    - `rmse`: root of the mean squared error of a line from trust to rating, fitted to earlier rounds only.
+
+    Intervals resample ratees.
+
+    Args:
+        found: Trust before the rounds.
+        log: The same log.
+        seed: Random seed of the resamples.
+    """
+    values, groups = log.values[found.since :], log.ratees[found.since :]
+    squares = (_from_past(found, values) - values) ** 2
+    bad = (values < 0.5).astype(np.float64)
+    first = np.full(log.shape[1], found.number[-1] + 1)  # round of the first rating of each ratee
+    np.minimum.at(first, groups, found.number)
+    first[log.ratees[: found.since]] = 0
+    known = first[groups] < found.number
+    error = interval(mean(squares), groups, seed)
+    return {
+        "auc": interval(auc(found.top[known], bad[known], 0 * groups[known]), groups[known], seed),
+        "auc, newcomers too": interval(auc(found.top, bad, 0 * groups), groups, seed),
+        "r": interval(correlation(found.top, values), groups, seed),
+        "rmse": Interval(*np.sqrt(error).tolist()),
+    }
+
+
+def _from_past(found: Forecasts, values: Floats) -> Floats:
+    """Return the rating that a line fitted to earlier rounds gives; the middle of the scale in the first."""
+    line = np.full(len(values), 0.5)
+    for _, some in spans(found.number):
+        x, y = found.top[: some.start], values[: some.start]
+        if len(x):
+            slope = np.cov(x, y, bias=True)[0, 1] / np.var(x) if np.var(x) > _SPREAD else 0.0
+            line[some] = y.mean() + slope * (found.top[some] - x.mean())
+    return line
+
+
+def rater_forward(found: Forecasts, log: RatingLog, seed: int = 0) -> dict[str, Interval]:
+    """Return how well trust in a rater forecasts that its next ratings are against the view of the others.
+
+    The view is the mean of all ratings of the ratee by others in the whole log, where at least two others rated it. A
+    rating is against it if one is below the middle of the scale and the other is not. The value is the AUC within
+    strata of equal activity. The AUC of two counts stands beside it, since activity alone is a forecast, too. Raters
+    without an earlier rating are left out. Intervals resample raters.
+
+    Args:
+        found: Trust before the rounds.
+        log: The same log.
+        seed: Random seed of the resamples.
+    """
+    ratings, rounds = earlier_activity(log, found)
+    _, pair = np.unique_inverse(log.raters * log.shape[1] + log.ratees)
+    total, count = (np.bincount(log.ratees, w) for w in (log.values, np.ones(len(log.values))))
+    own, own_count = np.bincount(pair, log.values)[pair], np.bincount(pair)[pair]
+    others = count[log.ratees] - own_count
+    view = (total[log.ratees] - own) / np.maximum(others, 1)
+    against = ((log.values < 0.5) != (view < 0.5)).astype(np.float64)[found.since :]
+    some = (others[found.since :] >= _OTHERS) & (ratings > 0)
+    strata, groups = np.digitize(ratings, _ACTIVITY)[some], log.raters[found.since :][some]
+    scores = {"ratings": ratings, "rounds": rounds} | ({} if found.tor is None else {"trust": found.tor})
+    return {
+        name: interval(auc(score[some].astype(np.float64), against[some], strata), groups, seed)
+        for name, score in scores.items()
+    }
+
+
+def earlier_activity(log: RatingLog, found: Forecasts) -> tuple[Ints, Ints]:
+    """Return the number of ratings by each rater before the round, and of rounds in which it rated, shape (n,) each."""
+    ratings, rounds = np.zeros(log.shape[0], np.int64), np.zeros(log.shape[0], np.int64)
+    before = np.zeros((2, len(found.number)), np.int64)
+    first = log.raters[: found.since]
+    np.add.at(ratings, first, 1)
+    rounds[np.unique(first)] += 1
+    raters = log.raters[found.since :]
+    for _, some in spans(found.number):
+        before[:, some] = ratings[raters[some]], rounds[raters[some]]
+        np.add.at(ratings, raters[some], 1)
+        rounds[np.unique(raters[some])] += 1
+    return before[0], before[1]

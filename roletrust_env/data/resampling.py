@@ -1,0 +1,85 @@
+"""Measures with weights, and intervals that resample whole users or tasks."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.trust.key_index import Ints
+from roletrust_env.trust.ledger import Floats
+
+RESAMPLES = 400
+"""Number of resamples of an interval."""
+
+
+def interval(measure: Callable[[Floats], float], groups: Ints, seed: int = 0, resamples: int = RESAMPLES) -> Interval:
+    """Return a measure, and its 95% interval from a bootstrap that draws whole groups with replacement.
+
+    The ratings of a user are not independent, so that an interval over single ratings would be too narrow.
+
+    Args:
+        measure: Function from weights of the values, shape (n,), to the measure; NaN where it is undefined.
+        groups: Number of the group of each value, such as its user or task, shape (n,), at least 0.
+        seed: Random seed of the resamples.
+        resamples: Number of resamples.
+    """
+    rng, (_, places) = np.random.default_rng(seed), np.unique_inverse(groups)
+    many = int(places.max(initial=-1)) + 1
+    value = measure(np.ones(len(groups)))
+    if many < 2:
+        return Interval(value, np.nan, np.nan)
+    draws = (np.bincount(rng.integers(0, many, many), minlength=many) for _ in range(resamples))
+    found = np.array([measure(draw[places].astype(np.float64)) for draw in draws])
+    found = found[~np.isnan(found)]
+    low, high = np.percentile(found, [2.5, 97.5]) if len(found) else (np.nan, np.nan)
+    return Interval(value, float(low), float(high))
+
+
+def auc(score: Floats, bad: Floats, strata: Ints) -> Callable[[Floats], float]:
+    """Return a function from weights to the area under the ROC curve: the bad have lower scores than the others.
+
+        auc = sum over strata of the pairs (bad, other) with score[bad] < score[other], ties half / number of pairs
+
+    Args:
+        score: Score of each value, shape (n,).
+        bad: 1 for each bad value and 0 for the others, shape (n,).
+        strata: Stratum of each value, shape (n,), whole; only values of one stratum are compared.
+    """
+    _, rank = np.unique_inverse(score)
+    _, cell = np.unique_inverse(strata * (int(rank.max(initial=0)) + 1) + rank)  # strata in turn, scores ascending
+    size = int(cell.max(initial=-1)) + 1
+    stratum = np.zeros(size, np.int64)
+    stratum[cell] = np.unique_inverse(strata)[1]
+    first = np.searchsorted(stratum, stratum)
+
+    def area(weights: Floats) -> float:
+        low = np.bincount(cell, weights * bad, size)
+        high = np.bincount(cell, weights * (1 - bad), size)
+        before = np.cumsum(low) - low
+        below = before - before[first]
+        pairs = np.bincount(stratum, low) * np.bincount(stratum, high)
+        return float((high * (below + low / 2)).sum() / pairs.sum()) if pairs.sum() > 0 else float("nan")
+
+    return area
+
+
+def correlation(one: Floats, other: Floats) -> Callable[[Floats], float]:
+    """Return a function from weights to Pearson's correlation of two arrays of shape (n,)."""
+
+    def pearson(weights: Floats) -> float:
+        x, y = (values - np.average(values, weights=weights) for values in (one, other))
+        spread = np.sqrt((weights * x * x).sum() * (weights * y * y).sum())
+        return float((weights * x * y).sum() / spread) if spread > 1e-12 else float("nan")
+
+    return pearson
+
+
+def mean(values: Floats) -> Callable[[Floats], float]:
+    """Return a function from weights to the mean of values of shape (n,)."""
+    return lambda weights: float(np.average(values, weights=weights))
+
+
+def ranks(values: Floats) -> Floats:
+    """Return the share of values below each value, ties half, shape (n,): a percentile in (0, 1)."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return ((np.cumsum(counts) - counts / 2) / len(values))[place]

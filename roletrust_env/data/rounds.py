@@ -1,0 +1,91 @@
+"""The rounds of a log of ratings: by time, or by number of ratings."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from roletrust_env.data.log import RatingLog
+from roletrust_env.trust.grid_ledger import GridLedger
+from roletrust_env.trust.key_index import Ints
+from roletrust_env.trust.ledger import Floats, Ledger
+
+MOST = 1_000_000
+"""Maximum number of rounds of a log; more is taken for a wrong unit of time."""
+
+
+def round_numbers(times: Floats, every: float, start: float) -> Ints:
+    """Return the number of the round of each time, shape (n,): round 0 begins at `start`.
+
+    Args:
+        times: Times, shape (n,), none before `start`.
+        every: Length of a round, in the unit of the times, above 0.
+        start: Time at which round 0 begins.
+
+    Raises:
+        ValueError: The length is not above 0, or there would be more than `MOST` rounds.
+    """
+    if not 0 < every < math.inf:
+        raise ValueError(f"the length of a round is {every:g}; it must be above 0")
+    if len(times) and (times.max() - start) / every >= MOST:
+        raise ValueError(
+            f"rounds of {every:g} from time {start:g} to {times.max():g} are {(times.max() - start) / every:,.0f}; at "
+            f"most {MOST:,} are allowed, so the unit of the times may be another"
+        )
+    return np.floor((times - start) / every).astype(np.int64)
+
+
+def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
+    """Yield each round that has ratings, its number and its slice of the ratings, for ascending round numbers."""
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+    for start, stop in zip(starts, [*starts, len(numbers)][1:], strict=True):
+        yield int(numbers[start]), slice(int(start), int(stop))
+
+
+def play_round(ledger: Ledger | GridLedger, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
+    """Play the round of a number; rounds without ratings that lie before it are played first."""
+    if number > ledger.rounds:
+        ledger.skip(number - ledger.rounds)
+    ledger.play(raters, providers, values)
+
+
+def play_log(
+    ledger: Ledger | GridLedger,
+    log: RatingLog,
+    *,
+    every: float | None = None,
+    count: int | None = None,
+    advance: Callable[[int], None] = lambda ratings: None,
+) -> None:
+    """Play a log round by round.
+
+    Args:
+        ledger: Ledger with room for all agents of the log.
+        log: Log, in the order of time.
+        every: Length of a round, in the unit of the times; rounds without ratings count.
+        count: Number of ratings of a round. Without both, the whole log is one round.
+        advance: Function that is called after each round with the number of ratings played so far.
+    """
+    for number, some in spans(log_rounds(log, every, count)):
+        play_round(ledger, number, log.raters[some], log.ratees[some], log.values[some])
+        advance(some.stop)
+
+
+def log_rounds(log: RatingLog, every: float | None = None, count: int | None = None) -> Ints:
+    """Return the number of the round of each rating of a log, shape (n,), ascending; see `play_log`.
+
+    Raises:
+        ValueError: Both lengths are given, a length is not above 0, or the log has no times.
+    """
+    if every is not None and count is not None:
+        raise ValueError("rounds go by time or by number of ratings, not by both")
+    if every is not None:
+        if log.times is None:
+            raise ValueError("rounds go by time, and the log has no times")
+        return round_numbers(log.times, every, float(log.times[0]))
+    places = np.arange(len(log.values))
+    if count is None:
+        return 0 * places
+    if count < 1:
+        raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1")
+    return places // count

@@ -1,0 +1,115 @@
+"""Logs of ratings: every kind of bad file is one line with the row."""
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.rounds import log_rounds
+
+TIMED = Columns(time="time")
+HEADER = "rater,ratee,rating,time\n"
+GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
+
+
+def written(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_log_is_read(tmp_path: Path, packed: bool) -> None:
+    path = written(tmp_path, gzip.compress(GOOD.encode()), "log.csv.gz") if packed else written(tmp_path, GOOD)
+    log = read_ratings(path, TIMED, scale=(1, 5))
+    assert (log.rater_names, log.ratee_names) == (["a", "b"], ["x", "y"])
+    assert log.raters.tolist() == [0, 1, 0]
+    assert log.ratees.tolist() == [0, 0, 1]
+    assert log.values.tolist() == [0, 1, 0.5]
+    assert log.times is not None
+    assert log.times.tolist() == [10, 20, 30]
+    assert log.was_sorted
+    assert log_rounds(log, every=15).tolist() == [0, 0, 1]
+    assert log_rounds(log, count=2).tolist() == [0, 0, 1]
+
+
+def test_columns_by_number_dates_and_any_order(tmp_path: Path) -> None:
+    path = written(tmp_path, '\ufeff2024-02-01,0.5,"b, c",q\n2024-01-01,1,d,q\n2024-01-01T00:00:01,0,d,q\n')
+    log = read_ratings(path, Columns("3", "4", "2", "1"))
+    assert not log.was_sorted
+    assert log.values.tolist() == [1, 0, 0.5]
+    assert log.rater_names == ["b, c", "d"]
+    assert log.times is not None
+    assert np.diff(log.times).tolist() == [1, 31 * 86400 - 1]
+
+
+def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
+    lines = [f"r{n % 700},p{n % 13},0.5\n" for n in range(120_000)]
+    lines[110_000] = "r1,p1,none\n"
+    seen: list[int] = []
+    with pytest.raises(ValueError, match="row 110002: the rating is 'none'"):
+        read_ratings(written(tmp_path, "rater,ratee,rating\n" + "".join(lines)), advance=seen.append)
+    assert seen == [50_000, 100_000]
+
+
+BAD: dict[str, tuple[str | bytes, str]] = {
+    "wrong columns": (GOOD.replace("ratee", "target", 1), "row 1: there is no column 'ratee'"),
+    "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
+    "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
+    "no rating": (GOOD + "c,x,,40\n", "row 5: the rating is ''"),
+    "off the scale": (GOOD + "c,x,6,40\n", "row 5: the rating 6 is off the scale from 1 to 5"),
+    "bad time": (GOOD + "c,x,5,soon\n", "row 5: the time is 'soon'"),
+    "no name": (GOOD + ",x,5,40\n", "row 5 has no name in column 1"),
+    "short row": (GOOD + "c,x\n", "row 5 has 2 columns; 4 are needed"),
+    "empty row": (GOOD + "\nc,x,5,50\n", "row 5 has 0 columns"),
+    "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
+    "nothing": ("", "row 1: there is no column 'rater'"),
+    "no ratings": (HEADER, "has no ratings"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not text in UTF-8 after row 0"),
+    "a quote without end": (GOOD + 'c,"x,5,40\n', "after row 0: unexpected end of data; it is no CSV file"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_files_get_one_line_with_the_row(tmp_path: Path, case: str) -> None:
+    content, message = BAD[case]
+    with pytest.raises(ValueError, match=message) as error:
+        read_ratings(written(tmp_path, content), TIMED, scale=(1, 5))
+    assert "\n" not in str(error.value)
+    assert "log.csv" in str(error.value)
+
+
+@pytest.mark.parametrize("cut", [10, 40, -5])
+def test_a_truncated_gzip_is_refused(tmp_path: Path, cut: int) -> None:
+    path = written(tmp_path, gzip.compress((GOOD * 1).encode())[:cut], "log.csv.gz")
+    with pytest.raises(ValueError, match="damaged gzip file"):
+        read_ratings(path, TIMED, scale=(1, 5))
+    with pytest.raises(ValueError, match="damaged gzip file"):
+        read_ratings(written(tmp_path, GOOD, "plain.csv.gz"), TIMED, scale=(1, 5))
+
+
+def test_members_that_rate_themselves_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, GOOD + "x,x,5,40\n")
+    with pytest.raises(ValueError, match="row 5: 'x' rates itself"):
+        read_ratings(path, TIMED, scale=(1, 5), same_agents=True)
+    assert read_ratings(path, TIMED, scale=(1, 5)).shape == (3, 2)
+
+
+def test_repeats_may_be_allowed_and_rounds_must_make_sense(tmp_path: Path) -> None:
+    path = written(tmp_path, GOOD + "b,x,5,20\n")
+    log = read_ratings(path, TIMED, scale=(1, 5), repeats=True)
+    assert len(log.values) == 4
+    untimed = read_ratings(path, scale=(1, 5))
+    wrong: list[tuple[Any, dict[str, Any], str]] = [
+        (log, {"every": 1.0, "count": 2}, "not by both"),
+        (log, {"every": 1e-9}, "at most 1,000,000"),
+        (log, {"every": -1.0}, "must be above 0"),
+        (log, {"count": 0}, "must be at least 1"),
+        (untimed, {"every": 1.0}, "has no times"),
+    ]
+    for which, rounds, message in wrong:
+        with pytest.raises(ValueError, match=message):
+            log_rounds(which, **rounds)

@@ -1,0 +1,193 @@
+"""What is measured on logs of ratings: each measure against a slow count, and on logs whose answer is known."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roletrust_env.data.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
+from roletrust_env.data.folders import find_logs, write_log
+from roletrust_env.data.forecasts import earlier_activity, forecasts, next_rating, rater_forward
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.replay import Attack, replay_attacks
+from roletrust_env.data.resampling import auc, correlation, interval, mean, ranks
+from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.models.central.constant import Constant
+
+MONTH = 2_592_000
+
+
+def small_log(edges: list[tuple[int, int, float, float]]) -> RatingLog:
+    raters, ratees, values, times = (np.array(column) for column in zip(*edges, strict=True))
+    names = [str(n) for n in range(int(max(raters.max(), ratees.max())) + 1)]
+    return RatingLog(raters, ratees, values.astype(float), times.astype(float), names, names, True)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> RatingLog:
+    path = tmp_path_factory.mktemp("log") / "ratings.csv.gz"
+    write_log(path)
+    return read_ratings(path, Columns("1", "2", "3", "4"), scale=(-10, 10), same_agents=True)
+
+
+# --- measures -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_auc_counts_pairs_within_strata(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    score, bad, strata = rng.integers(0, 5, 40) / 4, rng.integers(0, 2, 40) * 1.0, rng.integers(0, 3, 40)
+    weights = rng.integers(0, 3, 40) * 1.0
+    won = pairs = 0.0
+    for i in range(40):
+        for j in range(40):
+            if bad[i] and not bad[j] and strata[i] == strata[j]:
+                pairs += weights[i] * weights[j]
+                won += weights[i] * weights[j] * (float(score[i] < score[j]) + float(score[i] == score[j]) / 2)
+    assert auc(score, bad, strata)(weights) == pytest.approx(won / pairs)
+    assert np.isnan(auc(score, 0 * bad, strata)(weights))
+
+
+def test_an_interval_of_whole_groups_is_wider() -> None:
+    rng = np.random.default_rng(0)
+    groups = np.repeat(np.arange(20), 30)
+    values = rng.normal(0, 1, 20)[groups] + rng.normal(0, 0.1, 600)
+    whole, single = interval(mean(values), groups), interval(mean(values), np.arange(600))
+    assert whole.value == single.value == pytest.approx(values.mean())
+    assert whole.low < single.low < values.mean() < single.high < whole.high
+    assert whole.high - whole.low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(20), rel=0.3)
+    assert np.isnan(interval(mean(values), 0 * groups).low)
+
+
+def test_correlations_and_ranks() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.random(30), rng.random(30)
+    twice = rng.integers(0, 3, 30)
+    expected = np.corrcoef(np.repeat(x, twice), np.repeat(y, twice))[0, 1]
+    assert correlation(x, y)(twice.astype(float)) == pytest.approx(expected)
+    assert np.isnan(correlation(x, 0 * y)(np.ones(30)))
+    assert ranks(np.array([0.3, 0.1, 0.3, 0.9])).tolist() == [0.5, 0.125, 0.5, 0.875]
+
+
+# --- forecasts ----------------------------------------------------------------------------------------
+
+
+def test_forecasts_see_no_future() -> None:
+    """Ratings of a later round change nothing that was forecast before."""
+    edges = [(0, 5, 1.0, 0), (1, 5, 0.0, 12), (2, 5, 0.5, 13), (1, 6, 1.0, 25)]
+    model = make_trust_model("role-trust")
+    whole = forecasts(model, small_log(edges), 10, same_agents=True)
+    assert whole.number.tolist() == [1, 1, 2]
+    assert whole.top.tolist()[:2] == [0.75 * 0.5 + 0.25, 0.75 * 0.5 + 0.25]  # half of 0.5, and half of 0.75 * 1
+    changed = forecasts(model, small_log([*edges[:3], (1, 5, 0.0, 25)]), 10, same_agents=True)
+    assert np.array_equal(whole.top[:2], changed.top[:2])
+    with pytest.raises(ValueError, match="a single round"):
+        forecasts(model, small_log(edges), 100, same_agents=True)
+
+
+def test_activity_counts_earlier_rounds_only() -> None:
+    log = small_log([(0, 1, 1, 0), (0, 2, 1, 1), (0, 1, 1, 12), (0, 2, 1, 13), (0, 1, 1, 25), (1, 0, 1, 26)])
+    found = forecasts(make_trust_model("mean"), log, 10, same_agents=True)
+    ratings, rounds = earlier_activity(log, found)
+    assert ratings.tolist() == [2, 2, 4, 0]
+    assert rounds.tolist() == [1, 1, 2, 0]
+
+
+def test_a_mean_of_the_past_forecasts_cheats(log: RatingLog) -> None:
+    good = next_rating(forecasts(make_trust_model("mean"), log, MONTH, same_agents=True), log)
+    blind = next_rating(forecasts(make_trust_model("constant"), log, MONTH, same_agents=True), log)
+    assert good["auc"].low > 0.6 > blind["auc"].value == 0.5
+    assert good["rmse"].high < blind["rmse"].value
+    assert np.isnan(blind["r"].value)
+
+
+def test_contrary_raters_are_found_by_agreement(log: RatingLog) -> None:
+    found = rater_forward(forecasts(make_trust_model("deviation-weighted"), log, MONTH, same_agents=True), log)
+    assert list(found) == ["ratings", "rounds", "trust"]
+    assert found["trust"].value > max(found["ratings"].value, found["rounds"].value)
+    assert "trust" not in rater_forward(forecasts(make_trust_model("mean"), log, MONTH, same_agents=True), log)
+
+
+# --- crowd work ---------------------------------------------------------------------------------------
+
+
+def test_trust_tells_those_that_guess(tmp_path: Path) -> None:
+    write_crowd(tmp_path, questions=600, workers=20)
+    task = read_crowd(tmp_path / "answer.csv.gz", tmp_path / "truth.csv.gz")
+    found = crowd_work(make_trust_model("iterative-filtering"), task)
+    assert found["accuracy"].value >= found["majority"].value
+    assert found["spearman"].low > 0.3
+    assert found["majority"].low < found["majority"].value < found["majority"].high
+
+
+def test_votes_by_hand() -> None:
+    """Two questions: two of three are right, then one of three."""
+    edges = [(0, 0, 1, 0), (1, 0, 1, 0), (2, 0, 0, 0), (0, 1, 1, 0), (1, 1, 0, 0), (2, 1, 0, 0)]
+    raters, ratees, values, _ = (np.array(column) for column in zip(*edges, strict=True))
+    answers = RatingLog(raters, ratees, values.astype(float), None, list("abc"), list("pq"), True)
+    found = crowd_work(make_trust_model("mean"), CrowdTask(answers, np.array([1.0, 1.0])))
+    assert found["majority"].value == found["accuracy"].value == 0.5
+    assert crowd_work(make_trust_model("mean"), CrowdTask(answers, np.array([1.0, np.nan])))["accuracy"].value == 1
+
+
+class Believer(Constant):
+    """Trusts the first rater, and the others a little."""
+
+    def rater_trust(self, state: Any) -> Any:
+        return np.r_[1.0, 0 * state.tor[1:] + 0.1]
+
+
+def test_the_vote_of_a_trusted_worker_outweighs_two() -> None:
+    raters, ratees, values = np.array([0, 1, 2]), np.zeros(3, int), np.array([1.0, 0.0, 0.0])
+    answers = RatingLog(raters, ratees, values, None, list("abc"), ["q"], True)
+    found = crowd_work(Believer(), CrowdTask(answers, np.array([1.0])))
+    assert (found["accuracy"].value, found["majority"].value) == (1, 0)
+    assert found["spearman"].value == pytest.approx(1)
+
+
+def test_wrong_answers_are_refused(tmp_path: Path) -> None:
+    write_crowd(tmp_path)
+    (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,0.5\n")
+    with pytest.raises(ValueError, match=r"row 2: 0.5 is neither 0 nor 1"):
+        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
+    (tmp_path / "answer.csv").write_text("question,worker,answer\nelse,w1,1\n")
+    with pytest.raises(ValueError, match="the truth of no question"):
+        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
+
+
+# --- attacks ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("same_agents", [True, False])
+def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) -> None:
+    attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
+    play: Any = lambda name: replay_attacks(  # noqa: E731
+        make_trust_model(name), log, MONTH, same_agents=same_agents, attacks=attacks
+    )
+    moved = play("mean")
+    assert moved[attacks[0]].before.value > 0.7 > 0.3 > moved[attacks[0]].after.value
+    assert moved[attacks[2]].after.value > moved[attacks[2]].before.value
+    still = play("constant")
+    assert all(found.before == found.after for found in still.values())
+
+
+def test_a_log_without_enough_rounds_or_agents_is_refused(log: RatingLog) -> None:
+    model = make_trust_model("mean")
+    with pytest.raises(ValueError, match="needs more than 6"):
+        replay_attacks(model, log, 6 * MONTH, same_agents=True)
+    few = small_log([(n % 3, 3, 1.0, n * 10) for n in range(20)])
+    with pytest.raises(ValueError, match="needs 20 providers"):
+        replay_attacks(model, few, 10, same_agents=True)
+
+
+def test_folders_without_logs_say_what_a_log_is(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"has no log; .*snap.stanford.edu"):
+        find_logs(tmp_path)
+    (tmp_path / "inner").mkdir()
+    write_log(tmp_path / "inner" / "ratings.csv.gz")
+    write_crowd(tmp_path)
+    assert [(found.name, found.truth is None) for found in find_logs(tmp_path)] == [
+        (f"{tmp_path.name}/answer.csv.gz", False),
+        ("inner/ratings.csv.gz", True),
+    ]

@@ -1,0 +1,193 @@
+"""Every central model on edges: it computes what it does on a grid."""
+
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from model_cases import assert_close, having, named, read
+
+from roletrust_env.trust import Traits, TrustModel, trust_models
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.edge_state import edge_model, map_state, no_ratings, start_on_edges
+from roletrust_env.trust.edges import EdgeCells, edge_ratings
+from roletrust_env.trust.ledger import Ledger
+from roletrust_env.trust.model import start_model
+
+CENTRAL = [name for name in trust_models() if Traits.of(named(name)).family == "central"]
+EVERY_CENTRAL = pytest.mark.parametrize("name", CENTRAL)
+Edges = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@st.composite
+def logs(draw: st.DrawFn) -> tuple[tuple[int, int], list[Edges]]:
+    """Rounds of ratings in any order: pairs repeat, some agents are alone or never rated, and rounds may be empty."""
+    shape = draw(st.tuples(st.integers(1, 6), st.integers(1, 6)))
+    note = st.floats(0, 1) | st.sampled_from([0.0, 0.1, 0.25, 0.5, 0.75, 1.0])
+    edge = st.tuples(st.integers(0, shape[0] - 1), st.integers(0, shape[1] - 1), note)
+    rounds = draw(st.lists(st.lists(edge, max_size=14), min_size=1, max_size=5))
+    return shape, [as_arrays(edges) for edges in rounds]
+
+
+def as_arrays(edges: list[tuple[int, int, float]]) -> Edges:
+    raters, providers, values = (
+        (np.array(column) for column in zip(*edges, strict=True)) if edges else (np.empty(0),) * 3
+    )
+    return raters.astype(np.int64), providers.astype(np.int64), values.astype(np.float64)
+
+
+def on_grid(edges: Edges, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Ratings and mask; several ratings of a pair are their mean."""
+    sums, counts = np.zeros(shape), np.zeros(shape)
+    np.add.at(sums, edges[:2], edges[2])
+    np.add.at(counts, edges[:2], 1)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), counts > 0
+
+
+def grid_trust(model: TrustModel[Any], shape: tuple[int, int], rounds: list[Edges], peers: Any = None) -> list[Any]:
+    """Both trusts after each round on a grid."""
+    state = start_model(model, np.zeros(shape), np.zeros(shape, bool) if peers is None else peers)
+    found = []
+    for edges in rounds:
+        state = model.update(state, *on_grid(edges, shape))
+        found.append(read(model, state))
+    return found
+
+
+def ledger_trust(model: Any, shape: tuple[int, int], rounds: list[Edges], **options: Any) -> list[Any]:
+    ledger = Ledger(model, **options)
+    ledger.join(*shape)
+    found = []
+    for edges in rounds:
+        ledger.play(*edges)
+        found.append((ledger.rater_trust, ledger.provider_trust))
+    return found
+
+
+@EVERY_CENTRAL
+@settings(max_examples=60)
+@given(log=logs())
+def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
+    shape, rounds = log
+    for found, wanted in zip(
+        ledger_trust(named(name), shape, rounds), grid_trust(named(name), shape, rounds), strict=True
+    ):
+        assert_close(found, wanted, 1e-11)
+
+
+@having("takes_peers")
+@settings(max_examples=40)
+@given(log=logs())
+def test_agents_of_two_roles_are_one_agent_on_edges_too(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
+    _, rounds = log
+    shape, peers = (6, 6), np.eye(6, dtype=bool)
+    others = [tuple(column[edges[0] != edges[1]] for column in edges) for edges in rounds]
+    wanted = grid_trust(named(name), shape, others, peers)
+    for found, right in zip(ledger_trust(named(name), shape, others, one_role=False), wanted, strict=True):
+        assert_close(found, right, 1e-10)
+        assert_close(found[:1], found[1:], 1e-12)
+
+
+def random_log(seed: int, shape: tuple[int, int] = (40, 8), rounds: int = 6) -> list[Edges]:
+    """Rounds in which half of the pairs meet; ratings are often exactly as far apart as others."""
+    rng, log = np.random.default_rng(seed), []
+    for _ in range(rounds):
+        raters, providers = np.nonzero(rng.random(shape) < 0.5)
+        order = rng.permutation(len(raters))
+        log.append((raters[order], providers[order], rng.integers(0, 11, len(raters)) / 10))
+    return log
+
+
+@EVERY_CENTRAL
+def test_the_order_of_edges_changes_nothing_but_rounding(name: str) -> None:
+    """A square root magnifies the rounding of a sum, which depends on the order, where a gap should be 0."""
+    for seed in range(10):
+        rounds = random_log(seed)
+        orders = [np.random.default_rng(99).permutation(len(edges[0])) for edges in rounds]
+        mixed = [tuple(column[o] for column in edges) for o, edges in zip(orders, rounds, strict=True)]
+        for wanted in (ledger_trust(named(name), (40, 8), mixed), grid_trust(named(name), (40, 8), rounds)):
+            for one, other in zip(ledger_trust(named(name), (40, 8), rounds), wanted, strict=True):
+                assert_close(one, other, 1e-13)
+
+
+@EVERY_CENTRAL
+def test_agents_may_join_in_any_round(name: str) -> None:
+    """Whether room is made for them at first or when they rate does not matter to those that are there."""
+    if Traits.of(named(name)).takes_peers:
+        pytest.skip("its trust depends on the number of agents")
+    model, rounds = named(name), random_log(3, (30, 20))
+    late = [tuple(column[(edges[0] < 5 * t + 5)] for column in edges) for t, edges in enumerate(rounds)]
+    grown, whole = Ledger(model), ledger_trust(model, (30, 20), late)
+    for edges, right in zip(late, whole, strict=True):
+        grown.play(*edges)
+        n, m = grown.shape
+        assert_close((grown.rater_trust, grown.provider_trust), (right[0][:n], right[1][:m]), 1e-13)
+
+
+@EVERY_CENTRAL
+def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
+    """And it computes what it does when all agents are updated, also with a memory of rounds long past."""
+    model: Any = named(name)
+    ledger, shape = Ledger(model), (300, 200)
+    ledger.join(*shape)
+    rng, rounds = np.random.default_rng(0), []
+    for _ in range(8):
+        rounds.append((rng.integers(0, 300, 12), rng.integers(0, 200, 12), rng.random(12)))
+    rounds[5] = tuple(column[:0] for column in rounds[5])  # type: ignore[assignment]
+    rounds[6], rounds[7] = ((*rounds[t][:2], rng.random(12)) for t in (0, 3))  # the same pairs, later
+    for edges in rounds:
+        before = ledger.rater_trust, ledger.provider_trust
+        ledger.play(*edges)
+        if model.local:
+            away = np.setdiff1d(np.arange(300), edges[0]), np.setdiff1d(np.arange(200), edges[1])
+            after = ledger.rater_trust, ledger.provider_trust
+            assert all(np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True))
+    assert_close((ledger.rater_trust, ledger.provider_trust), grid_trust(model, shape, rounds)[-1], 1e-11)
+
+
+@EVERY_CENTRAL
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 2e-4)])
+def test_edges_on_torch(name: str, dtype: torch.dtype, tolerance: float) -> None:
+    """All pairs are known from the start, as in a loop of one's own."""
+    model, shape = edge_model(named(name)), (9, 7)
+    rounds, like = random_log(5, shape), torch.zeros((), dtype=dtype)
+    everyone = torch.arange(63)
+    known = EdgeCells(everyone // 7, everyone % 7, shape)
+    state = start_on_edges(model, shape, like)
+    state = map_state(state, lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf)
+    for raters, providers, values in rounds:
+        places = torch.asarray(raters), torch.asarray(providers)
+        ratings = edge_ratings(
+            *places, torch.asarray(values, dtype=dtype), shape, known=known, slots=places[0] * 7 + places[1]
+        )
+        state = model.after_round(state, ratings)
+    assert all(trust.dtype == dtype for trust in read(model, state))
+    assert_close(read(model, state), grid_trust(named(name), shape, rounds)[-1], tolerance)
+
+
+@EVERY_CENTRAL
+def test_the_start_on_edges_is_that_on_a_grid(name: str) -> None:
+    model = edge_model(named(name))
+    on_edges, grid = start_on_edges(model, (4, 3)), start_model(named(name), np.zeros((4, 3)), np.zeros((4, 3), bool))
+    assert_close(read(model, on_edges), read(named(name), grid), 1e-12)
+    again = model.after_round(on_edges, no_ratings(np.zeros(1), (4, 3)))
+    assert_close(read(model, again), read(model, on_edges), 1e-12)
+
+
+def test_several_ratings_of_a_pair_have_one_voice() -> None:
+    """A rater that says it three times does not outvote two others."""
+    rounds = [as_arrays([(0, 0, 0.0), (0, 0, 0.0), (1, 0, 1.0), (0, 0, 0.3), (2, 0, 1.0)])]
+    (_, (trust,)) = ledger_trust(named("mean"), (3, 1), rounds)[0]
+    assert trust == pytest.approx(0.7 * (0.1 + 1 + 1) / 3 + 0.3 * 0.3)
+
+
+@pytest.mark.parametrize("name", ["travos", "fire"])
+def test_a_personal_model_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="does not run on edges"):
+        edge_model(named(name))
+
+
+def test_all_central_models_run_on_edges() -> None:
+    assert all(isinstance(named(name), Central) for name in CENTRAL)
