@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.live.manager import Manager
+from roletrust_env.live.message_validation import Keyring
 from roletrust_env.live.nodes.manager_node import replay_recording
 from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
-from roletrust_env.live.rating_validation import Keyring
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -148,8 +148,6 @@ def _counted(
     with tempfile.TemporaryDirectory() as folder:
         journal = Path(folder) / "journal"
         manager = Manager(make_trust_model("constant"), journal, timing=RoundTiming(period), team=team, keyring=keyring)
-        for name in team.providers:
-            manager.add_provider(name)
         for entry in replay_recording(recording, manager, period):
             for rater, row in entry.ratings.items():
                 for provider, value in zip(entry.team.providers, row, strict=False):

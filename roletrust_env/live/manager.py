@@ -1,10 +1,13 @@
 """The trust manager without middleware: from messages to rounds, and from rounds to trust."""
 
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
+from roletrust_env.live.admission import Admission
 from roletrust_env.live.journal import Journal, JournalEntry, read_journal
-from roletrust_env.live.rating_validation import Keyring, Ratings, RatingValidator, StampLimits
+from roletrust_env.live.message_validation import MANAGER, Keyring, KeysOfOthers, StampLimits
+from roletrust_env.live.rating_validation import Ratings, RatingValidator
 from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
 from roletrust_env.live.trust_tracker import Team, Trust, TrustTracker
 from roletrust_env.trust import TrustModel
@@ -21,11 +24,13 @@ class Manager:
         journal: Path of the journal; the file is created if it does not exist.
         timing: How long to wait for a round.
         team: Agents that are expected from the start; newcomers are appended.
-        keyring: Raters that may rate; None accepts every rater.
+        keyring: Keys of the agents; None accepts every rater. The settings' raters may not serve, and its providers may
+            not rate, unless they have both roles.
 
     Attributes:
         validator: Refuses invalid ratings and counts them.
         rounds: Assembles messages into rounds and counts those that fit into none.
+        known_raters: Raters that have a key or, without keys, a place in the team.
 
     Raises:
         ValueError: The model is not sound, the journal belongs to another manager, or replaying it gives other trust
@@ -43,7 +48,7 @@ class Manager:
         keyring: Keyring | None = None,
     ) -> None:
         self._model, self._team = model, team or Team()
-        self._providers = set(self._team.providers)
+        settings = self._team
         self._journal = Journal(journal, {"trust_model": repr(model), "period": timing.period})
         last_stamps: dict[str, int] = {}
         last: JournalEntry | None = None
@@ -51,10 +56,15 @@ class Manager:
             last_stamps |= dict.fromkeys(last.ratings, last.stamp)
         if last is not None:
             self._team = last.team.with_newcomers(self._team.raters, self._team.providers)
-            self._providers |= set(last.team.providers)
         self._tracker = replay_journal(model, journal) if last is not None else None
-        limits = StampLimits(tolerance=timing.tolerance, min_gap=timing.max_spread)
-        self.validator = RatingValidator(limits, keyring, last_stamps)
+        rater_keys, provider_keys = keys_by_role(keyring, settings)
+        limits, period = StampLimits(tolerance=timing.tolerance, min_gap=timing.max_spread), timing.period
+        strange = [name for name in self._team.raters if name not in settings.raters]
+        self._raters = Admission(self._team.raters, period, rater_keys, len(strange))
+        strange = [name for name in self._team.providers if name not in settings.providers]
+        self._providers = Admission(self._team.providers, period, provider_keys, len(strange))
+        self.validator = RatingValidator(limits, rater_keys, last_stamps, self._raters)
+        self.known_raters: Container[str] = self._raters if rater_keys is None else rater_keys
         self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(
             timing, self._team.raters, None if last is None else last.stamp
         )
@@ -69,9 +79,14 @@ class Manager:
         """Trust of the team after the last round; None before the first."""
         return None if self._tracker is None else self._tracker.trust
 
-    def add_provider(self, provider: str) -> None:
-        """Accept ratings of a provider from now on."""
-        self._providers.add(provider)
+    def add_provider(self, provider: str, now: int) -> None:
+        """Accept ratings of a provider from now on, if it may join.
+
+        Args:
+            provider: Name of the provider.
+            now: Time, nanoseconds.
+        """
+        self._providers.admits(provider, now)
 
     def receive(self, ratings: Ratings, now: int) -> list[JournalEntry]:
         """Take a message and return the rounds that it closes. They are in the journal by then.
@@ -107,6 +122,17 @@ class Manager:
         entry = JournalEntry(self.next_round, closed.stamp, now, self._team, ratings, closed.missing, trust)
         self._journal.append(entry)
         return entry
+
+
+def keys_by_role(keyring: Keyring | None, team: Team) -> tuple[Keyring | None, Keyring | None]:
+    """Return the keys of those that may rate and of those that may serve; None where there are no keys."""
+    if keyring is None:
+        return None, None
+    raters, providers = set(team.raters), set(team.providers)
+    return (
+        KeysOfOthers(keyring, {MANAGER} | (providers - raters)),
+        KeysOfOthers(keyring, {MANAGER} | (raters - providers)),
+    )
 
 
 def replay_journal(model: TrustModel[Any], path: Path) -> TrustTracker:

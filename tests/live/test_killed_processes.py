@@ -10,6 +10,7 @@ from loopback import Listener, Raters, keys, managed, own_domain, process, until
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.camera_node import run_camera_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.rater_node import run_rater_node
@@ -35,12 +36,12 @@ def write_report(path, line):
 def robots(folder):
     """Return functions that start the nodes of the paper's robots, by name."""
     roster, timeline = Roster.of(ROBOTS), Timeline(time.time_ns() // PERIOD * PERIOD, PERIOD)
-    make_keys(folder / "keys", roster.rater_names)
+    make_keys(folder / "keys", [MANAGER, *roster.rater_names, *roster.provider_names])
     report = functools.partial(write_report, folder / "reports")
-    shared = {"scenario": ROBOTS, "timeline": timeline}
+    shared = {"scenario": ROBOTS, "timeline": timeline, "keys": folder / "keys"}
     starts = {"manager": functools.partial(managed, folder, period=PERIOD, team=Team(*axes(roster)), report=report)}
     for name in roster.rater_names:
-        starts[name] = functools.partial(process, run_rater_node, name=name, keys=folder / "keys", **shared)
+        starts[name] = functools.partial(process, run_rater_node, name=name, **shared)
     for name in roster.provider_names:
         starts[name] = functools.partial(process, run_camera_node, name=name, **shared)
     return starts

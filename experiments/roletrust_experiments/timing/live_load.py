@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.signatures import sign
 from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -68,7 +70,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
         raise ValueError("the load of processes is read from /proc, which this system does not have")
     team = Team(tuple(f"sr_{i}" for i in range(side)), tuple(f"sp_{j}" for j in range(side)))
     shared = {"team": team, "keys": folder / "keys", "period": round(SECOND / rate)}
-    make_keys(folder / "keys", team.raters)
+    make_keys(folder / "keys", [MANAGER, *team.raters])
     node = Node("listener")
     time.sleep(_MEETING_S)
     if node.writers_of(TRUST):
@@ -113,9 +115,7 @@ def run_raters(team: Team, keys: Path, period: int) -> None:
 
 def _signed(name: str, stamp: int, team: Team, signer: Signer, random: np.random.Generator) -> bytes:
     ratings = dict(zip(team.providers, random.random(len(team.providers)).tolist(), strict=True))
-    message = messages.ratings_message(name, stamp, ratings)
-    message.signature = np.frombuffer(signer.sign(messages.encode(message)), np.uint8)
-    return messages.encode(message)
+    return messages.encode(sign(messages.ratings_message(name, stamp, ratings), signer))
 
 
 @contextmanager

@@ -27,7 +27,7 @@ def bag(tmp_path_factory):
     said = spoken(make_scenario("paper-3x3"), attackers={"sr_2": BadMouthing(start=41, stop=91)})
     keeper = manager(folder / "journal")
     for name in TEAM.providers:
-        keeper.add_provider(name)
+        keeper.add_provider(name, 0)
     trust = [
         RecordedMessage(entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry)))
         for entry in replay_recording(said, keeper, PERIOD)
@@ -114,7 +114,8 @@ def told(round, tor, top, stamp=None):
     moment = PERIOD * (1000 + round) if stamp is None else stamp
     numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
     names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
-    made = messages.make(messages.TRUST, header=messages.header(moment), round=round, **names, **numbers)
+    head, none = messages.header(moment), np.empty(0, np.uint8)
+    made = messages.make(messages.TRUST, header=head, round=round, signature=none, **names, **numbers)
     return RecordedMessage(moment + 9, "/trust", messages.TRUST, messages.encode(made))
 
 
