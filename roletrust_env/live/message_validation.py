@@ -29,7 +29,7 @@ class Envelope(NamedTuple):
 
 
 class RefusalReason(StrEnum):
-    """Reason for a refusal. The reasons down to `CROWDED` concern a whole message, the others a single rating."""
+    """Reason for a refusal: down to `CROWDED` of a whole message, from `UNKNOWN_PROVIDER` on of a single rating."""
 
     FLOOD = "too many messages"
     GARBAGE = "garbage"
@@ -42,6 +42,7 @@ class RefusalReason(StrEnum):
     UNSIGNED = "unsigned"
     MIS_SIGNED = "mis-signed"
     CROWDED = "too many newcomers"
+    JOINING = "joins in a moment"
     UNKNOWN_PROVIDER = "unknown provider"
     ITSELF = "rates itself"
     DOUBLED = "doubled"
