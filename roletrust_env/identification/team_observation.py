@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.message_validation import Keyring
+from roletrust_env.live.message_validation import Keyring, is_genuine
 from roletrust_env.live.nodes.manager_node import replay_recording
+from roletrust_env.live.nodes.signatures import read_picture
 from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
@@ -58,13 +59,15 @@ def observe_team(recording: Iterable[RecordedMessage], keyring: Keyring | None =
 
     Args:
         recording: Messages in order of arrival.
-        keyring: Raters that may rate; None accepts every rater.
+        keyring: Agents that may take part; None accepts every agent.
 
     Raises:
         ValueError: The recording has less than two rounds of ratings.
     """
     messages_of_team = [
-        _without_picture(one) for one in recording if owner(one.topic, RATINGS) or owner(one.topic, IMAGES)
+        _without_picture(one)
+        for one in recording
+        if owner(one.topic, RATINGS) or (owner(one.topic, IMAGES) and _is_of_camera(one, keyring))
     ]
     authentic = [read for one in messages_of_team if (read := _read_ratings(one, keyring)) is not None]
     period = _period(authentic)
@@ -106,6 +109,14 @@ class _AxisIndices:
     def round(self, moment: int) -> int:
         """Return the round of a stamp, or of a moment shortly after it."""
         return min(max(0, round((moment - self._start) / self._period)), self._count - 1)
+
+
+def _is_of_camera(one: RecordedMessage, keyring: Keyring | None) -> bool:
+    """Return whether a message is from the camera of its topic."""
+    try:
+        return keyring is None or is_genuine(read_picture(one.raw, owner(one.topic, IMAGES) or "").envelope, keyring)
+    except ValueError:
+        return False
 
 
 def _without_picture(one: RecordedMessage) -> RecordedMessage:

@@ -15,6 +15,7 @@ from roletrust_env.live.nodes.camera_node import run_camera_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.rater_node import run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
+from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
@@ -53,8 +54,8 @@ def axes(roster):
 
 def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
     random, starts = np.random.default_rng(0), robots(tmp_path)
-    victims = random.permutation([*starts, "manager", "manager", "manager"]).tolist()
-    assert len(victims) == 10
+    victims = random.permutation([*starts, *starts, *["manager"] * 6]).tolist()
+    assert len(victims) == 20
     downs, reports = [], tmp_path / "reports"
     with Listener() as listener:
         running = {name: start() for name, start in starts.items()}
@@ -72,6 +73,7 @@ def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
             one.join()
     entries = list(read_journal(tmp_path / "journal"))
     listener.agrees_with(entries)
+    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == entries[-1].trust
     ups = [int(line.split()[0]) for line in reports.read_text().splitlines()]
     away = list(zip(downs, ups, strict=True))
     for last, entry in itertools.pairwise(entries):

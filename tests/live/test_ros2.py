@@ -71,7 +71,8 @@ def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
     assert around["nodes"]["/manager"]["/trust"] == around["topics"]["/trust"] == [messages.TRUST]
     assert around["nodes"]["/manager"]["/diagnostics"] == [messages.DIAGNOSTICS]
     assert around["nodes"]["/manager"]["/sr_0/tor"] == [messages.NUMBER]
-    assert around["nodes"]["/sr_0/assess"] == {"/sr_0/ratings": [messages.RATINGS]}
+    published = {"/sr_0/ratings": [messages.RATINGS], "/diagnostics": [messages.DIAGNOSTICS]}
+    assert around["nodes"]["/sr_0/assess"] == published
     for topic, kind in (("/trust", messages.TRUST), ("/sr_0/ratings", messages.RATINGS)):
         described = home.messages / "share" / f"{kind}.json"
         hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}
