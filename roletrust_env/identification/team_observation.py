@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.live.manager import Manager
+from roletrust_env.live.message_validation import Keyring, is_genuine
 from roletrust_env.live.nodes.manager_node import replay_recording
+from roletrust_env.live.nodes.signatures import read_picture
 from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
-from roletrust_env.live.rating_validation import Keyring
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -58,13 +59,15 @@ def observe_team(recording: Iterable[RecordedMessage], keyring: Keyring | None =
 
     Args:
         recording: Messages in order of arrival.
-        keyring: Raters that may rate; None accepts every rater.
+        keyring: Agents that may take part; None accepts every agent.
 
     Raises:
         ValueError: The recording has less than two rounds of ratings.
     """
     messages_of_team = [
-        _without_picture(one) for one in recording if owner(one.topic, RATINGS) or owner(one.topic, IMAGES)
+        _without_picture(one)
+        for one in recording
+        if owner(one.topic, RATINGS) or (owner(one.topic, IMAGES) and _is_of_camera(one, keyring))
     ]
     authentic = [read for one in messages_of_team if (read := _read_ratings(one, keyring)) is not None]
     period = _period(authentic)
@@ -108,6 +111,14 @@ class _AxisIndices:
         return min(max(0, round((moment - self._start) / self._period)), self._count - 1)
 
 
+def _is_of_camera(one: RecordedMessage, keyring: Keyring | None) -> bool:
+    """Return whether a message is from the camera of its topic."""
+    try:
+        return keyring is None or is_genuine(read_picture(one.raw, owner(one.topic, IMAGES) or "").envelope, keyring)
+    except ValueError:
+        return False
+
+
 def _without_picture(one: RecordedMessage) -> RecordedMessage:
     """Return a message without its picture, of which only the time is needed."""
     return one._replace(raw=b"") if one.kind == messages.IMAGE else one
@@ -148,8 +159,6 @@ def _counted(
     with tempfile.TemporaryDirectory() as folder:
         journal = Path(folder) / "journal"
         manager = Manager(make_trust_model("constant"), journal, timing=RoundTiming(period), team=team, keyring=keyring)
-        for name in team.providers:
-            manager.add_provider(name)
         for entry in replay_recording(recording, manager, period):
             for rater, row in entry.ratings.items():
                 for provider, value in zip(entry.team.providers, row, strict=False):

@@ -1,14 +1,16 @@
 """The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost."""
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import IO, Any, NamedTuple, Self
 
 from roletrust_env.live.trust_tracker import RoundRatings, Team, Trust
 
 _VERSION = 1
+_BLOCK = 1 << 20  # bytes that are read at once
 
 
 class PublishedTrust(NamedTuple):
@@ -58,6 +60,22 @@ class JournalEntry(NamedTuple):
         return PublishedTrust(self.round, self.stamp, tor, top, self.missing)
 
 
+class JournalPosition(NamedTuple):
+    """A place in a journal, between two rounds.
+
+    Attributes:
+        offset: Number of bytes before it.
+        digest: SHA-256 of these bytes.
+        round: Number of the next round.
+        team: Team of the last round.
+    """
+
+    offset: int
+    digest: str
+    round: int
+    team: Team
+
+
 class Journal:
     """A file to which one line of JSON is appended for each round.
 
@@ -67,25 +85,30 @@ class Journal:
         path: Path of the file; it is created if it does not exist. A last line without an end, as a killed manager
             leaves it, is cut off.
         about: Settings that all rounds have in common, such as the trust model.
+        after: Position whose earlier rounds need not be read, if they have not changed since; None for the start.
+
+    Attributes:
+        after: Position from which the rounds were read; None for the start.
 
     Raises:
         ValueError: The file is not a journal, has other settings, or is open in another process.
         OSError: The file cannot be read or written.
     """
 
-    def __init__(self, path: Path, about: dict[str, Any]) -> None:
+    def __init__(self, path: Path, about: dict[str, Any], after: JournalPosition | None = None) -> None:
         self.path, self._team = path, Team()
-        self._rounds = 0
+        self._rounds, self._digest, self._size = 0, hashlib.sha256(), 0
+        self.after: JournalPosition | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
             _lock(self._file, path)
-            self._begin({"journal": _VERSION, **about})
+            self._begin({"journal": _VERSION, **about}, after)
         except BaseException:
             self.close()
             raise
 
-    def _begin(self, header: dict[str, Any]) -> None:
+    def _begin(self, header: dict[str, Any], after: JournalPosition | None) -> None:
         with self.path.open("rb") as file:
             first = file.readline()
         if _line(header).startswith(first) and not first.endswith(b"\n"):  # new, or killed while it wrote the header
@@ -98,13 +121,29 @@ class Journal:
         if stored != header:
             raise ValueError(f"{self.path} is a journal with other settings: {_difference(stored, header)}")
         os.ftruncate(self._file, _complete_size(self.path))
-        for entry in self.entries():
+        with self.path.open("rb") as file:
+            if after is not None and self._hash(file, after.offset) == (after.offset, after.digest):
+                self.after, self._team, self._rounds = after, after.team, after.round
+            self._hash(file, None)
+        for entry in read_journal(self.path, self.after):
             self._team, self._rounds = entry.team, entry.round + 1
+
+    def _hash(self, file: IO[bytes], end: int | None) -> tuple[int, str]:
+        """Read a file up to an offset or to its end, and return the size and the digest so far."""
+        while block := file.read(_BLOCK if end is None else min(_BLOCK, end - self._size)):
+            self._digest.update(block)
+            self._size += len(block)
+        return self._size, self._digest.hexdigest()
 
     @property
     def rounds(self) -> int:
         """Number of rounds in the journal."""
         return self._rounds
+
+    @property
+    def position(self) -> JournalPosition:
+        """Position after the last round."""
+        return JournalPosition(self._size, self._digest.hexdigest(), self._rounds, self._team)
 
     def entries(self) -> Iterator[JournalEntry]:
         """Iterate over the rounds so far."""
@@ -136,13 +175,19 @@ class Journal:
 
     def _write(self, data: dict[str, Any]) -> None:
         line = _line(data)
+        self._digest.update(line)
+        self._size += len(line)
         while line:  # a nearly full disk writes only a part
             line = line[os.write(self._file, line) :]
         os.fsync(self._file)
 
 
-def read_journal(path: Path) -> Iterator[JournalEntry]:
+def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[JournalEntry]:
     """Iterate over the rounds of a journal, even while a manager is writing it.
+
+    Args:
+        path: Path of the journal.
+        after: Position from which to read; None for the start.
 
     Raises:
         ValueError: The file is not a journal, or a line is damaged or missing.
@@ -153,6 +198,9 @@ def read_journal(path: Path) -> Iterator[JournalEntry]:
         header = _parse(path, file.readline())
         if header.get("journal") != _VERSION:
             raise ValueError(f"{path} is no journal of version {_VERSION}")
+        if after is not None:
+            team, rounds = after.team, after.round
+            file.seek(after.offset)
         for line in file:
             if not line.endswith(b"\n"):
                 return

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from roletrust_env.live.state_growth import grown_state, leaves, with_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
@@ -80,6 +81,37 @@ class TrustTracker:
         for ratings in past:
             self.update(ratings)
 
+    def grow(self, team: Team) -> None:
+        """Add newcomers; see `grows` for the models that can.
+
+        Args:
+            team: Team with the same agents first.
+        """
+        self._state = grown_state(self._model, self._state, team.peers)
+        self._rated = np.pad(self._rated, (0, len(team.raters) - len(self._rated)))
+        self._provided = np.pad(self._provided, (0, len(team.providers) - len(self._provided)))
+        self.team = team
+
+    @property
+    def memory(self) -> list[Any]:
+        """Arrays and numbers from which `remember` makes the same tracker again."""
+        return [int(self._round), self._rated, self._provided, *leaves(self._state)]
+
+    def remember(self, memory: Sequence[Any]) -> None:
+        """Continue where another tracker of the same model and team was.
+
+        Args:
+            memory: Memory of the other tracker.
+
+        Raises:
+            ValueError: The memory is of another model or team.
+        """
+        own = self.memory
+        if [_form(one) for one in own] != [_form(one) for one in memory]:
+            raise ValueError("the memory is of another trust model or of another team")
+        number, self._rated, self._provided, *state = memory
+        self._round, self._state = np.asarray(number), with_leaves(self._state, iter(state))
+
     def update(self, ratings: RoundRatings) -> None:
         """Update trust with the ratings of one round."""
         values = np.full((len(self._rated), len(self._provided)), np.nan)
@@ -107,3 +139,8 @@ class TrustTracker:
         provider = [self.team.providers.index(name) for name in self.team.dual_role]
         counts = {"rated": self._rated[rater], "provided": self._provided[provider]}
         return tuple(agent_trust(tor[rater], top[provider], initial=self._initial, **counts).tolist())
+
+
+def _form(value: Any) -> Any:
+    """Return what two values must have in common: type, shape and dtype."""
+    return (value.shape, value.dtype) if isinstance(value, np.ndarray) else type(value)

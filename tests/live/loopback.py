@@ -9,7 +9,9 @@ import time
 import numpy as np
 import pytest
 
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.signatures import read_diagnostics, sign
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -45,7 +47,7 @@ def own_domain(monkeypatch):
 
 @pytest.fixture
 def keys(tmp_path):
-    make_keys(tmp_path / "keys", TEAM.raters)
+    make_keys(tmp_path / "keys", [MANAGER, *TEAM.raters, *TEAM.providers])
     return tmp_path / "keys"
 
 
@@ -82,9 +84,9 @@ class Listener(contextlib.AbstractContextManager):
         while self.on:
             time.sleep(0.01)
             self.heard += [(time.time_ns(), messages.decode(raw, messages.TRUST)) for raw in self._trust.take()]
-            for raw in self._diagnostics.take():
-                (status,) = messages.decode(raw, messages.DIAGNOSTICS).status
-                self.reports = {pair.key: pair.value for pair in status.values}
+            for report in map(read_diagnostics, self._diagnostics.take()):
+                if report.node == MANAGER:
+                    self.reports = report.values
 
     def wait_for(self, rounds):
         """Wait for that many further rounds."""
@@ -166,8 +168,7 @@ class Raters(Listener):
     def _message(self, name, stamp):
         ratings = dict(zip(TEAM.providers, self._random.random(3).tolist(), strict=True))
         stamp += self.off.get(name, 0)
-        signature = self._signers[name].sign(messages.encode(messages.ratings_message(name, stamp, ratings)))
-        return messages.ratings_message(name, stamp, ratings, signature)
+        return sign(messages.ratings_message(name, stamp, ratings), self._signers[name])
 
     def _flood(self):
         while self.on:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import pytest
 
 HOUSE = Path(__file__).parents[2]
-PACKAGE = HOUSE / "roletrust_env" / "live" / "roletrust_msgs"
+PACKAGES = [HOUSE / "roletrust_env" / "live" / name for name in ("roletrust_msgs", "roletrust_nodes")]
 
 ROS = {
     "rclpy": "9.1.2",
     "rmw-fastrtps-cpp": "9.3.3",
+    "diagnostic-msgs": "5.5.1",
     "sensor-msgs": "5.5.1",
     "rosidl-default-generators": "1.7.1",
     "rosidl-core-generators": "0.3.1",
@@ -73,7 +74,7 @@ def ros2_environment() -> Home:
             subprocess.run([sys.executable, "-m", "venv", root], check=True)
             _install(home.python)
             _mend(root)
-    sources = sorted(path for path in PACKAGE.rglob("*") if path.is_file())
+    sources = sorted(path for package in PACKAGES for path in package.rglob("*") if path.is_file())
     with _made_of(root / ".messages", b"".join(path.read_bytes() for path in sources)) as old:
         if old:
             _build(root)
@@ -118,7 +119,7 @@ def _mend(root: Path) -> None:
 
 
 def _build(root: Path) -> None:
-    command = [root / "bin" / "colcon", "build", "--base-paths", PACKAGE, "--install-base", root / "messages"]
+    command = [root / "bin" / "colcon", "build", "--base-paths", *PACKAGES, "--install-base", root / "messages"]
     command += ["--build-base", root / "colcon", "--cmake-args", f"-DPython3_EXECUTABLE={root / 'bin' / 'python'}"]
     command += ["-DBUILD_TESTING=OFF"]
     path = f"{root / 'bin'}:{os.environ['PATH']}"

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.manager import replay_journal
+from roletrust_env.live.replay import replay_journal
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
 from roletrust_experiments.cli import app

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, manager, random_ratings
 
+from roletrust_env.live.message_validation import RefusalReason
 from roletrust_env.live.nodes.manager_node import receive_raw
-from roletrust_env.live.rating_validation import RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
@@ -24,7 +24,7 @@ REASONS = {
     "past": {RefusalReason.PAST},
     "future": {RefusalReason.FUTURE},
     "bad": {RefusalReason.NOT_A_NUMBER, RefusalReason.OUT_OF_RANGE, RefusalReason.REPLAYED},
-    "strange": {RefusalReason.UNKNOWN_RATER},
+    "strange": {RefusalReason.UNKNOWN},
 }
 ROUNDS, TRACED = 20, 16  # memory is traced from that round on, since tracing is slow
 POOL = 50  # signed messages of a round; changed and cut messages are always new

@@ -10,10 +10,12 @@ from loopback import Listener, Raters, keys, managed, own_domain, process, until
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.camera_node import run_camera_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.rater_node import run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
+from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
@@ -35,12 +37,12 @@ def write_report(path, line):
 def robots(folder):
     """Return functions that start the nodes of the paper's robots, by name."""
     roster, timeline = Roster.of(ROBOTS), Timeline(time.time_ns() // PERIOD * PERIOD, PERIOD)
-    make_keys(folder / "keys", roster.rater_names)
+    make_keys(folder / "keys", [MANAGER, *roster.rater_names, *roster.provider_names])
     report = functools.partial(write_report, folder / "reports")
-    shared = {"scenario": ROBOTS, "timeline": timeline}
+    shared = {"scenario": ROBOTS, "timeline": timeline, "keys": folder / "keys"}
     starts = {"manager": functools.partial(managed, folder, period=PERIOD, team=Team(*axes(roster)), report=report)}
     for name in roster.rater_names:
-        starts[name] = functools.partial(process, run_rater_node, name=name, keys=folder / "keys", **shared)
+        starts[name] = functools.partial(process, run_rater_node, name=name, **shared)
     for name in roster.provider_names:
         starts[name] = functools.partial(process, run_camera_node, name=name, **shared)
     return starts
@@ -52,8 +54,8 @@ def axes(roster):
 
 def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
     random, starts = np.random.default_rng(0), robots(tmp_path)
-    victims = random.permutation([*starts, "manager", "manager", "manager"]).tolist()
-    assert len(victims) == 10
+    victims = random.permutation([*starts, *starts, *["manager"] * 6]).tolist()
+    assert len(victims) == 20
     downs, reports = [], tmp_path / "reports"
     with Listener() as listener:
         running = {name: start() for name, start in starts.items()}
@@ -71,6 +73,7 @@ def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
             one.join()
     entries = list(read_journal(tmp_path / "journal"))
     listener.agrees_with(entries)
+    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == entries[-1].trust
     ups = [int(line.split()[0]) for line in reports.read_text().splitlines()]
     away = list(zip(downs, ups, strict=True))
     for last, entry in itertools.pairwise(entries):

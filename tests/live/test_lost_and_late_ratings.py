@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, manager, random_ratings, rating_message
 
-from roletrust_env.live.rating_validation import RefusalReason
+from roletrust_env.live.message_validation import RefusalReason
 
 
 def run(keeper, arrivals, until):

@@ -1,18 +1,21 @@
 """Malformed messages, which nodes ignore. Without middleware."""
 
-from collections import defaultdict
+import time
 
 import cv2
 import numpy as np
 import pytest
+from fake_wire import FakeWire
+from manager_cases import TEAM
 
+from roletrust_env.live.message_validation import MANAGER, RefusalReason
 from roletrust_env.live.nodes import team_listener
-from roletrust_env.live.nodes.rater_node import _PersonDetector, _pictures
+from roletrust_env.live.nodes.person_detector import PersonDetector
+from roletrust_env.live.nodes.picture_inbox import PictureInbox
 from roletrust_env.live.nodes.subscriptions import TrustSubscription
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, TRUST
+from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST
 from roletrust_env.live.rounds import RoundAssembler, RoundTiming
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Publication
 
 PERIOD = 500_000_000
 NOW = 1_000 * PERIOD
@@ -27,27 +30,12 @@ def jpeg(height, width):
 PICTURES = [np.empty(0, np.uint8), np.frombuffer(b"nonsense", np.uint8), jpeg(64, 64)[:40], jpeg(20_000, 1)]
 
 
-class Wire:
-    """A node whose readers get the messages that a test puts on a topic."""
-
-    def __init__(self):
-        self.waiting = defaultdict(list)
-        self.publications = [Publication(CAMERA, messages.IMAGE)]
-
-    def reader(self, topic, kind, **_):
-        return type("Reader", (), {"take": lambda _: [self.waiting[topic].pop(0) for _ in self.waiting[topic][:]]})()
-
-    def discover(self):
-        return self.publications
-
-    def wait(self, seconds):
-        pass
-
-
 def trust(tor, raters=("sr_0",)):
     numbers = {"tor": np.array(tor, float), "top": np.empty(0), "toa": np.empty(0)}
     names = {"raters": list(raters), "providers": [], "both": [], "missing": []}
-    return messages.encode(messages.make(messages.TRUST, header=messages.header(NOW), round=0, **names, **numbers))
+    header = messages.header(time.time_ns())
+    message = messages.make(messages.TRUST, header=header, round=0, signature=np.empty(0, np.uint8), **names, **numbers)
+    return messages.encode(message)
 
 
 def image(stamp, data):
@@ -56,34 +44,54 @@ def image(stamp, data):
 
 @pytest.mark.parametrize("garbage", [b"", b"\0\1\0\0", trust([0.9, 0.9]), trust([], ["sr_0", "sr_1"])])
 def test_trust_that_cannot_be_read_changes_nothing(garbage):
-    wire = Wire()
+    wire = FakeWire()
     subscription = TrustSubscription(wire, 0.5)
-    wire.waiting[TRUST] = [trust([0.25]), garbage]
+    wire.waiting[TRUST] += [trust([0.25]), garbage]
     subscription.update()
     assert subscription.tor("sr_0") == 0.25
+    assert subscription.inbox.validator.refusals == {(MANAGER, RefusalReason.GARBAGE): 1}
 
 
 @pytest.mark.parametrize("data", PICTURES, ids=["empty", "nonsense", "cut off", "a line"])
 def test_an_invalid_picture_shows_no_person(data):
-    assert _PersonDetector(np.random.default_rng(0)).probability(bytes(data)) == 0.0
+    assert PersonDetector(np.random.default_rng(0)).probability(bytes(data)) == 0.0
+
+
+def inbox(wire, *cameras):
+    """Return an inbox that has subscribed to some cameras of a scenario, without keys."""
+    made = PictureInbox(wire, RoundTiming(PERIOD), None, cameras)
+    made.update(wire.announce(IMAGES, messages.IMAGE, *cameras))
+    return made
 
 
 def test_a_rater_ignores_pictures_with_stamps_far_from_now():
-    limit = RoundTiming(PERIOD).tolerance
-    raws = [b"", b"\0\1\0\0", *(image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1))]
-    assert [stamp for stamp, _ in _pictures(raws, NOW, limit)] == [NOW - limit, NOW, NOW + limit]
+    wire, limit = FakeWire(), RoundTiming(PERIOD).tolerance
+    pictures = inbox(wire, "sp_0")
+    wire.waiting[CAMERA] += [b"", b"\0\1\0\0"]
+    wire.waiting[CAMERA] += [image(NOW + off, jpeg(8, 8)) for off in (-limit - 1, -limit, 0, limit, limit + 1)]
+    assert [one.envelope.stamp for one in pictures.take(NOW)] == [NOW - limit, NOW, NOW + limit]
+    assert pictures.validator.refusals[("sp_0", RefusalReason.FUTURE)] == 1
+
+
+def test_a_camera_that_sends_too_often_is_cut_off_from_the_first_period_on():
+    wire = FakeWire()
+    pictures = inbox(wire, "sp_0")
+    wire.waiting[CAMERA] += [image(NOW + k, jpeg(8, 8)) for k in range(100)]
+    assert len(list(pictures.take(NOW))) == 1
+    assert pictures.validator.refusals == {("sp_0", RefusalReason.TOO_SOON): 99}
 
 
 def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
-    timing = RoundTiming(PERIOD)
-    rounds, whole, small = RoundAssembler(timing), [], jpeg(8, 8)
+    wire, timing, small = FakeWire(), RoundTiming(PERIOD), jpeg(8, 8)
+    cameras = ("sp_0", "sp_1", "sp_2")
+    rounds, whole, pictures = RoundAssembler(timing), [], inbox(wire, *cameras)
     for r in range(20):
         now = NOW + r * PERIOD
-        for camera in ("sp_0", "sp_1", "sp_2"):
+        for camera in cameras:
             ahead = range(HOUR, HOUR + PERIOD, PERIOD // 30) if camera == "sp_2" else [0]
-            sent = [image(now + some, small) for some in ahead]
-            for stamp, picture in _pictures(sent, now, timing.tolerance):
-                whole += rounds.add(camera, stamp, picture, now)
+            wire.waiting[f"/{camera}{IMAGES}"] += [image(now + some, small) for some in ahead]
+        for camera, picture, envelope in pictures.take(now):
+            whole += rounds.add(camera, envelope.stamp, picture, now)
         for share in (0.3, 0.8):
             whole += rounds.close_due(now + int(share * PERIOD))
     assert [one.stamp for one in whole] == [NOW + r * PERIOD for r in range(20)]
@@ -92,39 +100,51 @@ def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
     )  # the first camera is alone in the first round
 
 
-def test_a_listener_continues_after_malformed_messages(monkeypatch):
-    wire = Wire()
+@pytest.fixture
+def listening(monkeypatch):
+    """Return a node and a function that returns a listener after one turn of its loop."""
+    wire = FakeWire()
     monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
     monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
-    listener = team_listener.TeamListener()
-    monkeypatch.setattr(wire, "wait", lambda _: setattr(listener, "_active", any(wire.waiting.values())))
-    report = messages.encode(messages.diagnostics_message(NOW, team_listener.MANAGER, False, {"next round": "7"}))
-    wire.waiting |= {
-        TRUST: [b"", trust([0.5, 0.5]), trust([0.25])],
-        DIAGNOSTICS: [b"", report, b"\0\1\0\0"],
-        CAMERA: [image(NOW, jpeg(480, 640)), b""],
-    }
-    listener._listen()
-    assert [one.tor for one in listener.rounds] == [{"sr_0": 0.25}]
-    assert listener.diagnostics == {"next round": "7"}
-    for data in PICTURES:
-        listener._active, wire.waiting[CAMERA] = True, [image(NOW, data)]
+
+    def listen(listener=None, **options):
+        listener = listener or team_listener.TeamListener(TEAM, RoundTiming(PERIOD), **options)
+        monkeypatch.setattr(wire, "wait", lambda _: setattr(listener, "_active", False))
+        listener._active = True
         listener._listen()
+        return listener
+
+    return wire, listen
 
 
-def test_a_listener_ignores_other_nodes_and_other_types(monkeypatch):
-    wire = Wire()
-    wire.publications = [Publication(CAMERA, messages.NUMBER), Publication("/sr_0/ratings", messages.RATINGS)]
-    monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
-    monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
-    listener = team_listener.TeamListener()
-    monkeypatch.setattr(wire, "wait", lambda _: setattr(listener, "_active", False))
-    report = messages.diagnostics_message(NOW, "another node", False, {"next round": "7"})
-    rating = messages.ratings_message("sr_0", NOW, {"sp_0": 0.5})
-    wire.waiting |= {DIAGNOSTICS: [messages.encode(report)], "/sr_0/ratings": [messages.encode(rating)]}
-    wire.waiting[CAMERA] = [image(NOW, jpeg(8, 8))]
-    listener._listen()
-    assert listener.diagnostics == listener.pictures == {}
+def report(name, values, stamp=None):
+    return messages.encode(messages.diagnostics_message(stamp or time.time_ns(), name, False, values))
+
+
+def test_a_listener_continues_after_malformed_messages(listening):
+    wire, listen = listening
+    wire.announce(IMAGES, messages.IMAGE, "sp_0")
+    wire.waiting[TRUST] += [b"", trust([0.5, 0.5]), trust([0.25])]
+    wire.waiting[DIAGNOSTICS] += [b"", report(MANAGER, {"next round": "7"}), b"\0\1\0\0"]
+    wire.waiting[CAMERA] += [image(time.time_ns(), jpeg(480, 640)), b""]
+    listener = listen()
+    assert [one.tor for one in listener.rounds] == [{"sr_0": 0.25}]
+    assert listener.reports == {MANAGER: {"next round": "7"}}
+    assert listener.refusals == {("", RefusalReason.GARBAGE): 4, ("sp_0", RefusalReason.GARBAGE): 1}
+    for k, data in enumerate(PICTURES, 1):
+        wire.waiting[CAMERA] += [image(time.time_ns() + k * PERIOD // 2, data)]
+        listen(listener)
+
+
+def test_a_listener_ignores_other_nodes_and_other_types(listening):
+    wire, listen = listening
+    wire.announce(IMAGES, messages.NUMBER, "sp_0")
+    wire.announce("/ratings", messages.RATINGS, "sr_0")
+    wire.waiting[DIAGNOSTICS] += [report("another node", {"next round": "7"})]
+    wire.waiting["/sr_0/ratings"] += [messages.encode(messages.ratings_message("sr_0", time.time_ns(), {"sp_0": 0.5}))]
+    wire.waiting[CAMERA] += [image(time.time_ns(), jpeg(8, 8))]
+    listener = listen()
+    assert listener.reports == listener.pictures == {}
     assert list(listener.last_heard) == ["sr_0"]
 
 

@@ -6,8 +6,8 @@ from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_me
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import Journal, read_journal
-from roletrust_env.live.manager import replay_journal
-from roletrust_env.live.rating_validation import RefusalReason
+from roletrust_env.live.message_validation import RefusalReason
+from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.trust_tracker import Team, TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 
@@ -214,7 +214,7 @@ def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     keeper = manager(tmp_path / "journal", model=model, team=few)
     before = feed(keeper, ratings, mask, team=few)
     for name in many.providers:
-        keeper.add_provider(name)
+        keeper.add_provider(name, 0)
     after = feed(keeper, later, heard, team=many, first=21)
     tracker = TrustTracker(make_trust_model(model), after[-1].team, [entry.ratings for entry in [*before, *after]])
     assert set(after[-1].team.raters) == set(many.raters)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
-from roletrust_env.live.rating_validation import Ratings, RatingValidator, RefusalReason, StampLimits
+from roletrust_env.live.message_validation import RefusalReason, StampLimits
+from roletrust_env.live.rating_validation import Ratings, RatingValidator
 
 PROVIDERS = ("sp_0", "sp_1")
 LIMITS = StampLimits(tolerance=2000, min_gap=500)
@@ -33,7 +34,7 @@ def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", sig
     ("message", "reason"),
     [
         (ratings(values=(0.1,)), RefusalReason.GARBAGE),
-        (ratings(rater="sr_9"), RefusalReason.UNKNOWN_RATER),
+        (ratings(rater="sr_9"), RefusalReason.UNKNOWN),
         (ratings(stamp=NOW + 2001), RefusalReason.FUTURE),
         (ratings(stamp=NOW - 2001), RefusalReason.PAST),
         (ratings(signature=b""), RefusalReason.UNSIGNED),
@@ -44,7 +45,7 @@ def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", sig
 def test_invalid_messages_are_refused_as_a_whole(message, reason):
     validator = RatingValidator(LIMITS, Signed("sr_0", "sr_1"))
     assert validator.accept(message, PROVIDERS, NOW) == {}
-    assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN_RATER else "sr_0", reason): 1}
+    assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN else "sr_0", reason): 1}
     assert validator.accept(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # its state is unchanged
 
 
@@ -110,7 +111,7 @@ def test_unknown_names_take_no_memory():
     validator = RatingValidator(LIMITS, Signed("sr_0"))
     for k in range(1000):
         validator.accept(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
-    assert validator.refusals == {("", RefusalReason.UNKNOWN_RATER): 1000}
+    assert validator.refusals == {("", RefusalReason.UNKNOWN): 1000}
 
 
 def test_refused_messages_do_not_change_trust(tmp_path):

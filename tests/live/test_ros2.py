@@ -13,6 +13,7 @@ from ros2_environment import ros2_environment
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.camera_node import run_camera_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.rater_node import run_rater_node
@@ -40,7 +41,7 @@ PEER = Path(__file__).parent / "clients" / "ros2.py"
 def played(tmp_path_factory):
     """Return the rounds of a team, and the report of its ROS 2 rater."""
     home, folder, domain = ros2_environment(), tmp_path_factory.mktemp("ros2"), 100 + os.getpid() % 100
-    make_keys(folder, TEAM.raters)
+    make_keys(folder, [MANAGER, *TEAM.raters, *TEAM.providers])
     journal, report = folder / "journal", folder / "report.json"
     with pytest.MonkeyPatch.context() as patch, NodeProcesses() as nodes:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
@@ -51,7 +52,7 @@ def played(tmp_path_factory):
             policy = BadMouthing(level=LEVEL) if name == OURS else None
             nodes.start(name, run_rater_node, name=name, scenario=RULES, policy=policy, keys=folder)
         for name in TEAM.providers:
-            nodes.start(name, run_camera_node, name=name, scenario=RULES)
+            nodes.start(name, run_camera_node, name=name, scenario=RULES, keys=folder)
         nodes.ready()
         command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, ROUNDS, report]
         peer = subprocess.Popen([*map(str, command)], env=home.environment(domain))
@@ -70,7 +71,8 @@ def test_it_lists_nodes_topics_and_types_with_true_hashes(played):
     assert around["nodes"]["/manager"]["/trust"] == around["topics"]["/trust"] == [messages.TRUST]
     assert around["nodes"]["/manager"]["/diagnostics"] == [messages.DIAGNOSTICS]
     assert around["nodes"]["/manager"]["/sr_0/tor"] == [messages.NUMBER]
-    assert around["nodes"]["/sr_0/assess"] == {"/sr_0/ratings": [messages.RATINGS]}
+    published = {"/sr_0/ratings": [messages.RATINGS], "/diagnostics": [messages.DIAGNOSTICS]}
+    assert around["nodes"]["/sr_0/assess"] == published
     for topic, kind in (("/trust", messages.TRUST), ("/sr_0/ratings", messages.RATINGS)):
         described = home.messages / "share" / f"{kind}.json"
         hashes = {one["type_name"]: one["hash_string"] for one in json.loads(described.read_text())["type_hashes"]}

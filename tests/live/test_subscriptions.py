@@ -1,34 +1,29 @@
 """Subscriptions of nodes, start times of rounds, and signals. Without middleware."""
 
 import signal
-from collections import defaultdict
+import time
 
 import numpy as np
 import pytest
+from fake_wire import FakeWire
 
 from roletrust_env.live.nodes import run_loop
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.nodes.subscriptions import RatingSubscription, TrustSubscription
 from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
+from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.wire import messages
 
-
-class Wire:
-    """A node whose readers get the messages that a test puts on a topic."""
-
-    def __init__(self):
-        self.waiting = defaultdict(list)
-
-    def reader(self, topic, kind):
-        return type("Reader", (), {"take": lambda _: [self.waiting[topic].pop(0) for _ in self.waiting[topic][:]]})()
+PERIOD = 500_000_000
 
 
-def rating(value, provider="sp_0"):
-    return messages.encode(messages.ratings_message("sr_0", 5, {provider: value}))
+def rating(value, provider="sp_0", late=0):
+    message = messages.ratings_message("sr_0", time.time_ns() + late * PERIOD, {provider: value})
+    return messages.encode(message)
 
 
 def test_trust_is_the_initial_one_until_some_is_published():
-    subscription = TrustSubscription(Wire(), 0.7)
+    subscription = TrustSubscription(FakeWire(), 0.7)
     subscription.update()
     assert (subscription.tor("sr_0"), subscription.top("sp_0")) == (0.7, 0.7)
 
@@ -46,9 +41,10 @@ def test_trust_is_the_initial_one_until_some_is_published():
     ],
 )
 def test_a_provider_reads_the_newest_valid_rating_of_each_rater(sent, value, rated):
-    wire = Wire()
-    subscription = RatingSubscription(wire, "sp_0", ("sr_0", "sr_1"))
-    wire.waiting["/sr_0/ratings"] = [*map(rating, sent), rating(0.9, "sp_1"), b"garbage"]
+    wire = FakeWire()
+    subscription = RatingSubscription(wire, "sp_0", ("sr_0", "sr_1"), RoundTiming(PERIOD))
+    ours = [rating(value, late=k) for k, value in enumerate(sent)]
+    wire.waiting["/sr_0/ratings"] += [*ours, rating(0.9, "sp_1", len(sent)), b"garbage"]
     ratings, mask = subscription.take()
     np.testing.assert_array_equal(ratings, [value, 0.0])
     np.testing.assert_array_equal(mask, [rated, False])

@@ -13,6 +13,7 @@ import pytest
 from light_team import run_robots, started
 
 from roletrust_env.live.journal import read_journal
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
@@ -35,7 +36,7 @@ class Stage:
 
     def __init__(self, folder):
         self.journal = folder / "journal"
-        make_keys(folder / "keys", TEAM.raters)
+        make_keys(folder / "keys", [MANAGER, *TEAM.raters, *TEAM.providers])
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -44,7 +45,7 @@ class Stage:
         self.manager = started(run_manager_node, make_trust_model("role-trust"), self.journal, **settings)
         self.robots = started(run_robots, (0, 1), TEAM.providers, self.keys, PERIOD)
         self.start_third()
-        self.view = started(run_view_server, self.port, PERIOD / 1e9, attackers=("sr_2",))
+        self.view = started(run_view_server, self.port, PERIOD / 1e9, team=TEAM, keys=self.keys, attackers=("sr_2",))
 
     def start_third(self):
         """Start the robot that a test kills."""

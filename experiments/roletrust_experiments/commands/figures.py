@@ -56,6 +56,12 @@ def figures(
         Attack | None,
         typer.Option(help="The paper's attack in the --recording, whose figure is drawn.", show_default=False),
     ] = None,
+    keys: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder with keys: the manager must have signed the --recording's trust.", show_default=False
+        ),
+    ] = None,
 ) -> None:
     """Reproduce [bold]Figures 3 and 4[/] of the paper, and compare the measurements with its claims.
 
@@ -93,10 +99,12 @@ def figures(
     if recording is not None and frames is not None:
         raise ValueError("--recording plays nothing, so --frames has no effect")
     if recording is not None:
-        draw_recording(recording, attack, out)
+        draw_recording(recording, attack, keys, out)
         return
     if attack is not None:
         raise ValueError("--attack says what a --recording shows; without a recording, both figures are played")
+    if keys is not None:
+        raise ValueError("--keys checks a --recording; without a recording, nothing is signed")
     scenario = make_scenario("paper-3x3-hog" if service == "hog" else "paper-3x3")
     game = Game(scenario.change(frames=frames, playback="loop" if loop else "once"))
     prepare_folder(out)

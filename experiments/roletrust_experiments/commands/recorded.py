@@ -9,6 +9,7 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.identification.journal_curves import curves_from_rounds
 from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.message_validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console
 from roletrust_experiments.commands.live.options import require_live
@@ -16,26 +17,31 @@ from roletrust_experiments.paper.figures import Attack, paper_of
 from roletrust_experiments.plots.figure_files import write_figure
 
 
-def draw_recording(recording: Path, attack: Attack | None, out: Path) -> None:
+def draw_recording(recording: Path, attack: Attack | None, keys: Path | None, out: Path) -> None:
     """Draw and write the published trust of a team, or for the paper's team and attack its figure and claims.
 
     Args:
         recording: Folder of the recording.
         attack: The paper's attack that was played; None for any other team.
+        keys: Folder with the manager's public key; None draws unsigned trust, too.
         out: Folder for the results.
 
     Raises:
         ValueError: The folder is no recording, has fewer than two rounds, or has another team than the paper's.
     """
     require_live()
+    from roletrust_env.live.nodes.signatures import read_trust
     from roletrust_env.live.wire import messages
+    from roletrust_env.live.wire.keys import PublicKeys
     from roletrust_env.live.wire.recording import read_recording
 
-    rounds = []
+    rounds, keyring = [], None if keys is None else PublicKeys(keys, [MANAGER])
     for one in read_recording(recording):
         if one.kind == messages.TRUST:
             with suppress(ValueError):  # an unreadable message is not from the manager
-                rounds.append(messages.read_trust(one.raw))
+                trust, envelope = read_trust(one.raw)
+                if is_genuine(envelope, keyring):
+                    rounds.append(trust)
     gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
     period = round(statistics.median(gaps)) if gaps else 0
     if period <= 0 or not (rounds[-1].tor and rounds[-1].top):

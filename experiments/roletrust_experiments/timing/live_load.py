@@ -11,14 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_env import make_scenario
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.signatures import sign
 from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
 from roletrust_env.live.wire.keys import Signer, make_keys
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import TrustModel
 
 _MEET_S = 60.0  # until a team must be complete
 _MEETING_S = 1.0  # until another manager would be found
@@ -31,6 +35,7 @@ class Load(NamedTuple):
     """Measurements of a team.
 
     Attributes:
+        model: Text of the trust model.
         raters: Number of raters, and of providers; each rater rates all providers in every round.
         rounds: Number of published rounds during the measurement.
         complete: Share of the expected rounds without a missing rater.
@@ -41,6 +46,7 @@ class Load(NamedTuple):
         grown_mb: Growth of its median memory from the first half of the time to the second.
     """
 
+    model: str
     raters: int
     rounds: int
     complete: float
@@ -51,10 +57,18 @@ class Load(NamedTuple):
     grown_mb: float
 
 
-def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: Callable[[float], object]) -> Load:
+def load_model(text: str) -> TrustModel[Any]:
+    """Return the trust model of a text `NAME[:key=value,...]`, with the settings of the paper's scenario."""
+    return parse_trust_model(text, make_scenario("paper-3x3"))
+
+
+def measure_load(
+    model: str, side: int, seconds: float, rate: float, folder: Path, advance: Callable[[float], object]
+) -> Load:
     """Run a manager and raters that sign their ratings, and listen to the trust.
 
     Args:
+        model: Text of the trust model, see `load_model`.
         side: Number of raters, and of providers.
         seconds: Length of the measurement.
         rate: Number of rounds per second.
@@ -68,14 +82,14 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
         raise ValueError("the load of processes is read from /proc, which this system does not have")
     team = Team(tuple(f"sr_{i}" for i in range(side)), tuple(f"sp_{j}" for j in range(side)))
     shared = {"team": team, "keys": folder / "keys", "period": round(SECOND / rate)}
-    make_keys(folder / "keys", team.raters)
+    make_keys(folder / "keys", [MANAGER, *team.raters])
     node = Node("listener")
     time.sleep(_MEETING_S)
     if node.writers_of(TRUST):
         raise ValueError(f"a manager publishes {TRUST} already; stop it, or set another ROS_DOMAIN_ID")
-    trust, model = node.reader(TRUST, messages.TRUST, depth=1000), make_trust_model("role-trust")
+    trust, made = node.reader(TRUST, messages.TRUST, depth=1000), load_model(model)
     with (
-        _process(run_manager_node, model=model, journal=folder / "journal", **shared) as manager,
+        _process(run_manager_node, model=made, journal=folder / "journal", **shared) as manager,
         _process(run_raters, **shared),
     ):
         _gather(trust, side)
@@ -93,7 +107,7 @@ def measure_load(side: int, seconds: float, rate: float, folder: Path, advance: 
     half = len(memory) // 2
     grown = median(memory[half:]) - median(memory[: half + 1])
     delay = (median(delays), max(delays)) if delays else (np.nan, np.nan)
-    return Load(side, len(delays), min(1.0, complete / (rate * seconds)), cpu, *delay, memory[-1], grown)
+    return Load(model, side, len(delays), min(1.0, complete / (rate * seconds)), cpu, *delay, memory[-1], grown)
 
 
 def run_raters(team: Team, keys: Path, period: int) -> None:
@@ -113,9 +127,7 @@ def run_raters(team: Team, keys: Path, period: int) -> None:
 
 def _signed(name: str, stamp: int, team: Team, signer: Signer, random: np.random.Generator) -> bytes:
     ratings = dict(zip(team.providers, random.random(len(team.providers)).tolist(), strict=True))
-    message = messages.ratings_message(name, stamp, ratings)
-    message.signature = np.frombuffer(signer.sign(messages.encode(message)), np.uint8)
-    return messages.encode(message)
+    return messages.encode(sign(messages.ratings_message(name, stamp, ratings), signer))
 
 
 @contextmanager

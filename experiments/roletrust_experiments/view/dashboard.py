@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.nodes.team_listener import MANAGER, TeamListener
+from roletrust_env.live.message_validation import MANAGER, RefusalReason
+from roletrust_env.live.nodes.team_listener import TeamListener
 
 _GONE_PERIODS = 1.6  # periods without a message after which a robot is shown as gone
 _MIN_GONE_S = 0.3  # no robot is gone sooner, however short the period
@@ -77,7 +78,7 @@ class Dashboard:
             _state(rounds[-1:], MANAGER in gone),
             _cameras(dict(listener.pictures), top, gone),
             _raters(tor, silent),
-            _refused(listener.diagnostics),
+            _refused(dict(listener.reports), listener.refusals),
         )
 
 
@@ -120,14 +121,23 @@ def _raters(tor: Mapping[str, float], silent: Collection[str]) -> str:
     return _table(("rater", "ToR"), rows) if rows else '<p class="quiet">No rater yet.</p>'
 
 
-def _refused(diagnostics: Mapping[str, str]) -> str:
-    rows = []
-    for key, count in diagnostics.items():
-        rater, colon, reason = key.partition(": ")
-        if colon:
-            cells = "".join(f"<td>{html.escape(text)}</td>" for text in (reason, count))
-            rows.append(f'<tr><th scope="row">{html.escape(rater)}</th>{cells}</tr>')
-    return _table(("rater", "reason", "count"), rows) if rows else '<p class="quiet">Nothing was refused.</p>'
+def _refused(reports: Mapping[str, Mapping[str, str]], own: Mapping[tuple[str, RefusalReason], int]) -> str:
+    """Return a table of the messages that the manager, the raters and this page have refused."""
+    counts = [
+        (*key.split(": ", 1), count, node)
+        for node, values in sorted(reports.items(), key=lambda entry: entry[0] != MANAGER)
+        for key, count in values.items()
+        if ": " in key
+    ]
+    counts += [(sender or "unknown", reason, str(count), "this page") for (sender, reason), count in own.items()]
+    rows = [
+        f'<tr><th scope="row">{html.escape(sender)}</th>'
+        + "".join(f"<td>{html.escape(text)}</td>" for text in further)
+        + "</tr>"
+        for sender, *further in counts
+    ]
+    headings = "sender", "reason", "count", "refused by"
+    return _table(headings, rows) if rows else '<p class="quiet">Nothing was refused.</p>'
 
 
 def _table(headings: Iterable[str], rows: Iterable[str]) -> str:

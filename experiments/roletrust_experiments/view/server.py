@@ -4,14 +4,19 @@ import os
 import socket
 from collections.abc import Callable, Collection
 from functools import partial
+from pathlib import Path
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
 from bokeh.server.server import Server
 from tornado.ioloop import PeriodicCallback
 
-from roletrust_env.live.nodes.run_loop import run_until_signal
+from roletrust_env.live.message_validation import MANAGER
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.nodes.team_listener import TeamListener
+from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_experiments.view.dashboard import Dashboard
 from roletrust_experiments.view.page import make_page
 
@@ -58,6 +63,8 @@ def run_view_server(
     port: int,
     period_s: float,
     *,
+    team: Team,
+    keys: Path | None = None,
     speed: float = 1.0,
     attackers: Collection[str] = (),
     network: bool = False,
@@ -68,16 +75,19 @@ def run_view_server(
     Args:
         port: Port of the page.
         period_s: Time between rounds, seconds.
+        team: Agents of the scenario.
+        keys: Folder with the public keys of the team and the manager; None shows unsigned messages.
         speed: Speed relative to the scenario's clock.
         attackers: Names to mark as attackers.
         network: See `Node`.
         ready: Function that is called once the page is available.
 
     Raises:
-        ValueError: The port is not available.
+        ValueError: The port is not available, or a key does not exist.
     """
     os.nice(_NICENESS)
-    listener = TeamListener(network=network)
+    keyring = None if keys is None else PublicKeys(keys, [MANAGER])
+    listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
     try:
         server = serve(Dashboard(listener, period_s, speed, attackers), port)
         with run_until_signal() as active:

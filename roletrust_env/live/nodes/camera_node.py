@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
+from roletrust_env.live.nodes.signatures import signed_picture
 from roletrust_env.live.nodes.subscriptions import RatingSubscription, TrustSubscription
 from roletrust_env.live.nodes.topics import IMAGES
+from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
+from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.randomness import Random
 from roletrust_env.world.perturbation import Perturbations
 from roletrust_env.world.roster import Roster
@@ -31,6 +35,7 @@ def run_camera_node(
     policy: Policy | None = None,
     frames: str | Path | int | None = None,
     loop: bool = False,
+    keys: Path | None = None,
     seed: int = 0,
     network: bool = False,
 ) -> None:
@@ -44,15 +49,19 @@ def run_camera_node(
             its last service.
         frames: See `open_frames`.
         loop: See `open_frames`.
+        keys: Folder with the camera's private key and all public keys; None neither signs nor checks signatures.
         seed: Random seed of the sensor noise of bad service and of the policy.
         network: See `Node`.
 
     Raises:
-        ValueError: The scenario has no such provider, or the frames do not exist (`FramesError`).
+        ValueError: The scenario has no such provider, a key does not exist, or the frames do not exist (`FramesError`).
     """
     roster = Roster.of(scenario)
     if name not in roster.provider_names:
         raise ValueError(f"there is no provider {name!r}; the scenario has {', '.join(roster.provider_names)}")
+    keyring, signer = (
+        (None, None) if keys is None else (PublicKeys(keys, [MANAGER, *roster.rater_names]), Signer(keys, name))
+    )
     place, period_s = roster.provider_names.index(name), scenario.period_s
     duration_s = scenario.max_cycles * period_s
     source = open_frames(frames, duration_s=duration_s, period_s=period_s, loop=loop)
@@ -60,8 +69,9 @@ def run_camera_node(
     selector = _QualitySelector(policy or Policy(), seed + place)
     cv2.setNumThreads(1)
     node = Node("cam", f"/{name}", network=network)
-    images, trust = node.writer(f"/{name}{IMAGES}", messages.IMAGE), TrustSubscription(node, scenario.initial_trust)
-    ratings = RatingSubscription(node, name, roster.rater_names)
+    images = node.writer(f"/{name}{IMAGES}", messages.IMAGE)
+    trust = TrustSubscription(node, scenario.initial_trust, keyring)
+    ratings = RatingSubscription(node, name, roster.rater_names, RoundTiming(timeline.period), keyring)
     with run_until_signal() as active:
         for round in range(max(0, timeline.round(time.time_ns())), scenario.max_cycles):
             active.sleep_until(timeline.begin(round) - timeline.period // 2)  # time to make the picture
@@ -75,7 +85,7 @@ def run_camera_node(
             active.sleep_until(timeline.begin(round))
             if not active:
                 return
-            images.write(messages.image_message(timeline.begin(round), name, jpeg))
+            images.write(signed_picture(timeline.begin(round), name, jpeg.tobytes(), signer))
 
 
 class _QualitySelector:

@@ -3,27 +3,29 @@
 import math
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
+from roletrust_env.live.message_validation import MANAGER, RefusalReason
+from roletrust_env.live.nodes.agent_readers import AgentReaders
+from roletrust_env.live.nodes.manager_publisher import ManagerPublisher
+from roletrust_env.live.nodes.precedence import Precedence
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, RATINGS, TRUST, owner
-from roletrust_env.live.rating_validation import RefusalReason
+from roletrust_env.live.nodes.topics import IMAGES, RATINGS, TRUST, owner
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Quota, Reader, Writer
-from roletrust_env.live.wire.keys import PublicKeys
+from roletrust_env.live.wire.dds import Node, Quota, Reader
+from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.recording import RecordedMessage
 from roletrust_env.trust import TrustModel
 
 _DEPTH = 200  # messages of a rater that are stored while the manager is busy
 _MAX_PER_PERIOD = 10  # messages that a rater may send in a period; it needs one
-_DISCOVERY_S = 1.0  # nodes of one machine find each other within that time
-_DIAGNOSTICS_S = 1.0
 _QUIET_PERIODS = 10  # after that many periods without a message, no round is open
 _SECOND_MANAGER = f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID"
 
@@ -45,44 +47,50 @@ def run_manager_node(
         journal: Path of the journal; an existing one is continued.
         period: Time between rounds, nanoseconds.
         team: Agents that are expected from the start.
-        keys: Folder with the raters' public keys; None accepts ratings in any name.
+        keys: Folder with the public keys of the team and the manager's private key; None accepts ratings in any name
+            and does not sign.
         network: See `Node`.
         report: Function that shows a line to the user.
 
     Raises:
         ValueError: Another manager is active, or the journal does not fit, see `Manager`.
     """
-    keyring = None if keys is None else PublicKeys(keys)
+    keyring, signer = (None, None) if keys is None else (PublicKeys(keys, [MANAGER]), Signer(keys, MANAGER))
     node = Node("manager", network=network)
-    time.sleep(_DISCOVERY_S)
-    publications = node.discover()
-    if any(other.topic == TRUST for other in publications):
+    precedence = Precedence(node, keyring)
+    if precedence.wait_for_others():
         raise ValueError(_SECOND_MANAGER)
     manager = Manager(model, journal, timing=RoundTiming(period), team=team, keyring=keyring)
     if keyring is None:
-        report("manager: WITHOUT KEYS: everybody on this network can rate in any name")
+        report("manager: WITHOUT KEYS: everybody on this network can rate in any name, and forge trust")
     if manager.next_round:
         report(f"manager: continues with round {manager.next_round} of {journal}")
-    publisher, raters = _ManagerPublisher(node), dict[str, Reader]()
+    publisher = ManagerPublisher(node, signer)
     quota = math.ceil(_MAX_PER_PERIOD * SECOND / period)
+
+    def reader(topic: str, kind: str) -> Reader:
+        return node.reader(topic, kind, depth=_DEPTH, quota=Quota(quota))
+
+    raters = AgentReaders(node, RATINGS, messages.RATINGS, manager.known_raters, strangers=keyring is None, make=reader)
     with run_until_signal() as active:
         while active:
-            for topic, kind in (*publications, *node.discover()):
-                if (name := owner(topic, RATINGS)) and kind == messages.RATINGS and name not in raters:
-                    raters[name] = node.reader(topic, messages.RATINGS, depth=_DEPTH, quota=Quota(quota))
-                elif topic == TRUST and publisher.is_second:
-                    raise ValueError(_SECOND_MANAGER)
-                elif camera := owner(topic, IMAGES):
-                    manager.add_provider(camera)
-            publications = []
-            for name, reader in raters.items():
-                for raw in reader.take():
+            publications = node.discover()
+            raters.update(publications)
+            for publication in publications:
+                if camera := owner(publication.topic, IMAGES):
+                    manager.add_provider(camera, time.time_ns())
+            precedence.update(publisher.writer, publications)
+            if precedence.is_second(publisher.writer):
+                raise ValueError(_SECOND_MANAGER)
+            for name, rater in raters:
+                for raw in rater.take():
                     publisher.publish(receive_raw(manager, name, raw, time.time_ns()))
-                if reader.over_quota:
-                    manager.validator.refuse(name, RefusalReason.FLOOD, reader.over_quota)
-                    reader.over_quota = 0
+                if rater.over_quota:
+                    manager.validator.refuse(name, RefusalReason.FLOOD, rater.over_quota)
+                    rater.over_quota = 0
             publisher.publish(manager.tick(time.time_ns()))
-            publisher.publish_diagnostics(manager)
+            crowd = {(f"participant {one}", RefusalReason.CROWDED): n for one, n in raters.turned_away.items()}
+            publisher.publish_diagnostics(manager, precedence.validator.refusals + Counter(crowd))
             node.wait(period / SECOND / 20)
     manager.close()
 
@@ -124,53 +132,6 @@ def replay_recording(recording: Iterable[RecordedMessage], manager: Manager, per
         if (name := owner(topic, RATINGS)) and kind == messages.RATINGS:
             yield from receive_raw(manager, name, raw, time_ns)
         elif camera := owner(topic, IMAGES):
-            manager.add_provider(camera)
+            manager.add_provider(camera, time_ns)
     if now is not None:
         yield from manager.tick(now + 2 * period)
-
-
-class _ManagerPublisher:
-    """Publishes the manager's trust and its diagnostics."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._trust = node.writer(TRUST, messages.TRUST)
-        self._diagnostics = node.writer(DIAGNOSTICS, messages.DIAGNOSTICS)
-        self._numbers: dict[str, Writer] = {}
-        self._last_diagnostics_s = 0.0
-
-    @property
-    def is_second(self) -> bool:
-        """True if another manager publishes trust as well and has precedence.
-
-        If two managers start at the same time, exactly one of them has precedence.
-        """
-        return self._node.writers_of(TRUST)[:1] != [self._trust.guid]
-
-    def publish(self, entries: list[JournalEntry]) -> None:
-        """Publish the trust after some rounds."""
-        for entry in entries:
-            self._trust.write(messages.trust_message(entry))
-            for name, value in zip(entry.team.raters, entry.trust.tor, strict=True):
-                self._publish_number(f"/{name}/tor", value)
-            for name, value in zip(entry.team.providers, entry.trust.top, strict=True):
-                self._publish_number(f"/{name}/top", value)
-
-    def publish_diagnostics(self, manager: Manager) -> None:
-        """Publish the refusals and the expected raters, once per interval."""
-        if time.monotonic() - self._last_diagnostics_s < _DIAGNOSTICS_S:
-            return
-        self._last_diagnostics_s = time.monotonic()
-        refusals = {
-            f"{rater or 'unknown'}: {reason}": str(n) for (rater, reason), n in manager.validator.refusals.items()
-        }
-        unused = {f"{rater}: in no round": str(n) for rater, n in manager.rounds.unused.items()}
-        state = {"waited for": " ".join(manager.rounds.expected), "next round": str(manager.next_round)}
-        self._diagnostics.write(
-            messages.diagnostics_message(time.time_ns(), "manager", bool(refusals), {**state, **refusals, **unused})
-        )
-
-    def _publish_number(self, topic: str, value: float) -> None:
-        if topic not in self._numbers:
-            self._numbers[topic] = self._node.writer(topic, messages.NUMBER)
-        self._numbers[topic].write(messages.make(messages.NUMBER, data=value))

@@ -1,8 +1,7 @@
 """A rater: looks at the pictures of every camera and publishes the ratings that its policy chooses."""
 
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Container
 from pathlib import Path
 
 import cv2
@@ -11,18 +10,23 @@ from numpy.typing import NDArray
 
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import RaterView
+from roletrust_env.live.manager import keys_by_role
+from roletrust_env.live.message_validation import MANAGER, Keyring
+from roletrust_env.live.nodes.diagnostics import DiagnosticsPublisher
+from roletrust_env.live.nodes.person_detector import PersonDetector, Strangers
+from roletrust_env.live.nodes.picture_inbox import PictureInbox
 from roletrust_env.live.nodes.run_loop import SECOND, Timeline, run_until_signal
+from roletrust_env.live.nodes.signatures import sign
 from roletrust_env.live.nodes.subscriptions import TrustSubscription
-from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
+from roletrust_env.live.nodes.topics import RATINGS
 from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
+from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Reader
-from roletrust_env.live.wire.keys import Signer
+from roletrust_env.live.wire.dds import Node
+from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.randomness import Random
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
-from roletrust_env.world.vision import best_margin, probability, view
-from roletrust_env.world.vision.degrade import transmit
 
 _DEADLINE = 0.4  # of the period, for missing pictures: ratings must arrive before the manager closes the round
 
@@ -44,83 +48,64 @@ def run_rater_node(
         scenario: Scenario, which names the agents.
         timeline: Start times of the rounds, from which policies know the number of the round.
         policy: Policy that chooses the ratings; None rates honestly. Providers outside the scenario are always rated
-            honestly.
-        keys: Folder with the rater's private key; None does not sign.
+            honestly and, if they have no keys, now and then only, see `Strangers`.
+        keys: Folder with the rater's private key and all public keys; None neither signs nor checks signatures.
         seed: Random seed of the noise on the rater's links and of the policy.
         network: See `Node`.
 
     Raises:
-        ValueError: The scenario has no such rater, or the key does not exist.
+        ValueError: The scenario has no such rater, or a key does not exist.
     """
     roster = Roster.of(scenario)
     if name not in roster.rater_names:
         raise ValueError(f"there is no rater {name!r}; the scenario has {', '.join(roster.rater_names)}")
-    signer = None if keys is None else Signer(keys, name)
+    team = Team(roster.rater_names, roster.provider_names)
+    keyring, signer = (
+        (None, None) if keys is None else (PublicKeys(keys, [MANAGER, *team.providers]), Signer(keys, name))
+    )
     cv2.setNumThreads(1)
     node = Node("assess", f"/{name}", network=network)
     publisher, trust = (
         node.writer(f"/{name}{RATINGS}", messages.RATINGS),
-        TrustSubscription(node, scenario.initial_trust),
+        TrustSubscription(node, scenario.initial_trust, keyring),
     )
-    place = roster.rater_names.index(name)
-    selector = _RatingSelector(name, roster.provider_names, policy or Policy(), trust, seed + place)
-    detector = _PersonDetector(np.random.default_rng([seed, place]))
-    cameras: dict[str, Reader] = {}
+    place = team.raters.index(name)
+    selector = _RatingSelector(name, team.providers, policy or Policy(), trust, seed + place)
+    detector = PersonDetector(np.random.default_rng([seed, place]))
     timing = RoundTiming(timeline.period, deadline=_DEADLINE)
+    cameras, strangers = PictureInbox(node, timing, *_known_cameras(keyring, team)), Strangers(detector, timing)
     rounds: RoundAssembler[bytes] = RoundAssembler(timing)
+    diagnostics = DiagnosticsPublisher(node, name, signer)
 
     def publish(closed: Round[bytes]) -> None:
-        trust.update()
+        began = time.monotonic()
         perceived = {camera: detector.probability(jpeg) for camera, jpeg in closed.items.items()}
+        perceived |= strangers.look(closed.stamp, began)
         ratings = selector.ratings(timeline.round(closed.stamp), perceived)
-        unsigned = messages.ratings_message(name, closed.stamp, ratings)
-        signature = b"" if signer is None else signer.sign(messages.encode(unsigned))
-        publisher.write(messages.ratings_message(name, closed.stamp, ratings, signature))
+        publisher.write(sign(messages.ratings_message(name, closed.stamp, ratings), signer))
 
     with run_until_signal() as active:
         while active:
             node.wait(timeline.period / SECOND / 20)
-            for publication in node.discover():
-                camera = owner(publication.topic, IMAGES)
-                if camera is not None and camera not in (name, *cameras):
-                    cameras[camera] = node.reader(publication.topic, messages.IMAGE)
+            trust.update()  # in each turn: the node does not wait while messages are left
+            cameras.update(node.discover())
             closed = []
-            for camera, reader in cameras.items():
-                for stamp, jpeg in _pictures(reader.take(), time.time_ns(), timing.tolerance):
-                    closed += rounds.add(camera, stamp, jpeg, time.time_ns())
+            for camera, jpeg, envelope in cameras.take(time.time_ns()):
+                if camera in cameras.known and camera != name:
+                    closed += rounds.add(camera, envelope.stamp, jpeg, time.time_ns())
+                elif camera != name:
+                    strangers.add(camera, envelope.stamp, jpeg)
             closed += rounds.close_due(time.time_ns())
             for newest in closed[-1:]:  # a rater that is behind catches up: late ratings do not count
                 publish(newest)
+            if diagnostics.is_due:
+                diagnostics.publish({}, cameras.validator.refusals + trust.inbox.validator.refusals)
 
 
-def _pictures(raws: Iterable[bytes], now: int, tolerance: int) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the stamps and JPEGs of messages, without unreadable ones and those with a stamp far from now.
-
-    A stamp from the future would close all rounds before it.
-    """
-    for raw in raws:
-        with suppress(ValueError):
-            image = messages.decode(raw, messages.IMAGE)
-            if abs(messages.stamp_of(image) - now) <= tolerance:
-                yield messages.stamp_of(image), bytes(image.data)
-
-
-class _PersonDetector:
-    """Detects people in pictures, each of which arrives with the noise of its link."""
-
-    def __init__(self, links: np.random.Generator) -> None:
-        self._links = links
-
-    def probability(self, jpeg: bytes) -> float:
-        """Return the probability that a picture shows a person; 0 if it cannot be decoded."""
-        try:
-            picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-            features = None if picture is None else view(np.ascontiguousarray(picture[..., ::-1], np.uint8))
-        except cv2.error:  # empty, or of a shape that no camera has
-            features = None
-        if features is None:
-            return 0.0
-        return probability(best_margin(transmit(features, float(self._links.standard_normal()))))
+def _known_cameras(keyring: Keyring | None, team: Team) -> tuple[Keyring | None, Container[str]]:
+    """Return the keys of those that may serve, and the cameras whose pictures belong to a round."""
+    _, serving = keys_by_role(keyring, team)
+    return serving, team.providers if serving is None else serving
 
 
 class _RatingSelector:

@@ -3,8 +3,9 @@
 import time
 from pathlib import Path
 
+from roletrust_env.live.nodes.agent_readers import TopicReaders
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
-from roletrust_env.live.wire.dds import Node, Reader
+from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.messages import typestore
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 
@@ -24,17 +25,19 @@ def run_recorder_node(folder: Path, *, images: bool = True, network: bool = Fals
         ValueError: The folder exists already.
     """
     node = Node("record", network=network)
-    readers: dict[str, tuple[str, Reader]] = {}
+    readers, kinds = TopicReaders(node, lambda topic, kind: node.reader(topic, kind, depth=_DEPTH)), dict[str, str]()
     with run_until_signal() as active, Recorder(folder) as recorder:
         flushed = time.time_ns()
         while active:
             node.wait(0.1)
-            for topic, kind in node.discover():
+            for topic, kind, _ in node.discover():
                 if topic not in readers and kind in typestore().types and (images or "image" not in topic):
-                    readers[topic] = kind, node.reader(topic, kind, depth=_DEPTH)
-            for topic, (kind, reader) in readers.items():
+                    readers.add(topic, kind)
+                    kinds[topic] = kind
+            readers.drop_silent()
+            for topic, reader in readers.items():
                 for raw in reader.take():
-                    recorder.write(RecordedMessage(time.time_ns(), topic, kind, raw))
+                    recorder.write(RecordedMessage(time.time_ns(), topic, kinds[topic], raw))
             if time.time_ns() - flushed > _FLUSH_INTERVAL:
                 recorder.flush()
                 flushed = time.time_ns()

@@ -90,6 +90,11 @@ class Reader:
             samples = within
         return [sample.raw for sample in samples]
 
+    def detach(self) -> Any:
+        """Return the middleware's reader, see `Node.drop`; this one has no messages from now on."""
+        reader, self._reader = self._reader, None
+        return reader
+
     @property
     def writers(self) -> int:
         """Number of writers at the moment."""
@@ -123,10 +128,12 @@ class Publication(NamedTuple):
     Attributes:
         topic: Name of the topic in ROS 2, such as `/sr_0/ratings`.
         kind: Type of its messages.
+        participant: Identifier of the process that publishes it.
     """
 
     topic: str
     kind: str
+    participant: str = ""
 
 
 class Node:
@@ -148,7 +155,7 @@ class Node:
         self._name, self._namespace = name, namespace
         self._builtin_reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._waitset = WaitSet(self._participant)
-        self._conditions: list[ReadCondition] = []
+        self._conditions: dict[str, ReadCondition] = {}
         self._attach(self._builtin_reader)
         self._gids: dict[str, list[Any]] = {"reader": [], "writer": []}
         topic, carrier = self._topic("ros_discovery_info", _DISCOVERY)
@@ -170,7 +177,7 @@ class Node:
         return Writer(writer, carrier)
 
     def reader(self, topic: str, kind: str, *, depth: int = 10, quota: Quota | None = None) -> Reader:
-        """Return a reader of a topic.
+        """Return a reader of a topic. Take its messages often: `wait` does not sleep while some are left.
 
         Args:
             topic: Name of the topic in ROS 2.
@@ -185,6 +192,14 @@ class Node:
         self._announce()
         return Reader(reader, quota)
 
+    def drop(self, reader: Reader) -> None:
+        """Stop reading a topic and free the memory of the reader."""
+        old = reader.detach()
+        self._waitset.detach(self._conditions[str(old.guid)])
+        del self._conditions[str(old.guid)]
+        self._gids["reader"].remove(old.guid)
+        self._announce()
+
     def wait(self, seconds: float) -> None:
         """Sleep until a message or a publication arrives, but no longer than the given time."""
         self._waitset.wait(max(0, int(seconds * 1000)) * _MILLISECOND)
@@ -196,21 +211,19 @@ class Node:
 
     def discover(self) -> list[Publication]:
         """Return the publications since the last call, including those of this node; a topic may be listed again."""
-        publications = []
-        for sample in self._builtin_reader.take(_AT_ONCE):
-            topic, kind = sample.topic_name, sample.type_name
-            if topic is not None and _TOPIC.fullmatch(topic):  # None if the publication ended
-                parts = kind.replace("::dds_::", "::").removesuffix("_").split("::")
-                publications.append(Publication(topic.removeprefix("rt"), "/".join(parts)))
-        return publications
+        return _publications(self._builtin_reader.take(_AT_ONCE))
+
+    def publications(self) -> list[Publication]:
+        """Return the publications at the moment, including those of this node."""
+        return _publications(BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication).read(_AT_ONCE))
 
     def _topic(self, name: str, kind: str) -> tuple[Any, type[Any]]:
         carrier = _carrier(kind)
         return Topic(self._participant, name, carrier), carrier
 
     def _attach(self, reader: Any) -> None:
-        self._conditions.append(ReadCondition(reader, _ANY))
-        self._waitset.attach(self._conditions[-1])
+        condition = self._conditions[str(reader.guid)] = ReadCondition(reader, _ANY)
+        self._waitset.attach(condition)
 
     def _announce(self) -> None:
         """Announce the node and its topics to ROS 2, so that `ros2 node list` shows it."""
@@ -225,6 +238,17 @@ class Node:
         self._announcement.write(
             messages.make(_DISCOVERY, gid=_gid(self._participant.guid), node_entities_info_seq=[node])
         )
+
+
+def _publications(samples: list[Any]) -> list[Publication]:
+    """Return the publications that some samples of discovery announce, without ended ones."""
+    publications = []
+    for sample in samples:
+        topic, kind = sample.topic_name, sample.type_name
+        if topic is not None and _TOPIC.fullmatch(topic):  # None if the publication ended
+            parts = kind.replace("::dds_::", "::").removesuffix("_").split("::")
+            publications.append(Publication(topic.removeprefix("rt"), "/".join(parts), str(sample.participant_key)))
+    return publications
 
 
 def _participant(network: bool) -> Any:

@@ -1,4 +1,4 @@
-"""Keys of raters: one ed25519 pair for each name (Bernstein et al. 2012)."""
+"""Keys of the manager, raters and cameras: one ed25519 pair for each name (Bernstein et al. 2012)."""
 
 import os
 from collections.abc import Iterable
@@ -12,26 +12,34 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 _PRIVATE, _PUBLIC = ".key", ".pub"
 
 
-def make_keys(folder: Path, names: Iterable[str]) -> list[str]:
+def make_keys(folder: Path, names: Iterable[str], *, replace: bool = False) -> list[str]:
     """Make a pair of keys for each name that has none: `NAME.key`, readable by its owner only, and `NAME.pub`.
 
     Args:
         folder: Folder for the keys; it is created if it does not exist.
-        names: Names of raters.
+        names: Names of agents, or `manager`.
+        replace: Whether to replace a public key that is there without its private key.
 
     Returns:
         The names that got a new pair.
 
     Raises:
-        ValueError: A name is not an identifier, or an existing private key is invalid.
+        ValueError: A name is not an identifier, an existing private key is invalid, or a public key would be replaced.
+            Then no key is made.
         OSError: The folder cannot be written.
     """
     names = list(dict.fromkeys(names))
     for name in names:
         if not name.isidentifier():
             raise ValueError(f"{name!r} is no name of an agent; use letters, digits and '_', for example sr_0")
-    folder.mkdir(parents=True, exist_ok=True)
     new = [name for name in names if not (folder / f"{name}{_PRIVATE}").exists()]
+    alone = [name for name in new if (folder / f"{name}{_PUBLIC}").exists()]
+    if alone and not replace:
+        raise ValueError(
+            f"{folder} has the public key of {', '.join(alone)} without its private key: a new pair would replace it, "
+            "and messages signed with the old private key would be refused; --replace does that"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
     for name in new:
         key = Ed25519PrivateKey.generate()
         private = key.private_bytes(
@@ -54,11 +62,11 @@ def _write_public(key: Ed25519PrivateKey, path: Path) -> None:
 
 
 class Signer:
-    """Signs messages with the private key of a rater.
+    """Signs messages with the private key of an agent or of the manager.
 
     Args:
         folder: Folder with the keys.
-        name: Name of the rater.
+        name: Name of the agent, or `manager`.
 
     Raises:
         ValueError: The private key does not exist, can be read by others, or is invalid.
@@ -78,33 +86,39 @@ class Signer:
 
 
 class PublicKeys:
-    """The public keys in a folder, as a `Keyring` of the known raters.
+    """The public keys in a folder, as a `Keyring` of the known senders.
 
     Args:
         folder: Folder with the keys.
+        needed: Names that must have a key.
 
     Raises:
-        ValueError: The folder has no public key, or one is invalid.
+        ValueError: The folder has no public key or lacks a needed one, or one is invalid.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, needed: Iterable[str] = ()) -> None:
         self._keys = {path.stem: _read_public(path) for path in sorted(folder.glob(f"*{_PUBLIC}"))}
         if not self._keys:
             raise ValueError(f"there is no public key in {folder}; `roletrust live keys` makes some")
+        missing = [name for name in needed if name not in self._keys]
+        if missing:
+            raise ValueError(
+                f"there is no public key of {', '.join(missing)} in {folder}; `roletrust live keys` makes it"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the raters that have a key."""
+        """Names that have a key."""
         return tuple(self._keys)
 
-    def __contains__(self, rater: object) -> bool:
+    def __contains__(self, sender: object) -> bool:
         """Return whether there is a key of that name, see `Keyring`."""
-        return rater in self._keys
+        return sender in self._keys
 
-    def verifies(self, rater: str, signed: bytes, signature: bytes) -> bool:
+    def verifies(self, sender: str, signed: bytes, signature: bytes) -> bool:
         """Return whether a signature is valid, see `Keyring.verifies`."""
         try:
-            self._keys[rater].verify(signature, signed)
+            self._keys[sender].verify(signature, signed)
         except InvalidSignature:
             return False
         return True

@@ -113,6 +113,7 @@ def trust_message(entry: JournalEntry) -> Any:
         both=list(entry.team.dual_role),
         toa=_numbers(entry.trust.toa),
         missing=list(entry.missing),
+        signature=np.empty(0, np.uint8),
     )
 
 

@@ -24,6 +24,23 @@ def test_keys_are_made_once(tmp_path):
     again = run("keys", tmp_path / "keys", "sr_1", "sr_7").output
     assert "Unchanged: sr_1" in again
     assert (tmp_path / "keys" / "sr_7.pub").exists()
+    assert (tmp_path / "keys" / "manager.key").exists()
+    assert (tmp_path / "keys" / "sp_2.key").exists()
+
+
+def test_a_public_key_is_replaced_on_demand_only(tmp_path):
+    run("keys", tmp_path / "keys", "sr_0")
+    (tmp_path / "keys" / "sr_0.key").unlink()
+    before = (tmp_path / "keys" / "sr_0.pub").read_bytes()
+    refused = run("keys", tmp_path / "keys", "sr_1", "sr_0")
+    assert refused.exit_code == 2
+    assert "has the public key of sr_0 without its private key: a new pair would replace it" in " ".join(
+        refused.stderr.split()
+    )
+    assert [path.name for path in (tmp_path / "keys").iterdir()] == ["sr_0.pub"]
+    assert (tmp_path / "keys" / "sr_0.pub").read_bytes() == before
+    assert "Made" in run("keys", tmp_path / "keys", "sr_0", "--replace").output
+    assert (tmp_path / "keys" / "sr_0.pub").read_bytes() != before
 
 
 @pytest.mark.parametrize(
@@ -34,7 +51,7 @@ def test_keys_are_made_once(tmp_path):
         (["cam", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
         (["cam", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
         (["assess", "sr_9"], "there is no rater 'sr_9'"),
-        (["assess", "sr_0", "--keys", "nowhere"], "there is no private key nowhere/sr_0.key"),
+        (["assess", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
         (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["manager", "j", "--model", "nonsense"], "unknown trust model 'nonsense'"),

@@ -13,9 +13,11 @@ from recorded_games import PERIOD, spoken
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
 from roletrust_env.identification.scenario_files import write_scenario
+from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import replay_recording
+from roletrust_env.live.nodes.signatures import sign, signed_picture
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.keys import make_keys
+from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_env.world.presets import scenarios
 
@@ -27,7 +29,7 @@ def bag(tmp_path_factory):
     said = spoken(make_scenario("paper-3x3"), attackers={"sr_2": BadMouthing(start=41, stop=91)})
     keeper = manager(folder / "journal")
     for name in TEAM.providers:
-        keeper.add_provider(name)
+        keeper.add_provider(name, 0)
     trust = [
         RecordedMessage(entry.closed, "/trust", messages.TRUST, messages.encode(messages.trust_message(entry)))
         for entry in replay_recording(said, keeper, PERIOD)
@@ -114,7 +116,8 @@ def told(round, tor, top, stamp=None):
     moment = PERIOD * (1000 + round) if stamp is None else stamp
     numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
     names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
-    made = messages.make(messages.TRUST, header=messages.header(moment), round=round, **names, **numbers)
+    head, none = messages.header(moment), np.empty(0, np.uint8)
+    made = messages.make(messages.TRUST, header=head, round=round, signature=none, **names, **numbers)
     return RecordedMessage(moment + 9, "/trust", messages.TRUST, messages.encode(made))
 
 
@@ -186,3 +189,48 @@ def test_a_replay_of_nothing_leaves_nothing(tmp_path):
     done = run("live", "replay", str(tmp_path / "nowhere"), str(tmp_path / "journal"))
     assert done.exit_code == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recorded_team_is_a_scenario_of_the_benchmark(bag, tmp_path):
+    assert run("live", "scenario", str(bag), "--out", str(tmp_path / "team.toml")).exit_code == 0
+    suite = f"""
+description = "A recorded team"
+models = ["role-trust", "mean"]
+attacks = ["bad-mouthing"]
+rungs = ["scripted"]
+games = 2
+
+[scenarios.recorded]
+preset = "{tmp_path / "team.toml"}"
+
+[tracks.liars]
+roles = ["SR"]
+shares = [0.3]
+"""
+    (tmp_path / "own.toml").write_text(suite)
+    done = run("benchmark", "--suite", str(tmp_path / "own.toml"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.output
+    rows = (tmp_path / "out" / "leaderboard.csv").read_text().splitlines()
+    assert len(rows) == 3
+
+
+def test_unsigned_trust_and_pictures_of_a_team_with_keys_are_ignored(bag, tmp_path):
+    make_keys(tmp_path / "keys", [MANAGER, "sr_0", "sr_1", "sp_0"])
+    keys = ["--keys", str(tmp_path / "keys")]
+    done = run("figures", "--recording", str(bag), *keys, "--out", str(tmp_path / "figures"))
+    assert done.exit_code == 2
+    assert "holds 0 rounds of trust" in " ".join(done.stderr.split())
+    signed, shade = [], b"no picture is looked at"
+    for r in range(12):
+        moment = PERIOD * (1000 + r)
+        for name in ("sr_0", "sr_1"):
+            message = sign(messages.ratings_message(name, moment, {"sp_0": 0.5}), Signer(tmp_path / "keys", name))
+            signed.append(RecordedMessage(moment + 5, f"/{name}/ratings", messages.RATINGS, messages.encode(message)))
+        for name, signer in (("sp_0", Signer(tmp_path / "keys", "sp_0")), ("z0", None)):
+            picture = messages.encode(signed_picture(moment, name, shade, signer))
+            signed.append(RecordedMessage(moment + 5, f"/{name}/image_raw/compressed", messages.IMAGE, picture))
+    own = recorded(tmp_path / "own", signed)
+    assert run("live", "scenario", own, *keys, "--out", str(tmp_path / "own.toml")).exit_code == 0
+    assert "z0" not in (tmp_path / "own.toml").read_text()
+    assert run("live", "scenario", own, "--out", str(tmp_path / "all.toml")).exit_code == 0
+    assert "z0" in (tmp_path / "all.toml").read_text()

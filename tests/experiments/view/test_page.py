@@ -11,7 +11,7 @@ from bokeh.models.widgets.markups import Div
 from tornado.ioloop import IOLoop
 
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.nodes.team_listener import MANAGER
+from roletrust_env.live.message_validation import MANAGER, RefusalReason
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards
 from roletrust_experiments.view.dashboard import Dashboard
@@ -26,7 +26,7 @@ class Team:
     """A listener that receives what a test publishes."""
 
     def __init__(self):
-        self.rounds, self.pictures, self.last_heard, self.diagnostics = [], {}, {}, {}
+        self.rounds, self.pictures, self.last_heard, self.reports, self.refusals = [], {}, {}, {}, {}
 
     def say(self, round, tor, missing=()):
         self.rounds.append(PublishedTrust(round, 10**18 + round * 500_000_000, tor, {"sp_0": 0.75}, missing))
@@ -104,15 +104,26 @@ def test_a_silent_agent_is_gone_before_two_periods_are_over(team, dashboard):
 
 def test_refusals_are_shown_with_their_reason(team, dashboard):
     assert "Nothing was refused" in parts(dashboard).refused
-    team.diagnostics = {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"}
-    assert '<th scope="row">sr_1</th><td>out of range</td><td>7</td>' in parts(dashboard).refused
+    team.reports = {
+        "sr_0": {"sp_0: unsigned": "2"},
+        MANAGER: {"sr_1: out of range": "7", "waited for": "sr_0 sr_1"},
+    }
+    team.refusals = {(MANAGER, RefusalReason.MIS_SIGNED): 3}
+    rows = [
+        '<th scope="row">sr_1</th><td>out of range</td><td>7</td><td>manager</td>',
+        '<th scope="row">sp_0</th><td>unsigned</td><td>2</td><td>sr_0</td>',
+        '<th scope="row">manager</th><td>mis-signed</td><td>3</td><td>this page</td>',
+    ]
+    places = [parts(dashboard).refused.index(row) for row in rows]
+    assert places == sorted(places)
     assert "waited" not in parts(dashboard).refused
 
 
 def test_names_from_the_network_are_escaped(team, dashboard):
     bad = "<script>"
     team.say(0, {bad: 0.5}, missing=(bad,))
-    team.pictures, team.diagnostics = {bad: b"jpeg"}, {f"{bad}: {bad}": bad}
+    team.pictures, team.reports = {bad: b"jpeg"}, {bad: {f"{bad}: {bad}": bad}}
+    team.refusals = {(bad, RefusalReason.GARBAGE): 1}
     assert bad not in "".join(parts(dashboard))
     assert all(text.disable_math for text in Page(dashboard)._parts.values())  # nor is `$$` TeX
 

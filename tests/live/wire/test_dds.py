@@ -54,9 +54,12 @@ def test_bytes_arrive_as_they_were_sent(kind, made):
 
 def test_publications_are_discovered_by_their_names_in_ros():
     looks, speaks = Node("looks"), Node("assess", "/sr_7")
-    speaks.writer("/sr_7/ratings", messages.RATINGS)
-    found = []
-    assert until(lambda: found.extend(looks.discover()) or Publication("/sr_7/ratings", messages.RATINGS) in found)
+    writer, found = speaks.writer("/sr_7/ratings", messages.RATINGS), []
+    wanted = "/sr_7/ratings", messages.RATINGS, str(speaks._participant.guid)
+    assert until(lambda: found.extend(looks.discover()) or Publication(*wanted) in found)
+    assert until(lambda: Publication(*wanted) in looks.publications())
+    del writer
+    assert until(lambda: Publication(*wanted) not in looks.publications())
 
 
 def test_waiting_ends_when_a_message_arrives():
@@ -116,9 +119,10 @@ def test_an_empty_variable_does_not_open_the_network(monkeypatch):
 @pytest.mark.parametrize("topic", ["rt/a b/ratings", "rt/\x1b[31m/ratings", "rt//ratings", "rt/<b>/ratings", "rt/7/x"])
 def test_topic_names_that_ros_does_not_allow_are_ignored(topic, monkeypatch):
     looks = Node("looks")
-    found = [SimpleNamespace(topic_name=name, type_name="a::msg::dds_::B_") for name in (topic, "rt/sr_0/ratings")]
+    samples = {"type_name": "a::msg::dds_::B_", "participant_key": 7}
+    found = [SimpleNamespace(topic_name=name, **samples) for name in (topic, "rt/sr_0/ratings")]
     monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
-    assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B")]
+    assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B", "7")]
 
 
 def test_a_writer_over_its_quota_is_blocked_until_it_sends_fewer():
@@ -141,3 +145,18 @@ def test_messages_over_the_quota_are_counted():
     reader = Reader(SimpleNamespace(take=lambda _: samples), Quota(2))
     assert reader.take() == [bytes([k]) for k in range(4)]
     assert reader.over_quota == 6
+
+
+def test_dropped_readers_leave_nothing_behind():
+    node, speaks = Node("hears"), Node("speaks")
+    writer = speaks.writer("/kept", messages.NUMBER)
+    kept = node.reader("/kept", messages.NUMBER)
+    before = len(node._participant.children)
+    for k in range(30):
+        node.drop(node.reader(f"/gone_{k}", messages.NUMBER))
+    assert len(node._participant.children) == before
+    assert len(node._conditions) == len(node._waitset.attached) == 2
+    assert len(node._gids["reader"]) == 1
+    assert until(lambda: writer.readers == 1 and kept.writers == 1)
+    writer.write(messages.make(messages.NUMBER, data=1.0))
+    assert until(kept.take)

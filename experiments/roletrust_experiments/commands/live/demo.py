@@ -34,7 +34,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the results; it is created if it does not exist.")] = Path(
         "results/live"
     ),
-    signed: Annotated[bool, typer.Option("--signed/--unsigned", help="Whether raters sign their ratings.")] = True,
+    signed: Annotated[bool, typer.Option("--signed/--unsigned", help="Whether all nodes sign their messages.")] = True,
     view: Annotated[bool, typer.Option("--view/--no-view", help="Whether to serve a page that shows the run.")] = True,
     port: Port = 5006,
     browser: Browser = True,

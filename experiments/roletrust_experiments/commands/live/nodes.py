@@ -40,6 +40,7 @@ def cam(
         ),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start --frames again at their end.")] = False,
+    keys: Keys = None,
     speed: Speed = 1.0,
     start: Start = None,
     seed: Annotated[int, typer.Option(min=0, help="Random seed of the sensor noise of bad service.")] = 0,
@@ -47,10 +48,12 @@ def cam(
 ) -> None:
     """Run a [bold]camera[/], which publishes one picture a round on [green]/NAME/image_raw/compressed[/].
 
+    With --keys, the pictures are signed. Raters that have keys ignore all others.
+
     [bold]Examples[/]
 
     [dim]# the first camera of the paper, on the rendered scene[/]
-    [cyan]roletrust live cam sp_0[/]
+    [cyan]roletrust live cam sp_0 --keys keys[/]
 
     [dim]# a camera that sends ten rounds of good pictures and ten of bad ones, in turn[/]
     [cyan]roletrust live cam sp_2 --attack on-off:period=20[/]
@@ -64,7 +67,17 @@ def cam(
     rules = make_scenario(scenario)
     timeline = _timeline(rules, speed, start)
     policy = _policy(rules, name, attack, "quality")
-    run_camera_node(name, rules, timeline=timeline, policy=policy, frames=frames, loop=loop, seed=seed, network=network)
+    run_camera_node(
+        name,
+        rules,
+        timeline=timeline,
+        policy=policy,
+        frames=frames,
+        loop=loop,
+        keys=keys,
+        seed=seed,
+        network=network,
+    )
 
 
 def assess(
@@ -79,7 +92,8 @@ def assess(
 ) -> None:
     """Run a [bold]rater[/], which looks for a person in every picture and publishes on [green]/NAME/ratings[/].
 
-    Its rating of a camera is the probability that the picture shows a person.
+    Its rating of a camera is the probability that the picture shows a person. With --keys, ratings are signed, and
+    pictures and trust count only if they are signed. What it refuses is published on [green]/diagnostics[/].
 
     [bold]Examples[/]
 
@@ -113,7 +127,8 @@ def manager(
     """Run the [bold]manager[/], which matches ratings and publishes [green]/trust, /NAME/tor, /NAME/top[/].
 
     It expects the agents of the scenario from the start, and others from their first message on. With --keys, a rating
-    counts only if the rater that it names has signed it. Refusals are published on [green]/diagnostics[/].
+    counts only if the rater that it names has signed it, and all agents with a key may join. Without keys, only a few
+    may join that the scenario does not name. Refusals are published on [green]/diagnostics[/].
 
     [bold]Examples[/]
 
@@ -143,22 +158,31 @@ def manager(
 def keys(
     folder: Annotated[Path, typer.Argument(help="Folder for the keys.")],
     names: Annotated[
-        list[str] | None, typer.Argument(help="Names of the raters.", show_default="those of the paper")
+        list[str] | None,
+        typer.Argument(help="Names of agents, or manager.", show_default="manager and the agents of the paper"),
     ] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace public keys that are there without their private keys.")
+    ] = False,
 ) -> None:
-    """Make [bold]keys[/] for raters: NAME.key, readable by its owner only, and NAME.pub for the manager.
+    """Make [bold]keys[/]: NAME.key, readable by its owner only, and NAME.pub for all others.
 
-    A rater needs its private key, and the manager needs all public keys. Existing keys are not changed.
+    The manager and each agent need their own private key and all public keys. Existing private keys are not changed.
 
     [bold]Examples[/]
 
-    [cyan]roletrust live keys keys sr_0 sr_1 sr_2[/]
+    [cyan]roletrust live keys keys[/]
+
+    [dim]# of a team of your own[/]
+    [cyan]roletrust live keys keys manager sr_0 sr_1 sp_0[/]
     """
     require_live()
+    from roletrust_env.live.message_validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
 
-    names = names or list(Roster.of(make_scenario(_PAPER)).rater_names)
-    new = make_keys(folder, names)
+    roster = Roster.of(make_scenario(_PAPER))
+    names = names or [MANAGER, *roster.rater_names, *roster.provider_names]
+    new = make_keys(folder, names, replace=replace)
     old = [name for name in names if name not in new]
     console.print(f"Made in {folder}: {', '.join(new) or 'none'}", soft_wrap=True)
     if old:

@@ -32,7 +32,7 @@ class DemoPlan:
         attack: Attack of the paper.
         seconds: End of the run by the scenario's clock, late enough after the attack's start that trust is steady.
         speed: Speed relative to the scenario's clock.
-        signed: Whether raters sign their ratings.
+        signed: Whether all nodes sign their messages.
         seed: Random seed of the noise in pictures and on links.
 
     Raises:
@@ -95,6 +95,7 @@ def run_team(plan: DemoPlan, out: Path, port: int | None, progress: Progress) ->
     Raises:
         ValueError: A process has failed, or the machine is too slow for a single round.
     """
+    from roletrust_env.live.message_validation import MANAGER
     from roletrust_env.live.nodes.camera_node import run_camera_node
     from roletrust_env.live.nodes.manager_node import run_manager_node
     from roletrust_env.live.nodes.rater_node import run_rater_node
@@ -110,7 +111,7 @@ def run_team(plan: DemoPlan, out: Path, port: int | None, progress: Progress) ->
     shutil.rmtree(out / "recording", ignore_errors=True)
     out.mkdir(parents=True, exist_ok=True)
     if keys is not None:
-        make_keys(keys, team.raters)
+        make_keys(keys, [MANAGER, *team.raters, *team.providers])
     task = progress.add_task("Starting the nodes", total=None)
     with NodeProcesses() as nodes:
         nodes.start("manager", run_manager_node, model=plan.model, journal=journal, period=period, team=team, keys=keys)
@@ -119,10 +120,11 @@ def run_team(plan: DemoPlan, out: Path, port: int | None, progress: Progress) ->
             policy = policies.get(name)
             nodes.start(name, run_rater_node, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
         for name in team.providers:
-            nodes.start(name, run_camera_node, name=name, scenario=scenario, policy=policies.get(name), seed=plan.seed)
+            policy = policies.get(name)
+            nodes.start(name, run_camera_node, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
         if port is not None:
             watched = {"period_s": period / SECOND, "speed": plan.speed, "attackers": tuple(policies)}
-            nodes.start("view", run_view_server, port=port, **watched)
+            nodes.start("view", run_view_server, port=port, team=team, keys=keys, **watched)
         started = time.monotonic()
         nodes.ready()
         discovery_s = max(

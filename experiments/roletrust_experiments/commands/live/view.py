@@ -3,9 +3,10 @@
 from typing import TYPE_CHECKING
 
 from roletrust_env import make_scenario
-from roletrust_experiments.commands.console import console
+from roletrust_env.world.roster import Roster
+from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.live.options import Browser, Network, Port, Scenario, Speed, require_live
+from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed, require_live
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
@@ -14,20 +15,23 @@ if TYPE_CHECKING:
 def view(
     port: Port = 5006,
     scenario: Scenario = "paper-3x3",
+    keys: Keys = None,
     speed: Speed = 1.0,
     browser: Browser = True,
     network: Network = False,
 ) -> None:
     """Show a running team [bold]in the browser[/]: trust, missing raters, refused ratings and the cameras' pictures.
 
-    The page can be opened on this machine only. It ends with Ctrl-C.
+    With --keys, the page shows nothing that is not signed, and counts what it refuses. It can be opened on this machine
+    only. It ends with Ctrl-C.
 
     [bold]Examples[/]
 
     [dim]# beside nodes in other terminals[/]
-    [cyan]roletrust live view[/]
+    [cyan]roletrust live view --keys keys[/]
     """
     require_view()
+    from roletrust_env.live.trust_tracker import Team
     from roletrust_experiments.view.server import run_view_server
 
     def ready(server: "Server") -> None:
@@ -35,7 +39,19 @@ def view(
         if browser:
             server.io_loop.add_callback(server.show, "/")
 
-    run_view_server(port, make_scenario(scenario).period_s / speed, speed=speed, network=network, ready=ready)
+    rules = make_scenario(scenario)
+    roster = Roster.of(rules)
+    if keys is None:
+        errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
+    run_view_server(
+        port,
+        rules.period_s / speed,
+        team=Team(roster.rater_names, roster.provider_names),
+        keys=keys,
+        speed=speed,
+        network=network,
+        ready=ready,
+    )
 
 
 def require_view() -> None:

@@ -1,0 +1,146 @@
+"""The trust of a team that grows, on disk: a journal of all rounds, and snapshots that make a restart quick."""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from roletrust_env.live.journal import Journal, JournalEntry, read_journal
+from roletrust_env.live.replay import GradualReplay, replay_rounds
+from roletrust_env.live.rounds import Round
+from roletrust_env.live.snapshot import Snapshot, read_snapshot, write_snapshot
+from roletrust_env.live.state_growth import grows
+from roletrust_env.live.trust_tracker import Team, Trust, TrustTracker
+from roletrust_env.trust import TrustModel
+
+_SNAPSHOT_ROUNDS = 1000  # rounds between two snapshots; a restart replays fewer
+_AT_ONCE = 100  # so many rounds are replayed in no time
+_TICK_S = 0.005  # time for a gradual replay, each time
+
+
+class TeamTrust:
+    """Closes rounds: updates trust, and writes the round to the journal before it is published.
+
+    A newcomer counts as present all along, without ratings given or received. The state of most models grows by the
+    newcomer's start values, with the same trust as that of a replay. For other models, see `grows`, the rounds so far
+    are replayed with the larger team, a little at a time. Until then the newcomers wait, and the team goes on.
+
+    Args:
+        model: Trust model.
+        path: Path of the journal; the file is created if it does not exist.
+        period: Time between rounds, nanoseconds.
+        settings: Agents of the team from the start; newcomers are appended.
+
+    Attributes:
+        team: Agents of the team.
+        last_stamps: Last stamp of each rater in the journal, nanoseconds.
+        last_stamp: Stamp of the last round in the journal, nanoseconds; None if it was empty.
+
+    Raises:
+        ValueError: The model is not sound, the journal belongs to another manager, or replaying it gives other trust
+            than it contains.
+        OSError: The journal cannot be written.
+    """
+
+    def __init__(self, model: TrustModel[Any], path: Path, period: int, settings: Team) -> None:
+        self._model, self._path, self._grows = model, path, grows(model)
+        snapshot = read_snapshot(path)
+        about = {"trust_model": repr(model), "period": period}
+        self._journal = Journal(path, about, None if snapshot is None else snapshot.position)
+        self.last_stamps: dict[str, int] = {}
+        self.last_stamp: int | None = None
+        self._joining = Team()
+        self._replay: GradualReplay | None = None
+        self.team = self._journal.position.team
+        self._tracker = self._restore(snapshot)
+        if self.newcomers_wait:
+            self.join(settings.raters, settings.providers)
+        else:
+            self.team = self.team.with_newcomers(settings.raters, settings.providers)
+
+    def _restore(self, snapshot: Snapshot | None) -> TrustTracker | None:
+        """Return the trust after the rounds in the journal, from a snapshot if it fits."""
+        tracker, after = None, self._journal.after
+        if snapshot is not None and after is not None and (self._grows or after.team == self.team):
+            with suppress(ValueError):
+                tracker = TrustTracker(self._model, after.team)
+                tracker.remember(snapshot.memory)
+                self.last_stamps, self.last_stamp = dict(snapshot.last_stamps), snapshot.stamp
+        if self.last_stamp is None:
+            tracker, after = None, None
+        entries = self._noted(read_journal(self._path, after))
+        return replay_rounds(self._model, entries, None if self._grows else self.team, self._path, tracker)
+
+    def _noted(self, entries: Iterable[JournalEntry]) -> Iterable[JournalEntry]:
+        """Iterate over rounds and note their stamps."""
+        for entry in entries:
+            self.last_stamps |= dict.fromkeys(entry.ratings, entry.stamp)
+            self.last_stamp = entry.stamp
+            yield entry
+
+    @property
+    def next_round(self) -> int:
+        """Number of the next round."""
+        return self._journal.rounds
+
+    @property
+    def values(self) -> Trust | None:
+        """Trust of the team after the last round; None before the first."""
+        return None if self._tracker is None else self._tracker.trust
+
+    @property
+    def newcomers_wait(self) -> bool:
+        """True if newcomers must `join` before a round may have ratings of them."""
+        return not self._grows and self.next_round > _AT_ONCE
+
+    def join(self, raters: Iterable[str], providers: Iterable[str]) -> None:
+        """Let newcomers join as soon as the rounds so far have been replayed with them."""
+        self._joining = self._joining.with_newcomers(raters, providers)
+
+    def tick(self) -> None:
+        """Replay for a moment if newcomers wait."""
+        larger = self.team.with_newcomers(self._joining.raters, self._joining.providers)
+        if self._replay is None and larger != self.team:
+            self._replay = GradualReplay(self._model, larger, self._path)
+        if self._replay is not None:
+            self._replay.advance(_TICK_S)
+            if self._replay.rounds == self.next_round:
+                self._tracker, self.team, self._replay = self._replay.tracker, self._replay.tracker.team, None
+
+    def close_round(self, closed: Round[dict[str, float]], now: int, last_stamps: dict[str, int]) -> JournalEntry:
+        """Update trust with a round, and write it to the journal.
+
+        Args:
+            closed: Round with the ratings of each rater, by provider.
+            now: Time, nanoseconds.
+            last_stamps: Last accepted stamp of each rater, nanoseconds.
+        """
+        rated = [provider for row in closed.items.values() for provider in row]
+        self.team = self.team.with_newcomers(closed.items, rated)
+        if self._tracker is None:
+            self._tracker = TrustTracker(self._model, self.team)
+        elif self._tracker.team != self.team and self._grows:
+            self._tracker.grow(self.team)
+        elif self._tracker.team != self.team:
+            self._tracker = TrustTracker(self._model, self.team, (entry.ratings for entry in self._journal.entries()))
+        ratings = {name: [row.get(provider) for provider in self.team.providers] for name, row in closed.items.items()}
+        self._tracker.update(ratings)
+        trust = self._tracker.trust
+        entry = JournalEntry(self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust)
+        self._journal.append(entry)
+        if self._replay is not None:
+            self._replay.add(entry)
+        if self.next_round % _SNAPSHOT_ROUNDS == 0:
+            self._write_snapshot(closed.stamp, last_stamps)
+        return entry
+
+    def close(self) -> None:
+        """Release the journal."""
+        self._journal.close()
+
+    def _write_snapshot(self, stamp: int, last_stamps: dict[str, int]) -> None:
+        """Write a snapshot; without it, a restart takes longer, and nothing else is lost."""
+        if self._tracker is not None:
+            with suppress(OSError, TypeError, ValueError):
+                memory = self._tracker.memory
+                write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, memory))

@@ -1,0 +1,60 @@
+"""A node without middleware, whose readers get the messages that a test puts on a topic."""
+
+from collections import defaultdict
+
+from roletrust_env.live.wire.dds import Publication
+
+
+class FakeReader:
+    """Receives the messages of one topic.
+
+    Attributes:
+        writers: Number of writers.
+        over_quota: Number of discarded messages.
+    """
+
+    def __init__(self, waiting):
+        self._waiting, self.writers, self.over_quota = waiting, 1, 0
+
+    def take(self):
+        taken = self._waiting[:]
+        self._waiting.clear()
+        return taken
+
+
+class FakeWire:
+    """A node.
+
+    Attributes:
+        waiting: Messages of each topic.
+        readers: Readers by topic.
+        dropped: Topics of dropped readers.
+        announced: New publications.
+    """
+
+    def __init__(self):
+        self.waiting, self.readers, self.dropped, self.announced = defaultdict(list), {}, [], []
+
+    def reader(self, topic, kind, **_):
+        self.readers[topic] = FakeReader(self.waiting[topic])
+        return self.readers[topic]
+
+    def drop(self, reader):
+        topic = next(topic for topic, one in self.readers.items() if one is reader)
+        self.dropped.append(topic)
+        del self.readers[topic]
+
+    def announce(self, ending, kind, *names, participant="one"):
+        publications = [Publication(f"/{name}{ending}", kind, participant) for name in names]
+        self.announced += publications
+        return publications
+
+    def discover(self):
+        new, self.announced = self.announced, []
+        return new
+
+    def publications(self):
+        return self.discover()
+
+    def wait(self, seconds):
+        pass

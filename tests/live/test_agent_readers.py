@@ -1,0 +1,90 @@
+"""Readers of agents that come and go."""
+
+import pytest
+from fake_wire import FakeWire
+
+from roletrust_env.live.admission import MAX_STRANGERS
+from roletrust_env.live.nodes import agent_readers
+from roletrust_env.live.nodes.agent_readers import AgentReaders
+from roletrust_env.live.nodes.topics import IMAGES
+from roletrust_env.live.wire import messages
+
+STRANGERS = [f"z{k}" for k in range(200)]
+
+
+class Clock:
+    """A clock that a test moves."""
+
+    now = 0.0
+
+    def monotonic(self):
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    made = Clock()
+    monkeypatch.setattr(agent_readers, "time", made)
+    return made
+
+
+def readers(wire, strangers=True):
+    return AgentReaders(wire, IMAGES, messages.IMAGE, ("sp_0", "sp_1"), strangers=strangers)
+
+
+def names(readers):
+    return [name for name, _ in readers]
+
+
+def test_known_agents_come_first_and_strangers_are_limited(clock):
+    wire = FakeWire()
+    made = readers(wire)
+    made.update(wire.announce(IMAGES, messages.IMAGE, *STRANGERS, participant="mean"))
+    made.update(wire.announce(IMAGES, messages.IMAGE, "sp_1", "sp_0"))
+    assert names(made)[:2] == ["sp_1", "sp_0"]
+    assert names(made)[2:] == STRANGERS[:MAX_STRANGERS]
+    assert made.turned_away == {"mean": 200 - MAX_STRANGERS}
+
+
+def test_strangers_are_not_read_at_all_if_there_are_keys(clock):
+    wire = FakeWire()
+    made = readers(wire, strangers=False)
+    made.update(wire.announce(IMAGES, messages.IMAGE, "z0", "sp_0"))
+    made.update(wire.announce(IMAGES, messages.NUMBER, "sp_1"))
+    assert names(made) == ["sp_0"]
+    assert list(wire.readers) == [f"/sp_0{IMAGES}"]
+
+
+def test_a_topic_whose_writers_have_gone_is_dropped_and_read_again_when_they_return(clock):
+    wire = FakeWire()
+    made = readers(wire)
+    made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0", "sp_1"))
+    wire.readers[f"/sp_0{IMAGES}"].writers = 0
+    for clock.now in (2.0, 4.0, 5.5, 7.5):
+        made.update([])
+        assert names(made) == (["sp_0", "sp_1"] if clock.now < 5 else ["sp_1"])
+    assert wire.dropped == [f"/sp_0{IMAGES}"]
+    made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
+    assert names(made) == ["sp_1", "sp_0"]
+
+
+def test_a_stranger_that_leaves_has_its_place_taken_by_another(clock):
+    wire = FakeWire()
+    made = readers(wire)
+    made.update(wire.announce(IMAGES, messages.IMAGE, *STRANGERS[:MAX_STRANGERS]))
+    wire.announced.clear()
+    made.update(wire.announce(IMAGES, messages.IMAGE, "late"))
+    wire.readers[f"/z0{IMAGES}"].writers = 0
+    for clock.now in (2.0, 8.0):
+        made.update([])
+    assert "z0" not in names(made)
+    assert "late" in names(made)
+
+
+def test_many_participants_take_no_memory(clock):
+    wire = FakeWire()
+    made = readers(wire)
+    for k, name in enumerate(STRANGERS):
+        made.update(wire.announce(IMAGES, messages.IMAGE, name, participant=f"participant {k}"))
+    assert len(made.turned_away) <= 21
+    assert made.turned_away.total() == 200 - MAX_STRANGERS

@@ -1,0 +1,149 @@
+"""Signed pictures, trust and diagnostics: forged, altered and replayed ones are refused with their reason."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+from fake_wire import FakeWire
+from manager_cases import TEAM
+
+from roletrust_env.live.journal import JournalEntry
+from roletrust_env.live.message_validation import MANAGER, RefusalReason
+from roletrust_env.live.nodes import team_listener
+from roletrust_env.live.nodes.diagnostics import LIMITS
+from roletrust_env.live.nodes.signatures import read_picture, sign, signed_diagnostics, signed_picture
+from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST
+from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.trust_tracker import Trust
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
+
+PERIOD = 500_000_000
+CAMERA = f"/sp_0{IMAGES}"
+JPEG = cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
+
+
+@pytest.fixture
+def keys(tmp_path):
+    make_keys(tmp_path, [MANAGER, *TEAM.raters, *TEAM.providers])
+    return tmp_path
+
+
+@pytest.fixture
+def page(keys, monkeypatch):
+    """Return a node, and a listener with keys whose loop turns once at each call."""
+    wire = FakeWire()
+    monkeypatch.setattr(team_listener, "Node", lambda *_, **__: wire)
+    monkeypatch.setattr(team_listener.threading.Thread, "start", lambda _: None)
+    listener = team_listener.TeamListener(TEAM, RoundTiming(PERIOD), keyring=PublicKeys(keys))
+    wire.announce(IMAGES, messages.IMAGE, "sp_0", "z0")
+    monkeypatch.setattr(wire, "wait", lambda _: setattr(listener, "_active", False))
+
+    def turn(topic, *sent):
+        wire.waiting[topic] += [messages.encode(one) for one in sent]
+        listener._active = True
+        listener._listen()
+        return listener
+
+    return turn
+
+
+def trust(signer, stamp, value=0.5, round=3):
+    trusted = Trust((value,) * 3, (value,) * 3, ())
+    return sign(messages.trust_message(JournalEntry(round, stamp, stamp, TEAM, {}, (), trusted)), signer)
+
+
+def picture(signer, stamp, camera="sp_0", jpeg=JPEG):
+    return signed_picture(stamp, camera, jpeg, signer)
+
+
+def report(signer, stamp, value="7"):
+    return signed_diagnostics(stamp, MANAGER, False, {"next round": value}, signer)
+
+
+def altered(message, **changes):
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def test_what_is_signed_is_shown(page, keys):
+    now = time.time_ns()
+    assert page(TRUST, trust(Signer(keys, MANAGER), now)).rounds[0].tor == dict.fromkeys(TEAM.raters, 0.5)
+    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), now)).pictures) == ["sp_0"]
+    listener = page(DIAGNOSTICS, report(Signer(keys, MANAGER), now))
+    assert listener.reports == {MANAGER: {"next round": "7"}}
+    assert not listener.refusals
+
+
+@pytest.mark.parametrize(
+    ("forge", "reason"),
+    [
+        (lambda keys, now: trust(None, now, 0.01, 10039), RefusalReason.UNSIGNED),
+        (lambda keys, now: trust(Signer(keys, "sr_0"), now, 0.01), RefusalReason.MIS_SIGNED),
+        (lambda keys, now: altered(trust(Signer(keys, MANAGER), now), round=10039), RefusalReason.MIS_SIGNED),
+        (lambda keys, now: trust(Signer(keys, MANAGER), now - LIMITS.tolerance - PERIOD), RefusalReason.PAST),
+        (lambda keys, now: trust(Signer(keys, MANAGER), now + LIMITS.tolerance + PERIOD), RefusalReason.FUTURE),
+        (lambda keys, now: trust(Signer(keys, MANAGER), now - PERIOD), RefusalReason.REPLAYED),
+    ],
+)
+def test_forged_trust_is_counted_and_not_displayed(forge, reason, page, keys):
+    now = time.time_ns()
+    page(TRUST, trust(Signer(keys, MANAGER), now - PERIOD))
+    listener = page(TRUST, forge(keys, now))
+    assert len(listener.rounds) == 1
+    assert listener.refusals == {(MANAGER, reason): 1}
+    assert len(page(TRUST, trust(Signer(keys, MANAGER), now, 0.75)).rounds) == 2
+
+
+@pytest.mark.parametrize(
+    ("forge", "reason"),
+    [
+        (lambda keys, now: picture(None, now), RefusalReason.UNSIGNED),
+        (lambda keys, now: picture(Signer(keys, "sp_1"), now), RefusalReason.MIS_SIGNED),
+        (lambda keys, now: picture(Signer(keys, "sp_0"), now, camera="sp_1"), RefusalReason.MIS_SIGNED),
+        (
+            lambda keys, now: altered(picture(Signer(keys, "sp_0"), now), header=messages.header(now + 1)),
+            RefusalReason.MIS_SIGNED,
+        ),
+        (lambda keys, now: picture(Signer(keys, "sp_0"), now - 10 * PERIOD), RefusalReason.PAST),
+        (lambda keys, now: picture(Signer(keys, "sp_0"), now - PERIOD), RefusalReason.REPLAYED),
+        (lambda keys, now: picture(Signer(keys, "sp_0"), now - PERIOD + 1), RefusalReason.TOO_SOON),
+    ],
+)
+def test_forged_pictures_are_counted_and_not_displayed(forge, reason, page, keys):
+    now = time.time_ns()
+    page(CAMERA, picture(Signer(keys, "sp_0"), now - PERIOD))
+    listener = page(CAMERA)
+    listener.pictures.clear()
+    page(CAMERA, forge(keys, now))
+    assert not listener.pictures
+    assert listener.refusals == {("sp_0", reason): 1}
+    assert list(page(CAMERA, picture(Signer(keys, "sp_0"), now)).pictures) == ["sp_0"]
+
+
+def test_a_camera_without_a_key_is_not_even_received(page, keys):
+    assert not page(f"/z0{IMAGES}", picture(None, time.time_ns(), "z0")).pictures
+    assert not page(f"/z0{IMAGES}").refusals
+
+
+@pytest.mark.parametrize(
+    ("forge", "reason"),
+    [
+        (lambda keys, now: report(None, now), RefusalReason.UNSIGNED),
+        (lambda keys, now: report(Signer(keys, "sr_1"), now), RefusalReason.MIS_SIGNED),
+        (lambda keys, now: altered(report(Signer(keys, MANAGER), now), header=messages.header(now + 1)), "mis-signed"),
+    ],
+)
+def test_forged_diagnostics_are_counted_and_not_displayed(forge, reason, page, keys):
+    listener = page(DIAGNOSTICS, forge(keys, time.time_ns()))
+    assert not listener.reports
+    assert listener.refusals == {(MANAGER, reason): 1}
+
+
+def test_a_signed_picture_is_the_jpeg_for_every_decoder(keys):
+    message = picture(Signer(keys, "sp_0"), 5)
+    shown = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR))
+    assert read_picture(messages.encode(message), "sp_0").jpeg == JPEG

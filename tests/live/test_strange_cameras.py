@@ -1,0 +1,121 @@
+"""A rater among cameras that it does not know, and after its writers have gone, on real middleware."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+from loopback import keys, own_domain, process, until
+
+from roletrust_env import make_scenario
+from roletrust_env.live.nodes.rater_node import run_rater_node
+from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
+from roletrust_env.live.nodes.signatures import signed_picture
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.dds import Node
+from roletrust_env.live.wire.keys import Signer
+from roletrust_experiments.timing.live_load import cpu_s
+
+pytestmark = pytest.mark.live
+__all__ = ["keys", "own_domain"]
+
+PERIOD = 500_000_000
+SHADE = cv2.imencode(".jpg", np.zeros((96, 128, 3), np.uint8))[1].tobytes()
+PICTURE = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8))[1].tobytes()
+
+
+def strange_cameras(count):
+    """Run cameras of one participant without keys until a signal ends the process."""
+    node = Node("stranger", "/strange")
+    writers = {f"z{k}": node.writer(f"/z{k}/image_raw/compressed", messages.IMAGE) for k in range(count)}
+    with run_until_signal() as active:
+        while active:
+            stamp = (time.time_ns() // PERIOD + 1) * PERIOD
+            active.sleep_until(stamp)
+            for name, writer in writers.items():
+                writer.write(signed_picture(stamp, name, SHADE, None))
+
+
+class Cameras:
+    """The three cameras of the scenario and a listener to the ratings of `sr_0`.
+
+    Attributes:
+        delays: Time from the stamp of each round to the arrival of its ratings by all three cameras, seconds.
+        rated: Names of all rated cameras.
+    """
+
+    def __init__(self, keys):
+        self.node = Node("cameras")
+        names = ("sp_0", "sp_1", "sp_2")
+        self._writers = {name: self.node.writer(f"/{name}/image_raw/compressed", messages.IMAGE) for name in names}
+        self._signers = {name: None if keys is None else Signer(keys, name) for name in names}
+        self._ratings = self.node.reader("/sr_0/ratings", messages.RATINGS, depth=100)
+        self.delays, self.rated, self.rounds = [], set(), 0
+
+    def send(self, rounds):
+        """Send pictures for some rounds, and return the delays."""
+        self.delays = []
+        for _ in range(rounds):
+            stamp = (time.time_ns() // PERIOD + 1) * PERIOD
+            time.sleep(max(0, stamp - time.time_ns()) / 1e9)
+            for name, writer in self._writers.items():
+                writer.write(signed_picture(stamp, name, PICTURE, self._signers[name]))
+            while time.time_ns() < stamp + 0.9 * PERIOD:
+                self.node.wait(0.02)
+                self._read(stamp)
+        return self.delays
+
+    def _read(self, stamp):
+        for raw in self._ratings.take():
+            one = messages.read_ratings(raw)
+            self.rated |= set(one.providers)
+            if one.stamp == stamp and {"sp_0", "sp_1", "sp_2"} <= set(one.providers):
+                self.delays.append((time.time_ns() - stamp) / 1e9)
+
+
+def rater(folder=None):
+    scenario = make_scenario("paper-3x3")
+    return process(run_rater_node, name="sr_0", scenario=scenario, timeline=Timeline.aligned(PERIOD), keys=folder)
+
+
+def measured(cameras, one, rounds=8):
+    """Return the number of complete rounds, the longest delay and the CPU time of the rater for some rounds."""
+    before = cpu_s(one.pid)
+    delays = cameras.send(rounds)
+    return len(delays), max(delays), cpu_s(one.pid) - before
+
+
+@pytest.mark.parametrize(("count", "signed"), [(12, False), (200, False), (200, True)])
+def test_unknown_cameras_cost_a_rater_nothing(count, signed, keys):
+    folder = keys if signed else None
+    cameras, one = Cameras(folder), rater(folder)
+    until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")
+    _, _, usual = measured(cameras, one)
+    stranger = process(strange_cameras, count=count)
+    cameras.send(4)
+    complete, longest, during = measured(cameras, one)
+    assert complete == 8
+    assert longest < 0.7 * PERIOD / 1e9
+    stranger.kill()
+    stranger.join()
+    after_complete, _, after = measured(cameras, one)
+    assert after_complete == 8
+    print(f"{count} cameras: {usual / 8:.4f} s of CPU time a round, {during / 8:.4f} s during, {after / 8:.4f} s after")
+    assert during < 1.3 * usual + 0.1
+    assert after < 1.3 * usual + 0.1
+    assert (cameras.rated == {"sp_0", "sp_1", "sp_2"}) is signed
+
+
+def test_a_rater_waits_again_when_its_cameras_have_gone():
+    """Trust that arrives while no picture does must not keep the rater awake."""
+    cameras, one = Cameras(None), rater()
+    trust = cameras.node.writer("/trust", messages.TRUST)
+    until(lambda: trust.readers and len(cameras.send(1)) == 1, "the rater does not rate")
+    nothing, none = np.empty(0), np.empty(0, np.uint8)
+    header, numbers = messages.header(time.time_ns()), dict.fromkeys(("tor", "top", "toa"), nothing)
+    names = {name: [] for name in ("raters", "providers", "both", "missing")}
+    trust.write(messages.make(messages.TRUST, header=header, round=0, signature=none, **names, **numbers))
+    time.sleep(1)
+    before = cpu_s(one.pid)
+    time.sleep(2)
+    assert cpu_s(one.pid) - before < 0.5

@@ -1,0 +1,216 @@
+"""A team that grows, and a manager that is started again, without replaying all rounds."""
+
+import json
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
+from test_state_growth import BY_REPLAY, close
+
+from roletrust_env.live import journal as journals
+from roletrust_env.live import team_trust
+from roletrust_env.live.journal import read_journal
+from roletrust_env.live.message_validation import RefusalReason
+from roletrust_env.live.replay import replay_journal
+from roletrust_env.live.rounds import Round
+from roletrust_env.live.snapshot import read_snapshot, snapshot_path
+from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.trust import make_trust_model, trust_models
+
+MANY = Team((*TEAM.raters, "new", "both"), (*TEAM.providers, "both"))
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """Write a snapshot every ten rounds, and replay at once only fewer rounds than that."""
+    monkeypatch.setattr(team_trust, "_SNAPSHOT_ROUNDS", 10)
+    monkeypatch.setattr(team_trust, "_AT_ONCE", 5)
+
+
+@pytest.fixture
+def replays(monkeypatch):
+    """Return a list with the name of each reading of a journal."""
+    read, seen = journals.read_journal, []
+
+    def noted(path, after=None):
+        for entry in read(path, after):
+            seen.append(entry.round)
+            yield entry
+
+    for module in (journals, team_trust):
+        monkeypatch.setattr(module, "read_journal", noted)
+    return seen
+
+
+def grown(path, model, rounds=40):
+    """Return a manager after some rounds in which two raters and a provider have joined, and the rounds."""
+    keeper = manager(path, model=model)
+    published = feed(keeper, *random_ratings(12))
+    keeper.add_provider("both", 13 * PERIOD)
+    ratings, mask = random_ratings(rounds, seed=1, team=MANY, lost=0.1)
+    for r in range(rounds):
+        published += feed(keeper, ratings[r : r + 1], mask[r : r + 1] & ~MANY.peers, team=MANY, first=13 + r)
+    return keeper, published
+
+
+@pytest.mark.parametrize("model", trust_models())
+def test_newcomers_join_with_the_trust_of_a_replay(model, often, tmp_path):
+    keeper, published = grown(tmp_path / "journal", model)
+    assert len(published) == 52
+    last = published[-1]
+    assert (set(last.team.raters), set(last.team.providers)) == (set(MANY.raters), set(MANY.providers))
+    whole = TrustTracker(make_trust_model(model), last.team, [entry.ratings for entry in published])
+    close(last.trust, whole.trust)
+    joining = sum(n for (_, why), n in keeper.validator.refusals.items() if why is RefusalReason.JOINING)
+    assert (joining > 0) is (model in BY_REPLAY)
+    keeper.close()
+    assert replay_journal(make_trust_model(model), tmp_path / "journal").trust == last.trust
+    again = manager(tmp_path / "journal", model=model)
+    assert again.trust == last.trust
+    assert again.next_round == 52
+
+
+def test_a_newcomer_costs_no_replay(replays, tmp_path):
+    keeper, _ = grown(tmp_path / "journal", "travos")
+    assert replays == []
+    assert keeper.next_round == 52
+
+
+@pytest.mark.parametrize("model", ["role-trust", "travos", "fire"])
+def test_a_restart_replays_the_rounds_after_the_snapshot_only(model, often, replays, tmp_path):
+    first, published = grown(tmp_path / "journal", model, rounds=43)
+    first.close()
+    replays.clear()
+    second = manager(tmp_path / "journal", model=model)
+    assert set(replays) == {50, 51, 52, 53, 54}
+    assert second.trust == published[-1].trust
+    rest = random_ratings(5, seed=2)
+    more = feed(second, *rest, first=56)
+    second.close()
+    snapshot_path(tmp_path / "journal").unlink()
+    third = manager(tmp_path / "journal", model=model)
+    assert third.trust == more[-1].trust
+    assert list(read_journal(tmp_path / "journal")) == published + more
+
+
+def test_replayed_messages_are_refused_after_a_restart_from_a_snapshot(often, tmp_path):
+    ratings, mask = random_ratings(10, lost=0.0)
+    first = manager(tmp_path / "journal")
+    feed(first, ratings, mask)
+    first.close()
+    assert read_snapshot(tmp_path / "journal").position.round == 10
+    second = manager(tmp_path / "journal")
+    assert feed(second, ratings, mask) == []
+    assert second.validator.refusals.total() == 30
+
+
+def spoiled(data, **changes):
+    """Return a snapshot with other content and a valid checksum."""
+    import hashlib
+
+    text = json.dumps(json.loads(data.split(b"\n")[1]) | changes).encode()
+    return hashlib.sha256(text).hexdigest().encode() + b"\n" + text + b"\n"
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda data: b"",
+        lambda data: data[:-100],
+        lambda data: data.replace(b"float64", b"float32").replace(b"<f8", b"<f4"),
+        lambda data: b"\x80\x04\x95cposix\nsystem\n",
+        lambda data: spoiled(data, snapshot=2),
+        lambda data: spoiled(data, offset=7),
+        lambda data: spoiled(data, digest="0" * 64),
+        lambda data: spoiled(data, memory=[]),
+        lambda data: spoiled(data, memory=[1, {"dtype": "O", "shape": [1], "data": ""}]),
+    ],
+)
+def test_a_damaged_snapshot_is_ignored(spoil, often, replays, tmp_path):
+    first = manager(tmp_path / "journal")
+    published = feed(first, *random_ratings(25))
+    first.close()
+    path = snapshot_path(tmp_path / "journal")
+    path.write_bytes(spoil(path.read_bytes()))
+    replays.clear()
+    second = manager(tmp_path / "journal")
+    assert second.trust == published[-1].trust
+    assert set(replays) == set(range(25))
+
+
+def test_a_changed_journal_is_found_in_spite_of_a_snapshot(often, tmp_path):
+    first = manager(tmp_path / "journal")
+    feed(first, *random_ratings(12, lost=0.0))
+    first.close()
+    path = tmp_path / "journal"
+    lines = path.read_text().splitlines(keepends=True)
+    changed = json.loads(lines[4])
+    changed["ratings"]["sr_0"] = [1.0, 1.0, 1.0]
+    path.write_text("".join([*lines[:4], json.dumps(changed) + "\n", *lines[5:]]))
+    with pytest.raises(ValueError, match="after round 2, but a replay"):
+        manager(path)
+
+
+@pytest.mark.parametrize("rounds", [600, pytest.param(10_000, marks=pytest.mark.live)])
+def test_ten_newcomers_a_minute_delay_no_round(rounds, tmp_path):
+    """Ten raters and ten providers at two rounds a second; a newcomer rates for a minute and leaves."""
+    team = Team(tuple(f"sr_{k}" for k in range(10)), tuple(f"sp_{k}" for k in range(10)))
+    keeper = manager(tmp_path / "journal", team=team, keyring=Everybody())
+    random, slowest, published, memory = np.random.default_rng(0), [], 0, []
+    tracemalloc.start()
+    for r in range(1, rounds + 1):
+        fresh = [f"x{k}" for k in range(max(0, r - 120) // 12, r // 12)]
+        sent = {name: random.random(10).tolist() for name in (*team.raters, *fresh)}
+        began = time.process_time()
+        for name, row in sent.items():
+            message = rating_message(name, r, dict(zip(team.providers, row, strict=True)))._replace(signature=b"-")
+            published += len(keeper.receive(message, PERIOD * r + 20_000_000))
+        published += len(keeper.tick(int(PERIOD * (r + 0.8))))
+        slowest.append(time.process_time() - began)
+        memory.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    names = len(keeper._trust.team.raters)
+    print(f"{rounds} rounds, {names} raters: median {np.median(slowest):.4f} s, longest {max(slowest):.3f} s")
+    print(f"memory grew by {(memory[-1] - memory[rounds // 10]) / 1e6:.2f} MB")
+    assert published == rounds
+    assert names == 10 + rounds // 12
+    assert sorted(slowest)[-3] < 0.7 * PERIOD / 1e9
+    assert memory[-1] - memory[rounds // 10] < 5_000_000
+    last = keeper.trust
+    keeper.close()
+    assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == last
+
+
+class Everybody:
+    """A keyring with all names."""
+
+    def __contains__(self, name):
+        return True
+
+    def verifies(self, name, signed, signature):
+        return True
+
+
+@pytest.mark.slow
+def test_a_restart_after_100_000_rounds_takes_less_than_two_seconds(tmp_path, monkeypatch):
+    """Ten raters and ten providers; the rounds are written without waiting for the disk."""
+    team = Team(tuple(f"sr_{k}" for k in range(10)), tuple(f"sp_{k}" for k in range(10)))
+    monkeypatch.setattr(journals.os, "fsync", lambda file: None)
+    made = team_trust.TeamTrust(make_trust_model("role-trust"), tmp_path / "journal", PERIOD, team)
+    random = np.random.default_rng(0)
+    for r in range(1, 100_500):
+        rows = random.random((10, 10)).tolist()
+        items = {name: dict(zip(team.providers, row, strict=True)) for name, row in zip(team.raters, rows, strict=True)}
+        made.close_round(Round(PERIOD * r, items, ()), PERIOD * r, {})
+    last = made.values
+    made.close()
+    began = time.monotonic()
+    again = manager(tmp_path / "journal", team=team)
+    spent = time.monotonic() - began
+    print(
+        f"restart after {again.next_round} rounds: {spent:.2f} s; {(tmp_path / 'journal').stat().st_size / 1e6:.0f} MB"
+    )
+    assert again.trust == last
+    assert spent < 2
