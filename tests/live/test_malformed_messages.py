@@ -42,7 +42,11 @@ def image(stamp, data):
     return messages.encode(messages.image_message(stamp, "sp_0", data))
 
 
-@pytest.mark.parametrize("garbage", [b"", b"\0\1\0\0", trust([0.9, 0.9]), trust([], ["sr_0", "sr_1"])])
+@pytest.mark.parametrize(
+    "garbage",
+    [b"", b"\0\1\0\0", trust([0.9, 0.9]), trust([], ["sr_0", "sr_1"])],
+    ids=["empty", "header", "too many", "too few"],
+)
 def test_trust_that_cannot_be_read_changes_nothing(garbage):
     wire = FakeWire()
     subscription = TrustSubscription(wire, 0.5)
