@@ -46,7 +46,7 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     training = _training(run)
     curve = _take_up(training, folder)
     before, began = (curve[-1].seconds if curve else 0.0), perf_counter()
-    while training.rounds < run.steps:
+    while not curve or training.rounds < run.steps:
         training.step()
         if training.due() or training.rounds >= run.steps:
             score = training.validate()
@@ -61,6 +61,8 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     """Return the training of a run at its beginning."""
     settings = make_settings(run.task.id, run.algo, run.settings)
     assert isinstance(settings, CoalitionSettings)  # others train no coalition
+    if run.task.knowledge != "black_box":
+        raise ValueError(f"knowledge is {run.task.knowledge!r}; a coalition has black_box knowledge")
     observation: Observation = "coalition" if isinstance(settings, CoalitionPPOSettings) else "agents"
     models = (run.trust_model, *run.further_models)
     tasks = [task_from_card(run.task, model, run.scenario, observation) for model in models]

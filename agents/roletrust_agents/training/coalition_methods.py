@@ -20,6 +20,7 @@ from roletrust_agents.training.settings import (
     GradientSettings,
     Start,
     StrategySettings,
+    checked_settings,
 )
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.records import read_record
@@ -90,12 +91,18 @@ class Evolve:
     spread: float = 0.3
     name: str = "evolution"
 
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        self._settings()
+
+    def _settings(self) -> EvolutionSettings:
+        names = ("start", "starts", "population", "games", "spread")
+        return checked_settings(EvolutionSettings, self.name, {name: getattr(self, name) for name in names})
+
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        fields = {name: getattr(self, name) for name in ("start", "starts", "population", "games", "spread")}
-        settings = EvolutionSettings(**fields)
         known = known_starts(self.start, self.known)
-        evolution, progress = _trained(Evolution, settings, arguments, budget, seed, known, self.name)
+        evolution, progress = _trained(Evolution, self._settings(), arguments, budget, seed, known, self.name)
         words = f"coalition, evolution in {evolution.steps} steps of {self.population} candidates"
         return SearchResult(CoalitionAttacker(evolution.network), budget.spent, words, progress=progress)
 
@@ -124,13 +131,18 @@ class Strategy:
     learning_rate: float = 0.05
     name: str = "evolution strategy"
 
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        self._settings()
+
+    def _settings(self) -> StrategySettings:
+        names = ("start", "pairs", "games", "spread", "learning_rate")
+        return checked_settings(StrategySettings, self.name, {name: getattr(self, name) for name in names})
+
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        fields = {name: getattr(self, name) for name in ("start", "pairs", "games", "spread", "learning_rate")}
         known = known_starts(self.start, self.known)
-        strategy, progress = _trained(
-            EvolutionStrategy, StrategySettings(**fields), arguments, budget, seed, known, self.name
-        )
+        strategy, progress = _trained(EvolutionStrategy, self._settings(), arguments, budget, seed, known, self.name)
         words = f"coalition, evolution strategy in {strategy.steps} steps of {2 * self.pairs} candidates"
         return SearchResult(CoalitionAttacker(strategy.network), budget.spent, words, progress=progress)
 
@@ -158,13 +170,18 @@ class Gradients:
     temperature: float = 0.1
     name: str = "gradients"
 
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        self._settings()
+
+    def _settings(self) -> GradientSettings:
+        names = ("start", "games", "learning_rate", "temperature")
+        return checked_settings(GradientSettings, self.name, {name: getattr(self, name) for name in names})
+
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
-        settings = GradientSettings(
-            start=self.start, games=self.games, learning_rate=self.learning_rate, temperature=self.temperature
-        )
         known = known_starts(self.start)
-        ascent, progress = _trained(GradientAscent, settings, arguments, budget, seed, known, self.name)
+        ascent, progress = _trained(GradientAscent, self._settings(), arguments, budget, seed, known, self.name)
         lost = f", {ascent.skipped} without a finite gradient" if ascent.skipped else ""
         words = f"coalition, {ascent.steps} steps along gradients{lost}"
         return SearchResult(CoalitionAttacker(ascent.network), budget.spent, words, progress=progress)

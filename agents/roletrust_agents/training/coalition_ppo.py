@@ -11,7 +11,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_methods import best_universal, choice_rounds, universal_coalitions
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
-from roletrust_agents.training.settings import CoalitionPPOSettings, Start
+from roletrust_agents.training.settings import CoalitionPPOSettings, Start, checked_settings
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -45,6 +45,9 @@ def make_ppo(
         learning_rate: Function of the share of the training that is left, in the sense of Stable-Baselines3.
         seed: Random seed.
         first: Network to begin with; None is a random one whose mean actions are near the truth.
+
+    Raises:
+        UnsuitableError: A rollout has a single round.
     """
     from stable_baselines3 import PPO
 
@@ -52,6 +55,8 @@ def make_ppo(
     from roletrust_agents.training.experience import WholeGames
 
     rounds, spread = task.game.scenario.max_cycles, float(np.log(settings.first_spread))
+    if settings.games * rounds < 2:
+        raise UnsuitableError("a rollout of one round is too short for PPO; give more games")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the last batch may be smaller than the others
         model = PPO(
@@ -59,7 +64,7 @@ def make_ppo(
             WholeGames(task, settings.games, seed=seed),
             learning_rate=learning_rate,
             n_steps=rounds,
-            batch_size=settings.games * rounds // _BATCHES,
+            batch_size=max(2, settings.games * rounds // _BATCHES),
             n_epochs=settings.n_epochs,
             gamma=settings.gamma,
             gae_lambda=settings.gae_lambda,
@@ -87,6 +92,8 @@ class CoalitionPpoTraining(CoalitionTraining[CoalitionPPOSettings]):
         tasks = [task for task in self.tasks if isinstance(task, CoalitionTask)]
         if len(tasks) < len(self.tasks):
             raise ValueError('PPO of a coalition is for tasks with observation="coalition"')
+        if self.settings.start == "universal" and not self._known:
+            raise UnsuitableError(f"no universal coalition has {self.settings.units} units; give start=random")
         self._first = self.networks(self._starts[0]) if self.settings.start == "universal" else None
         self._games = [WholeGames(task, self.settings.games) for task in tasks]
         self._ppo = make_ppo(tasks[0], self.settings, self._rate, self.seed, self._first)
@@ -164,6 +171,14 @@ class CoalitionPpo:
     spread: float | None = None
     name: str = "coalition PPO"
 
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        self._settings()
+
+    def _settings(self) -> CoalitionPPOSettings:
+        names = ("start", "learning_rate", "gamma", "gae_lambda", "n_epochs", "clip_range", "spread")
+        return checked_settings(CoalitionPPOSettings, self.name, {name: getattr(self, name) for name in names})
+
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
         from stable_baselines3.common.utils import LinearSchedule
@@ -171,8 +186,7 @@ class CoalitionPpo:
         from roletrust_agents.training.coalition_policy import deep_set_of
         from roletrust_agents.training.experience import AfterUpdates
 
-        fields = ("start", "learning_rate", "gamma", "gae_lambda", "n_epochs", "clip_range", "spread")
-        settings = CoalitionPPOSettings(**{name: getattr(self, name) for name in fields})
+        settings = self._settings()
         task = _task(arguments, self.name)
         rounds = task.game.scenario.max_cycles
         universal = self.start == "universal"

@@ -66,7 +66,7 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         self.steps = self.rounds = 0
         self.best: Validated | None = None
         fitting = [weights for weights in known if len(weights) == self.architecture.size]
-        self._starts = self._order(fitting)
+        self._known, self._starts = fitting, self._order(fitting)
         self._validate_known(fitting)
         self._begin()
 

@@ -165,7 +165,8 @@ class CoalitionPPOSettings(CoalitionSettings):
     steps: Natural = 100_000
     games: Natural = 32
     """Number of games of a rollout."""
-    candidates: Natural = 1
+    candidates: Annotated[int, Field(ge=1, le=1)] = 1
+    """Number of random networks to start from: the policy draws its own."""
     validate_every: Natural = 15
     learning_rate: Rate | None = None
     """Initial learning rate, which falls linearly to a tenth; None is 0.003 for a universal coalition and 0.01 for a
@@ -224,6 +225,26 @@ TUNED: dict[tuple[str, str], dict[str, Any]] = {
 """Settings that differ from the algorithm's defaults, by task and algorithm."""
 
 
+SettingsT = TypeVar("SettingsT", bound=BaseModel)
+
+
+def checked_settings(kind: type[SettingsT], name: str, fields: Mapping[str, Any]) -> SettingsT:
+    """Return settings of a kind.
+
+    Args:
+        kind: Class of the settings.
+        name: Name of the learner or search method, for errors.
+        fields: Fields of the settings.
+
+    Raises:
+        ValueError: A value is not allowed.
+    """
+    try:
+        return kind.model_validate(dict(fields))
+    except ValidationError as error:
+        raise ValueError(f"{name}: {explain(error)}") from None
+
+
 def learner_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> LearnerSettings:
     """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for `make_settings`."""
     settings = make_settings(task_id, algo, changes)
@@ -242,7 +263,4 @@ def make_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> Setti
     for name in changes:
         if name not in known:
             raise ValueError(f"--learner: {algo} has no setting {name!r}{suggest(name, known)}")
-    try:
-        return _KINDS[algo].model_validate({**TUNED.get((task_id, algo), {}), **changes})
-    except ValidationError as error:
-        raise ValueError(f"--learner of {algo}: {explain(error)}") from None
+    return checked_settings(_KINDS[algo], f"--learner of {algo}", {**TUNED.get((task_id, algo), {}), **changes})

@@ -103,7 +103,7 @@ def budget(
 
     [bold]Examples[/]
 
-    [dim]# six models and six ways with up to two million rounds, in hours[/]
+    [dim]# six models and eight ways with up to two million rounds, in hours[/]
     [cyan]roletrust budget[/]
 
     [dim]# one model, two ways, small budgets, in a minute[/]

@@ -148,10 +148,10 @@ def train(
     [dim]# a coalition that learns by evolution, against two trust models in turn[/]
     [cyan]roletrust train CollusionAttack --learner evolution --model beta --model qor[/]
 
-    [dim]# the same by an evolution strategy, which needs fewer rounds[/]
+    [dim]# one by an evolution strategy, which needs fewer rounds[/]
     [cyan]roletrust train CollusionAttack --learner evolution-strategy --objective mislead --model role-trust[/]
 
-    [dim]# the same network by PPO, with noise that is held over a game[/]
+    [dim]# one by PPO, with noise that is held over a game[/]
     [cyan]roletrust train CollusionAttack --learner coalition-PPO --objective mislead --model median[/]
 
     [dim]# a coalition that learns by gradients through the game[/]

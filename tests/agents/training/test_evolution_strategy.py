@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from roletrust_agents.training.coalition_methods import Strategy
+from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
+from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy, _slope
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_env.evaluation.records import record_of
@@ -94,6 +95,20 @@ def test_a_known_attack_is_the_least():
     record = record_of(known.attacker)
     again = Strategy(known=(record,), pairs=4, games=2).search(TASK, Budget(20_000), 0)
     assert max(score for _, score in again.progress) >= max(score for _, score in known.progress) - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("method", "fields", "message"),
+    [
+        (Strategy, {"pairs": 1}, "evolution strategy: pairs"),
+        (Evolve, {"population": 1}, "evolution: population"),
+        (Gradients, {"temperature": 0}, "gradients: temperature"),
+        (CoalitionPpo, {"gamma": 2}, "coalition PPO: gamma"),
+    ],
+)
+def test_parameters_are_checked_before_a_search(method, fields, message):
+    with pytest.raises(ValueError, match=message):
+        method(**fields)
 
 
 def test_a_budget_that_is_too_small_is_refused():

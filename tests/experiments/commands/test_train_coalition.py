@@ -88,6 +88,25 @@ def test_it_trains_against_several_models_in_turn(tmp_path, learner):
     assert "only evolution, evolution-strategy, gradients, coalition-PPO train" in refused
 
 
+@EACH
+def test_a_run_of_few_rounds_plays_a_step(tmp_path, learner):
+    """The choice of the start alone takes more rounds than these."""
+    train(tmp_path, "CollusionAttack", *TINY, *learner, "--steps", 1)
+    assert load_attacker(tmp_path).card.training.rounds > 1
+
+
+def test_what_a_training_of_a_coalition_cannot_do_is_refused(tmp_path):
+    few = ["CollusionAttack", *TINY, "--steps", 100]
+    refused = train(tmp_path / "units", *few, "--learner", "coalition-PPO:units=5", code=2)
+    assert "no universal coalition has 5 units; give start=random" in refused
+    short = ["CollusionAttack", "--set", "max_cycles=1", *TINY[2:], "--steps", 10]
+    refused = train(tmp_path / "short", *short, "--learner", "coalition-PPO:games=1", code=2)
+    assert "a rollout of one round is too short for PPO; give more games" in refused
+    refused = train(tmp_path / "box", *few, *STRATEGY, "--knowledge", "white_box", code=2)
+    assert "a coalition has black_box knowledge" in refused
+    assert "candidates" in train(tmp_path / "many", *few, "--learner", "coalition-PPO:candidates=9", code=2)
+
+
 def test_what_a_setting_or_a_card_cannot_be_is_refused(tmp_path):
     assert "population" in train(tmp_path, "ProviderAttack", "--learner", "evolution:population=1", code=2)
     assert "gama" in train(tmp_path, "ProviderAttack", "--learner", "evolution:gama=1", code=2)
