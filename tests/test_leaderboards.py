@@ -9,7 +9,7 @@ from scipy.stats import spearmanr
 
 BOARDS = Path(__file__).parents[1] / "docs" / "leaderboards"
 CURRENT = (BOARDS.parent / "robustness.md").read_text(encoding="utf-8")
-FIRST, SECOND = ((BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second"))
+FIRST, SECOND, THIRD = ((BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second", "third"))
 
 Rows = dict[str, dict[str, str]]
 
@@ -19,7 +19,8 @@ def rows(name: str) -> Rows:
         return {row["model"]: row for row in csv.DictReader(file)}
 
 
-ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3/leaderboard.csv")
+ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3.csv")
+FOUR = rows("standard-4/leaderboard.csv")
 
 
 def table(page: str) -> list[str]:
@@ -37,7 +38,7 @@ def skill(row: dict[str, str]) -> str:
 
 
 def test_the_best_models_of_each_condition_are_those_of_the_table() -> None:
-    with (BOARDS / "standard-3" / "worst_cases.csv").open(encoding="utf-8") as file:
+    with (BOARDS / "standard-4" / "worst_cases.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
     expected = []
     for where in dict.fromkeys((row["scenario"], row["track"], row["share"]) for row in rows):
@@ -61,7 +62,7 @@ def test_the_places_in_the_first_two_are_those_of_the_tables() -> None:
     ]
 
 
-def test_the_places_in_the_last_two_are_those_of_the_tables() -> None:
+def test_the_places_in_the_second_and_third_are_those_of_the_tables() -> None:
     before = {name: (f" {row['rank']} ", f" {worst(row)} ") for name, row in TWO.items()}
     old = [before.get(name, (" ", " ")) for name in THREE]  # one model is new
     assert table(SECOND) == [
@@ -70,11 +71,32 @@ def test_the_places_in_the_last_two_are_those_of_the_tables() -> None:
     ]
 
 
-@pytest.mark.parametrize(("page", "old", "new"), [(FIRST, ONE, TWO), (SECOND, TWO, THREE)])
+def test_the_places_in_the_last_two_are_those_of_the_tables() -> None:
+    pairs = {name: (THREE[name], row) for name, row in FOUR.items()}
+    columns = {name: (*(row["tier"] for row in pair), *(row["rank"] for row in pair)) for name, pair in pairs.items()}
+    expected = [[f"`{name}`", *columns[name], *map(worst, pair)] for name, pair in pairs.items()]
+    assert table(THIRD) == [f"| {' | '.join(row)} |" for row in expected]
+
+
+@pytest.mark.parametrize(("page", "old", "new"), [(FIRST, ONE, TWO), (SECOND, TWO, THREE), (THIRD, THREE, FOUR)])
 def test_the_rank_correlation_is_that_of_the_tables(page: str, old: Rows, new: Rows) -> None:
     names = [name for name in new if name != "constant" and name in old]
     found = spearmanr(*([float(board[name]["worst"]) for name in names] for board in (old, new)))
     assert re.findall(r"of the\w* two columns is (-?[\d.]+\d)", " ".join(page.split())) == [f"{found.statistic:.2f}"]
+
+
+def test_the_third_page_counts_the_conditions_that_moved() -> None:
+    def scores(name: str) -> dict[tuple[str, ...], float]:
+        with (BOARDS / name).open(encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
+        return {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in rows}
+
+    before, after = scores("standard-3-worst_cases.csv"), scores("standard-4/worst_cases.csv")
+    moved = [after[key] - before[key] for key in before]
+    lower, higher = (sum(sign * change > 0.02 for change in moved) for sign in (-1, 1))
+    page = " ".join(THIRD.split())
+    assert f"In {lower} of the {len(moved)} conditions of all models, the worst case is more than 0.02 lower" in page
+    assert f"and in {higher} more than 0.02 higher" in page
 
 
 def test_the_sentences_on_single_models_are_true() -> None:
@@ -83,14 +105,17 @@ def test_the_sentences_on_single_models_are_true() -> None:
     moved = {name: (TWO[name]["rank"], THREE[name]["rank"]) for name in ("travos", "median")}
     assert moved == {"travos": ("20", "1"), "median": ("1", "12")}
     assert THREE["own-experience"]["tier"] == "1"
-    assert next(name for name, row in THREE.items() if row["published"] == row["worst"]) == "wary-role-trust"
-    assert [row["worst_condition"] for row in THREE.values()].count("market, identities 30%") == 17
+    assert next(name for name, row in FOUR.items() if row["published"] == row["worst"]) == "wary-role-trust"
+    assert FOUR["wary-role-trust"]["rank"] == "7"
+    assert [row["worst_condition"] for row in FOUR.values()].count("market, identities 30%") == 16
+    assert next(iter(FOUR)) == "own-experience"
+    assert [row["tier"] for row in FOUR.values()].count("1") == 9
     between = [name for name, row in ONE.items() if 0.8795 <= float(row["worst"]) < 0.9625]
     assert len(between) == 20
     assert [row["worst_condition"] for row in TWO.values()].count("crowd, identities 30%") == 20
 
 
 def test_the_sentence_on_searches_is_that_of_the_report() -> None:
-    report = (BOARDS / "standard-3" / "report.html").read_text(encoding="utf-8")
+    report = (BOARDS / "standard-4" / "report.html").read_text(encoding="utf-8")
     assert re.findall(r"In (\d+ of \d+) cells", CURRENT) == re.findall(r"more than 0\.01 in (\d+ of \d+) cells", report)
-    assert f"against {float(THREE['own-experience']['worst']):.3f} here" in CURRENT
+    assert f"against {float(FOUR['own-experience']['worst']):.3f} here" in CURRENT
