@@ -101,10 +101,15 @@ def _class(cls: type, seen: dict[int, int]) -> Iterable[object]:
     """Return the parts of a class: its name, and its attributes unless it is of a known package."""
     name = "class", cls.__module__, cls.__qualname__
     top = cls.__module__.partition(".")[0]
-    if top in _KNOWN or top in sys.stdlib_module_names:
+    if top in _KNOWN or (top in sys.stdlib_module_names and _is_there(cls)):
         return name
     own = {key: value for key, value in vars(cls).items() if not (key.startswith("__") and not callable(value))}
     return *name, *(_digest(base, seen) for base in cls.__bases__), _digest(own, seen)
+
+
+def _is_there(cls: type) -> bool:
+    """Return whether a class is in the module that it names: one made by `type(...)` below an `ABC` names `abc`."""
+    return getattr(sys.modules.get(cls.__module__), cls.__qualname__, None) is cls
 
 
 def _object(thing: Any, seen: dict[int, int]) -> Iterable[object]:

@@ -114,14 +114,14 @@ def test_smooth_trust_is_near_the_true_one():
 
 
 @pytest.mark.parametrize("model", [RoleTrust, SmoothRoleTrust])
-def test_only_the_smooth_one_has_gradients_where_raters_agree(model):
-    """The trap that it is for: all raters agree on provider 0, and nobody rates provider 1."""
+def test_gradients_are_finite_where_raters_agree(model):
+    """All raters agree on provider 0, and nobody rates provider 1. A gap that is rounding counts as 0, without a slope."""
     like = torch.zeros((3, 2), dtype=torch.float64)
     note = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
     ratings, mask = like + note, torch.tensor([[True, False]] * 3)
     state = model().update(model().start(like), ratings, mask)
     (state.tor.sum() + state.top.sum()).backward()
-    assert bool(torch.isfinite(note.grad)) == (model is SmoothRoleTrust)
+    assert bool(torch.isfinite(note.grad))
 
 
 @pytest.mark.parametrize("arguments", [PROVIDER, RATER], ids=["provider", "rater"])
