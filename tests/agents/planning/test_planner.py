@@ -115,7 +115,7 @@ def test_smooth_trust_is_near_the_true_one():
 
 @pytest.mark.parametrize("model", [RoleTrust, SmoothRoleTrust])
 def test_gradients_are_finite_where_raters_agree(model):
-    """All raters agree on provider 0, and nobody rates provider 1. A gap that is rounding counts as 0, without a slope."""
+    """All raters agree on provider 0, and nobody rates provider 1. A gap of rounding counts as 0, without a slope."""
     like = torch.zeros((3, 2), dtype=torch.float64)
     note = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
     ratings, mask = like + note, torch.tensor([[True, False]] * 3)
