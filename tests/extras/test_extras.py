@@ -164,7 +164,7 @@ def test_ray(fresh: Callable[..., Environment]) -> None:
 
 def test_live(fresh: Callable[..., Environment]) -> None:
     live = fresh("live")
-    assert "Made in keys: sr_0, sr_1, sr_2" in live.roletrust("live", "keys", "keys")
+    assert "Made in keys: manager, sr_0, sr_1, sr_2, sp_0" in live.roletrust("live", "keys", "keys")
     heard = """
 import time
 from roletrust_env.live.wire import messages

@@ -72,7 +72,7 @@ def played(tmp_path_factory):
             wait(lambda: rounds_of_both(journal) >= ROUNDS)
             guests[1].kill()
             guest("rater.py", "sr_1", "sp_0,sp_2")
-            wait(lambda: "refused: sr_1" in said.read_text())
+            wait(lambda: "refused: sr_1: unsigned" in said.read_text())
     finally:
         for one in guests:
             one.kill()
