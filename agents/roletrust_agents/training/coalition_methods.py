@@ -20,7 +20,7 @@ from roletrust_agents.training.settings import (
     GradientSettings,
     Start,
     StrategySettings,
-    checked_settings,
+    settings_of,
 )
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
 from roletrust_env.evaluation.records import read_record
@@ -96,8 +96,7 @@ class Evolve:
         self._settings()
 
     def _settings(self) -> EvolutionSettings:
-        names = ("start", "starts", "population", "games", "spread")
-        return checked_settings(EvolutionSettings, self.name, {name: getattr(self, name) for name in names})
+        return settings_of(EvolutionSettings, self)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
@@ -136,8 +135,7 @@ class Strategy:
         self._settings()
 
     def _settings(self) -> StrategySettings:
-        names = ("start", "pairs", "games", "spread", "learning_rate")
-        return checked_settings(StrategySettings, self.name, {name: getattr(self, name) for name in names})
+        return settings_of(StrategySettings, self)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""
@@ -175,8 +173,7 @@ class Gradients:
         self._settings()
 
     def _settings(self) -> GradientSettings:
-        names = ("start", "games", "learning_rate", "temperature")
-        return checked_settings(GradientSettings, self.name, {name: getattr(self, name) for name in names})
+        return settings_of(GradientSettings, self)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `roletrust_env.evaluation.search.SearchMethod`."""

@@ -11,7 +11,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_methods import best_universal, choice_rounds, universal_coalitions
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
-from roletrust_agents.training.settings import CoalitionPPOSettings, Start, checked_settings
+from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -176,8 +176,7 @@ class CoalitionPpo:
         self._settings()
 
     def _settings(self) -> CoalitionPPOSettings:
-        names = ("start", "learning_rate", "gamma", "gae_lambda", "n_epochs", "clip_range", "spread")
-        return checked_settings(CoalitionPPOSettings, self.name, {name: getattr(self, name) for name in names})
+        return settings_of(CoalitionPPOSettings, self)
 
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""

@@ -245,6 +245,20 @@ def checked_settings(kind: type[SettingsT], name: str, fields: Mapping[str, Any]
         raise ValueError(f"{name}: {explain(error)}") from None
 
 
+def settings_of(kind: type[SettingsT], method: Any) -> SettingsT:
+    """Return the settings of a training from the fields of a search method that have the same names.
+
+    Args:
+        kind: Class of the settings.
+        method: Search method with a `name`.
+
+    Raises:
+        ValueError: A value is not allowed.
+    """
+    fields = {name: getattr(method, name) for name in kind.model_fields if hasattr(method, name)}
+    return checked_settings(kind, method.name, fields)
+
+
 def learner_settings(task_id: str, algo: Algo, changes: Mapping[str, Any]) -> LearnerSettings:
     """Return the settings of a learner of Stable-Baselines3. Arguments and errors as for `make_settings`."""
     settings = make_settings(task_id, algo, changes)
