@@ -118,11 +118,13 @@ findings: setup
 	cp $(OUT)/findings/findings.md docs/
 	cp $(OUT)/findings/findings/*.png docs/findings/
 
-# What a longer search finds, what five searches find in three conditions, and what carries over to other trust models; an
-# hour or more on two cores, and a repeat continues.
+# What attackers of today find where those of the first suite searched, what a longer search finds, what five searches find
+# in three conditions, and what carries over to other trust models; two hours on two cores, and a repeat continues.
 FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --budget 2000000 --runs 5 \
 	--model wary-role-trust --model beta --model role-trust --model qor
 attackers: setup
+	$(BIN)/roletrust benchmark --suite attackers --out $(OUT)/attackers
+	$(BIN)/roletrust report $(OUT)/attackers/results.sqlite --out $(OUT)/attackers/report
 	$(BIN)/roletrust budget --out $(OUT)/budget
 	$(FIVE_RUNS) --track raters --share 0.5 --out $(OUT)/crowd-raters
 	$(FIVE_RUNS) --out $(OUT)/crowd-coalition
@@ -134,7 +136,7 @@ attackers: setup
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
-	cp $(OUT)/budget/budget.json docs/attackers/
+	cp $(OUT)/budget/budget.json $(OUT)/attackers/report/games.csv.gz docs/attackers/
 	cp $(OUT)/outside/transfer.md docs/attackers/outside.md
 	for name in crowd-raters crowd-coalition market-raters ppo; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 

@@ -1,0 +1,67 @@
+"""The page on attackers agrees with the games of its suite."""
+
+import csv
+import gzip
+from collections import defaultdict
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = (DOCS / "attackers.md").read_text(encoding="utf-8")
+
+
+def before() -> set[str]:
+    suite = load_suite("standard")
+    assert isinstance(suite, Suite)
+    return {"CMA-ES", *suite.attacks}
+
+
+class Found(NamedTuple):
+    rung: str
+    attack: str
+    chosen: float
+    measured: float
+
+
+def mean(cell: str) -> float:
+    values = [float(value) for value in cell.split()]
+    return sum(values) / len(values)
+
+
+def worst(found: list[Found]) -> float:
+    return min(found, key=lambda one: one.chosen).measured
+
+
+@pytest.fixture(scope="module")
+def conditions() -> dict[str, list[list[Found]]]:
+    found: dict[tuple[str, ...], list[Found]] = defaultdict(list)
+    with gzip.open(DOCS / "attackers" / "games.csv.gz", "rt", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["model"] != "constant" and row["track"] not in ("honest", "perturbed"):
+                key = tuple(row[name] for name in ("track", "scenario", "share", "model"))
+                one = Found(row["rung"], row["attack"], mean(row["chosen_utility"]), mean(row["utility"]))
+                found[key].append(one)
+    tracks: dict[str, list[list[Found]]] = defaultdict(list)
+    for key, attacks in found.items():
+        tracks[key[0]].append(attacks)
+    return tracks
+
+
+def test_the_table_is_that_of_the_games(conditions: dict[str, list[list[Found]]]) -> None:
+    old_attacks, lines = before(), []
+    for track, cells in conditions.items():
+        now = [worst(cell) for cell in cells]
+        old = [worst([one for one in cell if one.attack in old_attacks]) for cell in cells]
+        scripts = [worst([one for one in cell if one.rung == "scripted"]) for cell in cells]
+        lower = sum(low < high for low, high in zip(now, old, strict=True))
+        clearly = sum(low < high - 0.01 for low, high in zip(now, old, strict=True))
+        above = [high - low for high, low in zip(now, scripts, strict=True) if high > low]
+        most = f"{max(above):.3f}" if above else ""
+        lines.append(f"| {track} | {len(cells)} | {lower} | {clearly} | {len(above)} | {most} |")
+    table = PAGE.partition("| track |")[2].partition("\n\n")[0].splitlines()[2:]
+    assert sorted(table) == sorted(lines)
