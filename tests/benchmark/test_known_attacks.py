@@ -10,7 +10,7 @@ from benchmark_cases import results, tiny
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.coalition_methods import universal_coalitions
+from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.benchmark import Leaderboard, load_suite
 from roletrust_env.benchmark.attack_entries import _renamed, make_entries
 from roletrust_env.benchmark.cells import cells, rules

@@ -7,7 +7,7 @@ import pytest
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.coalition_methods import universal_coalitions
+from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import Policy
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attack_space import HONEST

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from roletrust_agents.learned.saved import SavedAttacker, task_from_card
-from roletrust_agents.training.coalition_methods import known_starts
 from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
@@ -22,6 +21,7 @@ from roletrust_agents.training.settings import (
     StrategySettings,
     make_settings,
 )
+from roletrust_agents.training.universal import known_starts
 from roletrust_env.game.make_task import Observation
 
 _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {

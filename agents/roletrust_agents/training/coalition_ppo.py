@@ -9,9 +9,9 @@ import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet
-from roletrust_agents.training.coalition_methods import best_universal, choice_rounds, universal_coalitions
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
+from roletrust_agents.training.universal import best_universal, choice_rounds, universal_coalitions
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.saved import load_attacker
-from roletrust_agents.training.coalition_methods import Evolve, universal_coalitions
+from roletrust_agents.training.coalition_methods import Evolve
+from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.evaluation.search import Budget, SearchResult
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_experiments.attackers.condition import Condition

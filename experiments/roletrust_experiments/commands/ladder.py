@@ -118,7 +118,8 @@ def ladder(
     from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
-    from roletrust_agents.training.coalition_methods import Evolve, Universal
+    from roletrust_agents.training.coalition_methods import Evolve
+    from roletrust_agents.training.universal import Universal
 
     task_id = find_task(task)
     defaults = TASKS[task_id].defaults

@@ -13,10 +13,10 @@ from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker, joint_decision
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
-from roletrust_agents.training.coalition_methods import universal_coalitions
 from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, deep_set_of, policy_arguments
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.experience import AfterUpdates, WholeGames
+from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_task
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError

@@ -6,9 +6,10 @@ import pytest
 pytest.importorskip("cma")
 
 from roletrust_agents.learned.deep_set import DeepSetArchitecture
-from roletrust_agents.training.coalition_methods import Evolve, Universal, universal_coalitions
+from roletrust_agents.training.coalition_methods import Evolve
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.settings import EvolutionSettings
+from roletrust_agents.training.universal import Universal, universal_coalitions
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 
