@@ -50,6 +50,7 @@ _ALGORITHMS = _SINGLE | _COALITIONS
 
 
 def train(
+    context: typer.Context,
     task: Annotated[
         str | None,
         typer.Argument(
@@ -172,10 +173,12 @@ def train(
 
     torch.set_num_threads(threads)
     run = None
+    if task is None:
+        _refuse_options(context)
     if task is not None:
         task_id = find_task(task)
         name, changes = parse_parameters(learner)
-        algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower())
+        algo: Any = {known.lower(): algo for known, algo in _ALGORITHMS.items()}.get(name.lower().replace(" ", "-"))
         algo = algo or check_choice("learner", name, tuple(_ALGORITHMS))
         tuned = make_settings(task_id, algo, {**changes, **({"steps": steps} if steps else {})})
         defaults = TASKS[task_id].defaults
@@ -223,6 +226,15 @@ def train(
             scenario, settings, (model or ["role-trust"])[0], compromised, stealth_weight, stealth_tolerance
         )
         print_next("ladder", task, shared, option("--seed", seed, 0), option("--runs", runs, 1), "--learned", out)
+
+
+def _refuse_options(context: typer.Context) -> None:
+    """Refuse the options of a new run beside a run that is continued, which has its own."""
+    allowed = ("--out", "--threads", "--resume", "--runs")
+    sources = {one.opts[0]: context.get_parameter_source(str(one.name)) for one in context.command.params}
+    given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if wrong := [name for name in given if name not in allowed]:
+        raise ValueError(f"{', '.join(wrong)}: a run that is continued keeps its options; name a task to begin another")
 
 
 def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":

@@ -167,6 +167,7 @@ def test_what_is_asked_wrongly(tmp_path):
         assert result.exit_code == 2
         assert message in " ".join(result.output.split())
     assert "no run in" in run("--resume", "--out", tmp_path / "new").output
+    assert "--steps, --set: a run that is continued" in run("--resume", "--steps", 9, "--set", "noise=0").output
     assert "name a task" in run("--out", tmp_path / "new").output
     (tmp_path / "config.json").write_text("{")
     assert "is broken" in run("--resume", "--out", tmp_path).output

@@ -97,6 +97,8 @@ def test_a_run_of_few_rounds_plays_a_step(tmp_path, learner):
 
 def test_what_a_training_of_a_coalition_cannot_do_is_refused(tmp_path):
     few = ["CollusionAttack", *TINY, "--steps", 100]
+    spelt = train(tmp_path / "spelt", *few, "--learner", "evolution strategy:spread=-1", code=2)
+    assert "spread" in spelt  # the name is known as the list spells it, too
     refused = train(tmp_path / "units", *few, "--learner", "coalition-PPO:units=5", code=2)
     assert "no universal coalition has 5 units; give start=random" in refused
     short = ["CollusionAttack", "--set", "max_cycles=1", *TINY[2:], "--steps", 10]
