@@ -6,6 +6,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from roletrust_env.benchmark.suite import Suite
@@ -65,3 +66,21 @@ def test_the_table_is_that_of_the_games(conditions: dict[str, list[list[Found]]]
         lines.append(f"| {track} | {len(cells)} | {lower} | {clearly} | {len(above)} | {most} |")
     table = PAGE.partition("| track |")[2].partition("\n\n")[0].splitlines()[2:]
     assert sorted(table) == sorted(lines)
+
+
+@pytest.mark.parametrize(
+    ("way", "model"), [("evolution", "subjective-logic"), ("evolution strategy", "wary-role-trust")]
+)
+def test_the_gain_of_the_last_doubling_is_that_of_the_table(way: str, model: str) -> None:
+    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    with (DOCS / "attackers" / "budget.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["way"] == way and row["utility"]:
+                found[row["model"], row["budget"]].append(float(row["utility"]))
+    names = {name for name, _ in found}
+    gains = {name: np.mean(found[name, "1000000"]) - np.mean(found[name, "2000000"]) for name in names}
+    exception = gains.pop(model)
+    most = f"at most {max(gains.values()):.3f} by `{way}`, except against `{model}` ({exception:.3f})".replace(
+        " 0.", " ."
+    )
+    assert most.replace("(0.", "(.") in " ".join(PAGE.split())

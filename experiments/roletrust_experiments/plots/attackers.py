@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from roletrust_experiments.attackers.budget import Level
     from roletrust_experiments.attackers.transfer import Cell
 
-_COLOURS = (QUIET, HONEST[0], HONEST[1], ATTACKERS[0], ATTACKERS[1], ATTACKERS[2], HONEST[2])
-_MARKS = ("o", "s", "^", "D", "v", "P", "X")
+_COLOURS = (QUIET, HONEST[0], HONEST[1], ATTACKERS[0], ATTACKERS[1], ATTACKERS[2], HONEST[2], HONEST[3])
+_MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _COLUMNS, _WIDE, _HIGH = 3, 4.0, 3.0  # panels side by side, and inches of a panel
 _CELL, _LETTER = 0.46, 0.085  # inches of a cell of the heat map, and of a letter of its names
 _DARK = 0.35  # distance from 0.5 beyond which numbers are white
