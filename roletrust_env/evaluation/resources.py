@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from roletrust_env import Game
 
@@ -72,9 +74,15 @@ def check_memory(option: str, number: int, each: float, hint: str = "") -> None:
 
 
 def processor() -> str:
-    """Return the name of the processor; another processor may round the same sums differently."""
+    """Return the name of the processor, and those of its instructions that NumPy found.
+
+    Another processor may round the same sums differently, and so may the same one where a virtual machine hides some of
+    its instructions.
+    """
     found = re.search(r"^model name\s*:\s*(.+)$", _read("/proc/cpuinfo"), re.MULTILINE)
-    return found[1] if found else platform.processor() or platform.machine()
+    name = found[1] if found else platform.processor() or platform.machine()
+    build: dict[str, Any] = np.show_config(mode="dicts")  # type: ignore[assignment]  # None in the other modes
+    return " ".join([name, *build.get("SIMD Extensions", {}).get("found", [])])
 
 
 def available() -> float:

@@ -1,8 +1,13 @@
 """`roletrust verify`: attackers that a search found on another machine."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from benchmark_cases import tiny
 from command_line import run
@@ -10,6 +15,7 @@ from command_line import run
 from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.run_cell import play_cell
 from roletrust_env.benchmark.store import Store
+from roletrust_env.evaluation.resources import processor
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +86,41 @@ def test_a_search_has_one_attack_and_others_have_no_record(tmp_path: Path, found
     assert "must not contain a value twice" in refused("twice")
     assert "other attacks than the one" in refused("other")
     assert "has a record, but the rung nobody does not search" in refused("record")
+
+
+PLAY = """
+from pathlib import Path
+from benchmark_cases import tiny
+from command_line import run
+from roletrust_env.benchmark.cells import cells
+from roletrust_env.benchmark.run_cell import play_cell
+from roletrust_env.benchmark.store import Store
+suite = tiny(rungs=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
+with Store(Path("results.sqlite"), suite) as store:
+    for cell in cells(suite):
+        store.add(cell, play_cell(suite, cell))
+made = run("submit", "results.sqlite", "--out", "theirs.json")
+assert made.exit_code == 0, made.output
+"""
+
+
+@pytest.mark.slow
+def test_an_honest_entry_of_a_machine_that_rounds_otherwise_is_accepted(tmp_path: Path) -> None:
+    """The same software on a machine with fewer instructions: sums differ in their last bits, and searches in all."""
+    build: Any = np.show_config(mode="dicts")
+    if not (known := build["SIMD Extensions"].get("found")):
+        pytest.skip("NumPy uses no instructions here that can be left out")
+    fewer = {
+        "NPY_DISABLE_CPU_FEATURES": " ".join(known),
+        "OPENBLAS_CORETYPE": "PRESCOTT",
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
+    subprocess.run([sys.executable, "-c", PLAY], cwd=tmp_path, env={**os.environ, **fewer}, check=True, timeout=300)
+    text = (tmp_path / "theirs.json").read_text()
+    code, told = verified_text(tmp_path / "theirs.json", text)
+    assert code == 0, told
+    assert "not the same (processor)" in told
+    said = json.loads(text)
+    said["processor"] = processor()
+    code, told = verified_text(tmp_path / "theirs.json", json.dumps(said))
+    assert code == 1, told  # a claim to be of this machine is taken at its word
