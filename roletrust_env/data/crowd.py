@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.data.resampling import correlation, interval, mean, ranks
+from roletrust_env.data.tables import Columns, first_row
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_env.trust.ledger import Floats
@@ -27,17 +28,19 @@ class CrowdTask(NamedTuple):
 
 
 def read_crowd(answers: Path, truth: Path) -> CrowdTask:
-    """Read answers (question, worker, answer) and truth (question, truth), CSV files with a header, also in gzip.
+    """Read answers (question, worker, answer) and truth (question, truth): CSV files with a header, or Parquet files.
 
     Raises:
         ValueError: A file is no such table, an answer is neither 0 nor 1, or no question has a truth.
         OSError: A file cannot be read.
     """
-    log = read_ratings(answers, Columns("worker", "question", "answer"))
-    gold = read_ratings(truth, Columns("question", "question", "truth"), same_agents=False)
-    for path, found in ((answers, log), (truth, gold)):
+    tables = (answers, Columns("worker", "question", "answer")), (truth, Columns("question", "question", "truth"))
+    log, gold = (read_ratings(*table) for table in tables)
+    for (path, columns), found in zip(tables, (log, gold), strict=True):
         if (wrong := np.flatnonzero((found.values != 0) & (found.values != 1))).size:
-            raise ValueError(f"{path}, row {wrong[0] + 2}: {found.values[wrong[0]]:g} is neither 0 nor 1")
+            raise ValueError(
+                f"{path}, row {wrong[0] + first_row(path, columns)}: {found.values[wrong[0]]:g} is neither 0 nor 1"
+            )
     known = dict(zip((gold.rater_names[at] for at in gold.raters.tolist()), gold.values.tolist(), strict=True))
     values = np.array([known.get(name, np.nan) for name in log.ratee_names])
     if np.isnan(values).all():

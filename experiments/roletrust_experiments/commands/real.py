@@ -11,8 +11,9 @@ from roletrust_env import make_scenario
 from roletrust_env.data.crowd import crowd_work, read_crowd, write_crowd
 from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
-from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.log import read_ratings
 from roletrust_env.data.replay import replay_attacks
+from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
@@ -46,9 +47,9 @@ def real(
 
     The files are yours: none comes with the package. A log of ratings is a file *network.csv or ratings.csv without
     header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
-    truth). Each may be compressed by gzip. By default all central models are measured, and four of
-    neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A model that does not fit is
-    left out, and a line says so. Intervals resample whole users or tasks.
+    truth). Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models
+    are measured, and four of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A
+    model that does not fit is left out, and a line says so. Intervals resample whole users or tasks.
 
     Written: [green]real.csv real.md[/].
 
