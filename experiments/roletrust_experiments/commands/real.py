@@ -48,8 +48,9 @@ def real(
     The files are yours: none comes with the package. A log of ratings is a file *network.csv or ratings.csv without
     header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
     truth). Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models
-    are measured, and four of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A
-    model that does not fit is left out, and a line says so. Intervals resample whole users or tasks.
+    are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
+    geometric-median and centred-clipping. A model that does not fit is left out, and a line says so. Intervals resample
+    whole users or tasks.
 
     Written: [green]real.csv real.md[/].
 
