@@ -1,6 +1,7 @@
 """`roletrust real`: trust models on logs of real ratings that the user brings."""
 
 import math
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from rich.markup import escape
 
 from roletrust_env import make_scenario
 from roletrust_env.data.crowd import crowd_work, read_crowd, write_crowd
+from roletrust_env.data.crowd_methods import CROWD_METHODS, CrowdMethod
 from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
 from roletrust_env.data.log import read_ratings
@@ -19,6 +21,7 @@ from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
 
@@ -49,8 +52,9 @@ def real(
     header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
     truth). Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models
     are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
-    geometric-median and centred-clipping. A model that does not fit is left out, and a line says so. Intervals resample
-    whole users or tasks.
+    geometric-median and centred-clipping; on crowd work also dawid-skene, one-coin-dawid-skene, glad and mace, which
+    need the extra crowd. A model that does not fit is left out, and a line says so. Intervals resample whole users or
+    tasks.
 
     Written: [green]real.csv real.md[/].
 
@@ -64,10 +68,8 @@ def real(
     """
     scenario = make_scenario("paper-3x3")
     central = [name for name in trust_models() if Traits.of(parse_trust_model(name, scenario)).family == "central"]
-    models = {
-        name: NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
-        for name in model or [*central, *NEIGHBOURS]
-    }
+    methods = CROWD_METHODS if find_spec("crowdkit") else ()
+    models = {name: _model(name, scenario) for name in model or [*central, *NEIGHBOURS, *methods]}
     if synthetic:
         prepare_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -83,6 +85,8 @@ def real(
             measure = _measures(log, every, scale, not two_roles, seed)
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
+                if log.truth is None and isinstance(one, CrowdMethod):
+                    continue
                 try:
                     found = measure(one)
                 except MemoryError as error:
@@ -103,6 +107,13 @@ def real(
     with replacing(out / "real.md") as path:
         path.write_text(_page(tables, left_out), encoding="utf-8")
     console.print(f"Written to {out}: real.csv, real.md", soft_wrap=True)
+
+
+def _model(name: str, scenario: Scenario) -> Any:
+    """Return a trust model, also of a neighbouring field, or a method of crowd work."""
+    if name in CROWD_METHODS:
+        return CrowdMethod(name)
+    return NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
 
 
 def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, seed: int) -> Any:
