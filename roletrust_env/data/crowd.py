@@ -94,7 +94,7 @@ def _vote(model: Any, log: RatingLog) -> Verdict:
 
 def _weighted(log: RatingLog, weights: Floats) -> Floats:
     """Return the balance of a vote on each question, above 0 for yes, from a weight for each worker."""
-    return np.bincount(log.ratees, weights[log.raters] * (2 * log.values - 1), log.shape[1])
+    return np.bincount(log.ratees, weights[log.raters] * (2 * log.values - 1), log.shape[1]).astype(np.float64)
 
 
 def write_crowd(folder: Path, seed: int = 0, questions: int = 300, workers: int = 30) -> None:

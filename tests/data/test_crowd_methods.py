@@ -1,6 +1,5 @@
 """Methods of crowd-kit as parts of the protocol of crowd work."""
 
-
 import numpy as np
 import pytest
 

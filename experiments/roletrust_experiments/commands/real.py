@@ -14,7 +14,8 @@ from roletrust_env.data.crowd_methods import CROWD_METHODS, CrowdMethod
 from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
 from roletrust_env.data.log import read_ratings
-from roletrust_env.data.replay import replay_attacks
+from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks
+from roletrust_env.data.searched_replay import search_attack
 from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
@@ -43,6 +44,10 @@ def real(
     synthetic: Annotated[
         bool, typer.Option("--synthetic", help="First write a small synthetic log of either kind to DIR.")
     ] = False,
+    search: Annotated[
+        int,
+        typer.Option(min=0, help="Number of attacks that a search plays for each goal, number and origin of accounts."),
+    ] = 0,
     seed: Seed = 0,
     out: Out = Path("results/real"),
 ) -> None:
@@ -82,7 +87,7 @@ def real(
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
         for log in logs:
-            measure = _measures(log, every, scale, not two_roles, seed)
+            measure = _measures(log, every, scale, not two_roles, search, seed)
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
                 if log.truth is None and isinstance(one, CrowdMethod):
@@ -116,7 +121,7 @@ def _model(name: str, scenario: Scenario) -> Any:
     return NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
 
 
-def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, seed: int) -> Any:
+def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int) -> Any:
     """Read a log once, and return a function from a model to its measures, by protocol and name."""
     if log.truth is not None:
         crowd = read_crowd(log.path, log.truth)
@@ -130,6 +135,12 @@ def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents
         for attack, moved in replay_attacks(model, ratings, every, same_agents=same_agents, seed=seed).items():
             found["attack", f"{attack.goal}, honest"] = moved.before
             found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = moved.after
+        if search:
+            most = max(attack.accounts for attack in ATTACKS)
+            replay = Replay(model, ratings, every, same_agents=same_agents, most=most)
+            for attack in ATTACKS:
+                worst = search_attack(replay, attack, search, seed)
+                found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
         return found
 
     return measure
