@@ -1,6 +1,5 @@
 """`roletrust real`: trust models on logs of real ratings that the user brings."""
 
-import math
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,9 +24,7 @@ from roletrust_env.trust.neighbours import NEIGHBOURS
 from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-
-_HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
-_Row = tuple[str, str, float | None, str, str, str, float, float, float]
+from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
 
 
 def real(
@@ -82,7 +79,7 @@ def real(
         write_crowd(folder, seed)
     logs = find_logs(folder)
     prepare_folder(out)
-    rows: list[_Row] = []
+    rows: list[Row] = []
     left_out: list[str] = []
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
@@ -100,8 +97,8 @@ def real(
                 length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
                     rows.append((log.name, log.sha256, length, protocol, name, what, *value))
-    write_csv(out / "real.csv", _HEADER, rows)
-    tables = _tables(rows)
+    write_csv(out / "real.csv", HEADER, rows)
+    tables = measure_tables(rows)
     for title, headings, lines in tables:
         table = number_table(title, "", *headings[1:], name="model")
         for line in lines:
@@ -110,7 +107,7 @@ def real(
     for reason in left_out:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
     with replacing(out / "real.md") as path:
-        path.write_text(_page(tables, left_out), encoding="utf-8")
+        path.write_text(markdown(tables, left_out), encoding="utf-8")
     console.print(f"Written to {out}: real.csv, real.md", soft_wrap=True)
 
 
@@ -144,33 +141,3 @@ def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents
         return found
 
     return measure
-
-
-def _tables(rows: list[_Row]) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
-    tables = []
-    for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
-        some = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
-        measures = list(dict.fromkeys(what for _, what in some))
-        names = dict.fromkeys(name for name, _ in some)
-        undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(_cell(some.get((name, what), undefined)) for what in measures)] for name in names]
-        tables.append((f"{log}: {protocol}", ["model", *measures], lines))
-    return tables
-
-
-def _cell(value: Interval) -> str:
-    if math.isnan(value.value):
-        return "-"
-    return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
-
-
-def _page(tables: list[tuple[str, list[str], list[list[str]]]], left_out: list[str]) -> str:
-    """Return the tables as Markdown."""
-    parts = ["# Trust models on real ratings"]
-    for title, headings, lines in tables:
-        rows = [headings, ["---"] + ["---:"] * (len(headings) - 1), *lines]
-        parts += [f"## {title}", "\n".join(f"| {' | '.join(row)} |" for row in rows)]
-    if left_out:
-        parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
-    return "\n\n".join(parts) + "\n"
