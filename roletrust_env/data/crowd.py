@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.crowd_methods import CrowdMethod, Verdict
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.data.resampling import correlation, interval, mean, ranks
+from roletrust_env.data.tables import Columns, first_row
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_env.trust.ledger import Floats
@@ -27,17 +29,19 @@ class CrowdTask(NamedTuple):
 
 
 def read_crowd(answers: Path, truth: Path) -> CrowdTask:
-    """Read answers (question, worker, answer) and truth (question, truth), CSV files with a header, also in gzip.
+    """Read answers (question, worker, answer) and truth (question, truth): CSV files with a header, or Parquet files.
 
     Raises:
         ValueError: A file is no such table, an answer is neither 0 nor 1, or no question has a truth.
         OSError: A file cannot be read.
     """
-    log = read_ratings(answers, Columns("worker", "question", "answer"))
-    gold = read_ratings(truth, Columns("question", "question", "truth"), same_agents=False)
-    for path, found in ((answers, log), (truth, gold)):
+    tables = (answers, Columns("worker", "question", "answer")), (truth, Columns("question", "question", "truth"))
+    log, gold = (read_ratings(*table) for table in tables)
+    for (path, columns), found in zip(tables, (log, gold), strict=True):
         if (wrong := np.flatnonzero((found.values != 0) & (found.values != 1))).size:
-            raise ValueError(f"{path}, row {wrong[0] + 2}: {found.values[wrong[0]]:g} is neither 0 nor 1")
+            raise ValueError(
+                f"{path}, row {wrong[0] + first_row(path, columns)}: {found.values[wrong[0]]:g} is neither 0 nor 1"
+            )
     known = dict(zip((gold.rater_names[at] for at in gold.raters.tolist()), gold.values.tolist(), strict=True))
     values = np.array([known.get(name, np.nan) for name in log.ratee_names])
     if np.isnan(values).all():
@@ -46,39 +50,51 @@ def read_crowd(answers: Path, truth: Path) -> CrowdTask:
 
 
 def crowd_work(model: Any, task: CrowdTask, seed: int = 0) -> dict[str, Interval]:
-    """Return how well trust in workers serves to find the truth. All answers are one round.
+    """Return how well a trust model, or a method made for crowd work, finds the truth and the good workers.
 
-    - `accuracy`: share of questions with a known truth in which the vote, weighted by trust, is right; a tie is half.
-    - `majority`: the same with equal weights.
+    - `accuracy`: share of questions with a known truth in which the verdict is right; a tie is half. The verdict of a
+      trust model is the vote weighted by trust, after all answers as one round.
+    - `majority`: the same for the vote with equal weights.
     - `spearman`: rank correlation of trust in the workers and their true accuracy; undefined without rater trust.
 
     Intervals resample questions; that of `spearman` resamples workers.
 
     Args:
-        model: Trust model.
+        model: Trust model or `CrowdMethod`.
         task: Answers and truth.
-        seed: Random seed of the resamples.
+        seed: Random seed of the resamples, and of a method that needs one.
 
     Raises:
         MemoryError: The model does not fit, see `make_ledger`.
     """
     log, truth = task
-    ledger = make_ledger(model, log.shape)
-    ledger.play(log.raters, log.ratees, log.values)
-    trust, known = ledger.rater_trust, ~np.isnan(truth)
-    found: dict[str, Interval] = {}
-    for name, weights in (("accuracy", trust), ("majority", np.ones(log.shape[0]))):
-        vote = np.bincount(log.ratees, weights[log.raters] * (2 * log.values - 1), log.shape[1])
-        right = np.where(abs(vote) < 1e-12, 0.5, (vote > 0) == (truth > 0.5))[known]
+    verdict = model.judge(log, seed) if isinstance(model, CrowdMethod) else _vote(model, log)
+    equal = _weighted(log, np.ones(log.shape[0]))
+    known, found = ~np.isnan(truth), dict[str, Interval]()
+    for name, leaning in (("accuracy", verdict.leaning), ("majority", equal)):
+        right = np.where(abs(leaning) < 1e-12, 0.5, (leaning > 0) == (truth > 0.5))[known]
         found[name] = interval(mean(right), np.arange(len(right)), seed)
     graded = known[log.ratees]
     right = (log.values == truth[log.ratees])[graded]
     count = np.bincount(log.raters[graded], minlength=log.shape[0])
     accuracy = np.bincount(log.raters[graded], right, log.shape[0])[count > 0] / count[count > 0]
-    if model.rates_raters:
-        pair = ranks(trust[count > 0]), ranks(accuracy)
+    if verdict.trust is not None:
+        pair = ranks(verdict.trust[count > 0]), ranks(accuracy)
         found["spearman"] = interval(correlation(*pair), np.arange(len(accuracy)), seed)
     return found
+
+
+def _vote(model: Any, log: RatingLog) -> Verdict:
+    """Return the vote weighted by a trust model's trust after all answers."""
+    ledger = make_ledger(model, log.shape)
+    ledger.play(log.raters, log.ratees, log.values)
+    trust = ledger.rater_trust
+    return Verdict(_weighted(log, trust), trust if model.rates_raters else None)
+
+
+def _weighted(log: RatingLog, weights: Floats) -> Floats:
+    """Return the balance of a vote on each question, above 0 for yes, from a weight for each worker."""
+    return np.bincount(log.ratees, weights[log.raters] * (2 * log.values - 1), log.shape[1]).astype(np.float64)
 
 
 def write_crowd(folder: Path, seed: int = 0, questions: int = 300, workers: int = 30) -> None:

@@ -2,10 +2,13 @@
 
 import gzip
 import hashlib
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from roletrust_env.data.tables import ENDINGS
 
 KNOWN = {
     "76bd9d8f1d3ff9a1813d9fc8e6902a0ee4d0a2f8c1003842dbc9ec79149ab60c": "Bitcoin OTC",
@@ -16,7 +19,8 @@ KNOWN = {
 SOURCES = (
     "a log is RATINGS: *network.csv or ratings.csv, without header, with rater, ratee, rating and time, such as SNAP's "
     "soc-sign-bitcoin-otc (https://snap.stanford.edu/data/soc-sign-bitcoin-otc.html); or CROWD WORK: answer.csv "
-    "(question, worker, answer) and truth.csv (question, truth), with headers; each may be compressed (.gz)"
+    "(question, worker, answer) and truth.csv (question, truth), with headers; each may be compressed "
+    "(.gz), or a Parquet file with the same columns (.parquet)"
 )
 """Forms of the files, and where to get one."""
 
@@ -46,11 +50,12 @@ def find_logs(folder: Path) -> list[Folder]:
     """
     found = []
     for place in [folder, *sorted(path for path in folder.glob("*") if path.is_dir())]:
-        for path in sorted(place.glob("*.csv*")):
-            stem = path.name.removesuffix(".gz").removesuffix(".csv")
+        tables = [(path, path.name.removesuffix(end)) for end in ENDINGS for path in place.glob(f"*{end}")]
+        truths = [path for path, stem in tables if stem == "truth"]
+        for path, stem in sorted(tables):
             if stem.endswith("network") or stem == "ratings":
                 found.append(_folder(path, None))
-            elif stem == "answer" and (truths := sorted(place.glob("truth.csv*"))):
+            elif stem == "answer" and truths:
                 found.append(_folder(path, truths[0]))
     if not found:
         raise ValueError(f"{folder} has no log; {SOURCES}")
@@ -63,7 +68,7 @@ def _folder(path: Path, truth: Path | None) -> Folder:
         try:
             while block := file.read(1 << 20):
                 digest.update(block)
-        except (EOFError, gzip.BadGzipFile) as error:
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise ValueError(f"{path} is a damaged gzip file: {error}") from None
     sha256 = digest.hexdigest()
     return Folder(path, truth, KNOWN.get(sha256, f"{path.parent.name}/{path.name}"), sha256)

@@ -1,37 +1,15 @@
-"""A log of ratings from a CSV file, checked row by row."""
+"""A log of ratings from a CSV or Parquet file, checked row by row."""
 
-import csv
-import gzip
-import zlib
-from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.data.scale import check_scale
-from roletrust_env.errors import suggest
+from roletrust_env.data.tables import Block, Columns, Texts, first_row, read_blocks
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats
-
-_ROWS = 50_000  # read at a time
-
-
-class Columns(NamedTuple):
-    """The columns of a file: names in its header, or numbers from 1 if it has none.
-
-    Attributes:
-        rater: Column of the rater.
-        ratee: Column of the ratee, the provider.
-        rating: Column of the rating.
-        time: Column of the time; None if there is none.
-    """
-
-    rater: str = "rater"
-    ratee: str = "ratee"
-    rating: str = "rating"
-    time: str | None = None
 
 
 class RatingLog(NamedTuple):
@@ -70,11 +48,13 @@ def read_ratings(
     repeats: bool = False,
     advance: Callable[[int], None] = lambda rows: None,
 ) -> RatingLog:
-    """Read ratings from a CSV file, which may be compressed by gzip (`.gz`).
+    """Read ratings from a CSV file, which may be compressed by gzip (`.gz`), or from a Parquet file (`.parquet`).
+
+    Parquet needs pyarrow, the extra `parquet`. Its rows count from 1, and those of a CSV file with its header.
 
     Args:
-        path: Path of the file, in UTF-8, with commas.
-        columns: Columns, all by name if the file has a header, or all by number from 1 if it has none.
+        path: Path of the file; CSV is in UTF-8, with commas.
+        columns: Columns, all by name, or all by number from 1, as in a CSV file without header.
         scale: Worst and best rating.
         same_agents: Whether a rater and a ratee of the same name are one agent.
         repeats: Whether rows may repeat an earlier one, with the same rater, ratee, rating and time.
@@ -88,21 +68,11 @@ def read_ratings(
     raters: dict[str, int] = {}
     ratees = raters if same_agents else {}
     parts: list[tuple[Ints, Ints, Floats, Floats]] = []
-    read = 0
-    try:
-        with _opened(path) as file:
-            rows = csv.reader(file, strict=True)
-            where, first = _places(path, columns, rows)
-            while chunk := list(islice(rows, _ROWS)):
-                parts.append(_parsed(chunk, where, f"{path}, row", first + read, (raters, ratees), scale))
-                read += len(chunk)
-                advance(read)
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is not text in UTF-8 after row {read}, so it is no CSV file") from None
-    except csv.Error as error:
-        raise ValueError(f"{path}, after row {read}: {error}; it is no CSV file") from None
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise ValueError(f"{path} is a damaged gzip file, after row {read}: {error}") from None
+    read, first = 0, first_row(path, columns)
+    for block in read_blocks(path, columns):
+        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale))
+        read += len(block.raters)
+        advance(read)
     if not read:
         raise ValueError(f"{path} has no ratings")
     who, whom, values, times = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -118,72 +88,43 @@ def read_ratings(
     return RatingLog(who[order], whom[order], values[order], stamps, *names, was_sorted)
 
 
-def _opened(path: Path) -> IO[str]:
-    """Return an open text file. A byte-order mark is skipped."""
-    if path.suffix == ".gz":
-        return gzip.open(path, "rt", encoding="utf-8-sig", newline="")
-    return path.open(encoding="utf-8-sig", newline="")
-
-
-def _places(path: Path, columns: Columns, rows: Iterator[list[str]]) -> tuple[list[int], int]:
-    """Return the places of the columns, -1 for a missing time, and the number of the first row of ratings."""
-    wanted = [name for name in columns if name is not None]
-    if all(name.isdecimal() for name in wanted):
-        where, first = [int(name) - 1 for name in wanted], 1
-        if min(where) < 0:
-            raise ValueError("columns are numbered from 1")
-    else:
-        header = [name.strip() for name in next(rows, [])]
-        for name in wanted:
-            if name not in header:
-                raise ValueError(f"{path}, row 1: there is no column {name!r}{suggest(name, header, 'it has')}")
-        where, first = [header.index(name) for name in wanted], 2
-    return (where if columns.time is not None else [*where, -1]), first
-
-
 def _parsed(
-    chunk: list[list[str]],
-    where: Sequence[int],
+    block: Block,
     row: str,
     first: int,
+    columns: Columns,
     indices: tuple[dict[str, int], dict[str, int]],
     scale: tuple[float, float],
 ) -> tuple[Ints, Ints, Floats, Floats]:
     """Return the columns of some rows: places of raters and ratees, ratings on [0, 1], and times, 0 without."""
-    needed = max(where) + 1
-    for n, fields in enumerate(chunk):
-        if len(fields) < needed:
-            raise ValueError(f"{row} {first + n} has {len(fields)} columns; {needed} are needed")
-    rater, ratee, rating, time = where
     people = []
-    for place, index in zip((rater, ratee), indices, strict=True):
-        names = [fields[place] for fields in chunk]
+    for names, index, column in zip((block.raters, block.ratees), indices, columns[:2], strict=True):
         if "" in names:
-            raise ValueError(f"{row} {first + names.index('')} has no name in column {place + 1}")
+            raise ValueError(f"{row} {first + names.index('')} has no name in column {column!r}")
         people.append(np.array([index.setdefault(name, len(index)) for name in names], np.int64))
-    values = _column([fields[rating] for fields in chunk], "rating", row, first)
+    values = _column(block.ratings, "rating", row, first)
     worst, best = scale
     if (off := np.flatnonzero((values < worst) | (values > best))).size:
         at = off[0]
         raise ValueError(f"{row} {first + at}: the rating {values[at]:g} is off the scale from {worst:g} to {best:g}")
-    times = np.zeros(len(chunk)) if time < 0 else _times([fields[time] for fields in chunk], row, first)
+    times = np.zeros(len(values)) if block.times is None else _times(block.times, row, first)
     return people[0], people[1], (values - worst) / (best - worst), times
 
 
-def _column(texts: list[str], what: str, row: str, first: int) -> Floats:
-    """Return texts as finite numbers."""
+def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
+    """Return a column as finite numbers."""
     try:
-        values = np.array(texts, np.float64)
+        values = np.asarray(texts, np.float64)
     except ValueError:
-        values = np.array([_number(text) for text in texts])
+        values = np.array([_number(str(text)) for text in texts])
     if (wrong := np.flatnonzero(~np.isfinite(values))).size:
-        raise ValueError(f"{row} {first + wrong[0]}: the {what} is {texts[wrong[0]]!r}; it must be a number")
+        raise ValueError(f"{row} {first + wrong[0]}: the {what} is {str(texts[wrong[0]])!r}; it must be a number")
     return values
 
 
-def _times(texts: list[str], row: str, first: int) -> Floats:
+def _times(texts: Texts, row: str, first: int) -> Floats:
     """Return times as numbers; dates and times of ISO 8601 become seconds since 1970."""
-    if "-" in texts[0][1:] and "e" not in texts[0]:
+    if isinstance(texts, list) and "-" in texts[0][1:] and "e" not in texts[0]:
         try:
             return np.array(texts, "datetime64[s]").astype(np.float64)
         except ValueError:

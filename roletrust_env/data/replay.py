@@ -1,5 +1,6 @@
 """A log of real ratings with a few hostile accounts at its end: how far do they move their targets?"""
 
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any, Literal, NamedTuple
 
@@ -55,6 +56,102 @@ class Moved(NamedTuple):
     after: Interval
 
 
+class Ratings(NamedTuple):
+    """Ratings of hostile accounts in one round.
+
+    Attributes:
+        raters: Places of the accounts, shape (n,).
+        providers: Places of the rated providers, shape (n,).
+        values: Ratings on [0, 1], shape (n,).
+    """
+
+    raters: Ints
+    providers: Ints
+    values: Floats
+
+
+class Replay:
+    """A log that was played up to its last 6 rounds, and that can be ended with and without an attack.
+
+    Attributes:
+        log: Log.
+        same_agents: Whether a rater and a ratee of the same name are one agent.
+        past: Number of ratings before the attack.
+        best: The 20 providers with the highest Beta reputation from the ratings before the attack.
+        newcomers: 20 providers that nobody has rated.
+        active: Raters with at least 5 ratings before the attack.
+        ranked: The same, those with the fewest ratings first.
+        fresh: New accounts.
+    """
+
+    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool, most: int) -> None:
+        """Play the log up to the attack.
+
+        Args:
+            model: Trust model.
+            log: Log.
+            every: Length of a round.
+            same_agents: Whether a rater and a ratee of the same name are one agent.
+            most: Greatest number of hostile accounts.
+
+        Raises:
+            ValueError: The log has no 7 rounds with ratings, or too few providers or raters.
+            MemoryError: The model does not fit, see `make_ledger`.
+        """
+        parts = list(spans(log_rounds(log, every)))
+        if len(parts) <= ROUNDS:
+            raise ValueError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
+        self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS][1].start
+        given = np.bincount(log.raters[: self.past], minlength=log.shape[0])
+        self.best, self.active = _best(log, self.past), np.flatnonzero(given >= _ACTIVE)
+        self.ranked = self.active[np.argsort(given[self.active], kind="stable")]
+        if len(self.best) < TARGETS or len(self.active) < most:
+            raise ValueError(f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log")
+        self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
+        room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
+        self._ledger = make_ledger(model, room, one_role=not same_agents)
+        for number, some in parts[:-ROUNDS]:
+            play_round(self._ledger, number, log.raters[some], log.ratees[some], log.values[some])
+        self._rest, self._rated = parts[-ROUNDS:], np.union1d(np.unique(log.ratees), self.newcomers)
+
+    def percentiles(self, targets: Ints, rounds: Sequence[Ratings]) -> Floats:
+        """Return the percentiles of targets among all rated providers and newcomers at the end of the log.
+
+        Args:
+            targets: Places of the targets.
+            rounds: Ratings of the hostile accounts in each of the last rounds, beside those of the log. A rating of
+                an account by itself does not count if raters and ratees are the same agents.
+        """
+        ledger, log = deepcopy(self._ledger), self.log
+        for (number, some), extra in zip(self._rest, rounds, strict=True):
+            others = (extra.raters != extra.providers) | (not self.same_agents)
+            parts = zip((log.raters[some], log.ratees[some], log.values[some]), extra, strict=True)
+            play_round(ledger, number, *(np.concatenate([real, false[others]]) for real, false in parts))
+        return ranks(ledger.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
+
+    def aim(self, goal: str) -> tuple[Ints, float]:
+        """Return the targets of a goal, and the rating that they get."""
+        return (self.best, 0.0) if goal == "sink" else (self.newcomers, 1.0)
+
+
+def everybody(accounts: Ints, targets: Ints, rating: float) -> Ratings:
+    """Return the ratings of a round in which every account gives every target the same rating."""
+    who, whom = (grid.reshape(-1) for grid in np.meshgrid(accounts, targets))
+    return Ratings(who, whom, np.full(len(who), rating))
+
+
+def draw_teams(replay: Replay, attack: Attack, rng: np.random.Generator) -> list[Ints]:
+    """Return the hostile accounts of an attack: the new ones, or five draws of active raters."""
+    if attack.origin == "new":
+        return [replay.fresh[: attack.accounts]]
+    return [rng.choice(replay.active, attack.accounts, replace=False) for _ in range(_DRAWS)]
+
+
+def moved(before: Floats, after: Floats, seed: int) -> Moved:
+    """Return the mean percentiles of targets without and with an attack, with their intervals."""
+    return Moved(*(interval(mean(x), np.arange(len(x)), seed) for x in (before, after)))
+
+
 def replay_attacks(
     model: Any, log: RatingLog, every: float, *, same_agents: bool, attacks: list[Attack] = ATTACKS, seed: int = 0
 ) -> dict[Attack, Moved]:
@@ -76,43 +173,18 @@ def replay_attacks(
         ValueError: The log has no 7 rounds with ratings, or too few providers or raters.
         MemoryError: The model does not fit, see `make_ledger`.
     """
-    numbers = log_rounds(log, every)
-    parts = list(spans(numbers))
-    if len(parts) <= ROUNDS:
-        raise ValueError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
-    past = parts[-ROUNDS][1].start
-    best, active = _best(log, past), np.flatnonzero(np.bincount(log.raters[:past], minlength=log.shape[0]) >= _ACTIVE)
-    most = max(attack.accounts for attack in attacks)
-    if len(best) < TARGETS or len(active) < most:
-        raise ValueError(f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log")
-    room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
-    newcomers, fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
-    ledger = make_ledger(model, room, one_role=not same_agents)
-    for number, some in parts[:-ROUNDS]:
-        play_round(ledger, number, log.raters[some], log.ratees[some], log.values[some])
-    rated = np.union1d(np.unique(log.ratees), newcomers)
-
-    def percentiles(hostile: Ints, targets: Ints, rating: float) -> Floats:
-        copy = deepcopy(ledger)
-        who, whom = (grid.reshape(-1) for grid in np.meshgrid(hostile, targets))
-        apart = (who != whom) | (not same_agents)
-        for number, some in parts[-ROUNDS:]:
-            raters = np.concatenate([log.raters[some], who[apart]])
-            providers = np.concatenate([log.ratees[some], whom[apart]])
-            values = np.concatenate([log.values[some], np.full(int(apart.sum()), rating)])
-            play_round(copy, number, raters, providers, values)
-        return ranks(copy.provider_trust[rated])[np.searchsorted(rated, targets)]
-
-    found, rng = {}, np.random.default_rng(seed)
-    nobody = np.zeros(0, np.int64)
-    aims = {"sink": (best, 0.0), "lift": (newcomers, 1.0)}
-    honest = {goal: percentiles(nobody, *aim) for goal, aim in aims.items()}
+    replay = Replay(model, log, every, same_agents=same_agents, most=max(attack.accounts for attack in attacks))
+    rng, nobody = np.random.default_rng(seed), np.zeros(0, np.int64)
+    honest = {
+        goal: replay.percentiles(replay.aim(goal)[0], [everybody(nobody, nobody, 0.0)] * ROUNDS)
+        for goal in dict.fromkeys(attack.goal for attack in attacks)
+    }
+    found = {}
     for attack in attacks:
-        teams = [fresh[: attack.accounts]]
-        if attack.origin == "hijacked":
-            teams = [rng.choice(active, attack.accounts, replace=False) for _ in range(_DRAWS)]
-        moved = np.mean([percentiles(team, *aims[attack.goal]) for team in teams], axis=0)
-        found[attack] = Moved(*(interval(mean(x), np.arange(TARGETS), seed) for x in (honest[attack.goal], moved)))
+        targets, rating = replay.aim(attack.goal)
+        teams = draw_teams(replay, attack, rng)
+        after = [replay.percentiles(targets, [everybody(team, targets, rating)] * ROUNDS) for team in teams]
+        found[attack] = moved(honest[attack.goal], np.mean(after, axis=0), seed)
     return found
 
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from roletrust_env.data.log import RatingLog
-from roletrust_env.trust.grid_ledger import GridLedger
+from roletrust_env.trust.grid_ledger import AnyLedger
 from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats, Ledger
+from roletrust_env.trust.ledger import Floats
 
 MOST = 1_000_000
 """Maximum number of rounds of a log; more is taken for a wrong unit of time."""
@@ -42,7 +42,7 @@ def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:
         yield int(numbers[start]), slice(int(start), int(stop))
 
 
-def play_round(ledger: Ledger | GridLedger, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
+def play_round(ledger: AnyLedger, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
     """Play the round of a number; rounds without ratings that lie before it are played first."""
     if number > ledger.rounds:
         ledger.skip(number - ledger.rounds)
@@ -50,7 +50,7 @@ def play_round(ledger: Ledger | GridLedger, number: int, raters: Ints, providers
 
 
 def play_log(
-    ledger: Ledger | GridLedger,
+    ledger: AnyLedger,
     log: RatingLog,
     *,
     every: float | None = None,

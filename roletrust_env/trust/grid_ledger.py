@@ -1,7 +1,7 @@
 """Rounds of edges played on a grid, for models that keep a number for each pair of agents."""
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,6 +15,28 @@ MEMORY = 2e9
 """Bytes that a state on a grid may take. An update takes some times as much for a moment."""
 
 _SIDES = 11, 13  # numbers of raters and providers of a trial, which no shape has by chance
+
+
+class AnyLedger(Protocol):
+    """Trust of raters and providers, round by round, wherever a model keeps it: see `Ledger`."""
+
+    @property
+    def rounds(self) -> int:
+        """The number of rounds so far."""
+
+    @property
+    def rater_trust(self) -> Floats:
+        """The trust of each rater, shape (S,), in [0, 1]."""
+
+    @property
+    def provider_trust(self) -> Floats:
+        """The trust of each provider, shape (P,), in [0, 1]."""
+
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+        """Play one round."""
+
+    def skip(self, rounds: int) -> None:
+        """Play so many rounds without ratings."""
 
 
 class GridLedger:
@@ -69,12 +91,17 @@ class GridLedger:
             self.play(nobody, nobody, np.zeros(0))
 
 
-def make_ledger(model: Any, shape: tuple[int, int], *, one_role: bool = True) -> Ledger | GridLedger:
+def make_ledger(model: Any, shape: tuple[int, int], *, one_role: bool = True) -> AnyLedger:
     """Return a ledger with so many raters and providers: on edges if the model runs there, otherwise on a grid.
+
+    A model of another kind may bring a ledger of its own: a method `ledger(shape)`.
 
     Raises:
         MemoryError: The state on a grid would be too large, see `GridLedger`.
     """
+    if hasattr(model, "ledger"):
+        own: AnyLedger = model.ledger(shape)
+        return own
     if not isinstance(model, Central):
         return GridLedger(model, shape, one_role=one_role)
     ledger = Ledger(model, one_role=one_role)

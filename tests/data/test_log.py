@@ -1,18 +1,19 @@
 """Logs of ratings: every kind of bad file is one line with the row."""
 
 import gzip
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from log_cases import BAD, GOOD
 
-from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.log import read_ratings
 from roletrust_env.data.rounds import log_rounds
+from roletrust_env.data.tables import Columns
 
 TIMED = Columns(time="time")
-HEADER = "rater,ratee,rating,time\n"
-GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
 
 
 def written(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
@@ -55,24 +56,6 @@ def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
     assert seen == [50_000, 100_000]
 
 
-BAD: dict[str, tuple[str | bytes, str]] = {
-    "wrong columns": (GOOD.replace("ratee", "target", 1), "row 1: there is no column 'ratee'"),
-    "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
-    "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
-    "no rating": (GOOD + "c,x,,40\n", "row 5: the rating is ''"),
-    "off the scale": (GOOD + "c,x,6,40\n", "row 5: the rating 6 is off the scale from 1 to 5"),
-    "bad time": (GOOD + "c,x,5,soon\n", "row 5: the time is 'soon'"),
-    "no name": (GOOD + ",x,5,40\n", "row 5 has no name in column 1"),
-    "short row": (GOOD + "c,x\n", "row 5 has 2 columns; 4 are needed"),
-    "empty row": (GOOD + "\nc,x,5,50\n", "row 5 has 0 columns"),
-    "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
-    "nothing": ("", "row 1: there is no column 'rater'"),
-    "no ratings": (HEADER, "has no ratings"),
-    "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not text in UTF-8 after row 0"),
-    "a quote without end": (GOOD + 'c,"x,5,40\n', "after row 0: unexpected end of data; it is no CSV file"),
-}
-
-
 @pytest.mark.parametrize("case", BAD)
 def test_bad_files_get_one_line_with_the_row(tmp_path: Path, case: str) -> None:
     content, message = BAD[case]
@@ -113,3 +96,9 @@ def test_repeats_may_be_allowed_and_rounds_must_make_sense(tmp_path: Path) -> No
     for which, rounds, message in wrong:
         with pytest.raises(ValueError, match=message):
             log_rounds(which, **rounds)
+
+
+def test_parquet_without_pyarrow_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[parquet\]'"):
+        read_ratings(written(tmp_path, b"", "log.parquet"))

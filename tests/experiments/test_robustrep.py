@@ -1,11 +1,14 @@
 """The package robustrep as a trust model."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
 pytest.importorskip("robustrep")
 
 from roletrust_env.testing import check_trust_model
+from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_experiments.attackers.robustrep import RobustRep
 
 
@@ -36,3 +39,24 @@ def test_without_the_package_the_error_says_how_to_install_it(monkeypatch: pytes
     monkeypatch.setattr("roletrust_experiments.attackers.robustrep.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'roletrust-env\[peers\]'"):
         RobustRep()
+
+
+def test_on_a_log_it_is_the_same_without_a_window() -> None:
+    rng = np.random.default_rng(2)
+    ratings, mask = rng.uniform(0.1, 1, (4, 5, 3)), rng.random((4, 5, 3)) < 0.5
+    mask[:, :, 2] = False
+    model = RobustRep(initial=0.3, window=4)
+    state, ledger = model.start(np.zeros((5, 3))), make_ledger(model, (5, 3))
+    assert (ledger.provider_trust == 0.3).all()
+    for given, seen in zip(ratings, mask, strict=True):
+        raters, providers = np.nonzero(seen)
+        before = deepcopy(ledger)
+        ledger.play(raters, providers, given[seen])
+        ledger.skip(1)
+        state = model.update(state, given, seen)
+        np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state))
+        assert before.rounds == ledger.rounds - 2
+    assert (ledger.rater_trust == 1).all()
+    twice = make_ledger(model, (2, 1))
+    twice.play(np.array([0, 0, 1]), np.array([0, 0, 0]), np.array([0.2, 0.6, 0.9]))
+    assert twice.provider_trust.tolist() == pytest.approx([0.4])

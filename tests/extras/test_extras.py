@@ -118,6 +118,17 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
     assert fresh("notebook").python(lines) == "bad-mouthing\n"
 
 
+def test_parquet(fresh: Callable[..., Environment]) -> None:
+    lines = """
+from pathlib import Path
+import pyarrow as arrow, pyarrow.parquet
+from roletrust_env.data import read_ratings
+arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
+print(read_ratings(Path("log.parquet")).shape)
+"""
+    assert fresh("parquet").python(lines) == "(1, 1)\n"
+
+
 def test_train(fresh: Callable[..., Environment]) -> None:
     train = fresh("train")
     certain = (*SHORT, "--set", "noise=0", "--set", "perturbations=[]")

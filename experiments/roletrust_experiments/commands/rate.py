@@ -8,8 +8,9 @@ import typer
 from rich.markup import escape
 
 from roletrust_env import make_scenario
-from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.log import RatingLog, read_ratings
 from roletrust_env.data.rounds import log_rounds, play_log
+from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.trust.grid_ledger import make_ledger
@@ -19,9 +20,11 @@ from roletrust_experiments.commands.options import ModelOption, Out
 
 
 def rate(
-    ratings: Annotated[Path, typer.Argument(help="CSV file of ratings, or the same compressed by gzip (.gz).")],
+    ratings: Annotated[
+        Path, typer.Argument(help="CSV file of ratings, also in gzip (.gz), or a Parquet file (.parquet).")
+    ],
     model: ModelOption = "role-trust",
-    rater: Annotated[str, typer.Option(help="Column of the rater: a name, or from 1 without header.")] = "rater",
+    rater: Annotated[str, typer.Option(help="Column of the rater: a name, or a number from 1.")] = "rater",
     ratee: Annotated[str, typer.Option(help="Column of the rated agent.")] = "ratee",
     rating: Annotated[str, typer.Option(help="Column of the rating.")] = "rating",
     time: Annotated[
@@ -43,7 +46,9 @@ def rate(
     top: Annotated[int, typer.Option(min=0, help="Number of the most and of the least trusted agents to print.")] = 5,
     out: Out = Path("results/rate"),
 ) -> None:
-    """Compute [bold]the trust of raters and ratees from a log of ratings[/], a CSV file that you bring.
+    """Compute [bold]the trust of raters and ratees from a log of ratings[/], a CSV or Parquet file that you bring.
+
+    Parquet needs pyarrow, the extra parquet.
 
     Ratings count round by round: by time (--every), by number (--count), or all in one round. Several ratings of one
     agent by another in a round count as one, their mean. Rows may be in any order of time.

@@ -1,6 +1,6 @@
 """`roletrust real`: trust models on logs of real ratings that the user brings."""
 
-import math
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,20 +9,22 @@ from rich.markup import escape
 
 from roletrust_env import make_scenario
 from roletrust_env.data.crowd import crowd_work, read_crowd, write_crowd
+from roletrust_env.data.crowd_methods import CROWD_METHODS, CrowdMethod
 from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
-from roletrust_env.data.log import Columns, read_ratings
-from roletrust_env.data.replay import replay_attacks
+from roletrust_env.data.log import read_ratings
+from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks
+from roletrust_env.data.searched_replay import search_attack
+from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.commands.console import console, number_table, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-
-_HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
-_Row = tuple[str, str, float | None, str, str, str, float, float, float]
+from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
 
 
 def real(
@@ -39,6 +41,10 @@ def real(
     synthetic: Annotated[
         bool, typer.Option("--synthetic", help="First write a small synthetic log of either kind to DIR.")
     ] = False,
+    search: Annotated[
+        int,
+        typer.Option(min=0, help="Number of attacks that a search plays for each goal, number and origin of accounts."),
+    ] = 0,
     seed: Seed = 0,
     out: Out = Path("results/real"),
 ) -> None:
@@ -46,9 +52,11 @@ def real(
 
     The files are yours: none comes with the package. A log of ratings is a file *network.csv or ratings.csv without
     header: rater, ratee, rating, time. Crowd work is answer.csv (question, worker, answer) and truth.csv (question,
-    truth). Each may be compressed by gzip. By default all central models are measured, and four of
-    neighbouring fields: all-time-mean, two-way-mean, fairness-goodness and bias-deserve. A model that does not fit is
-    left out, and a line says so. Intervals resample whole users or tasks.
+    truth). Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models
+    are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
+    geometric-median and centred-clipping; on crowd work also dawid-skene, one-coin-dawid-skene, glad and mace, which
+    need the extra crowd. A model that does not fit is left out, and a line says so. Intervals resample whole users or
+    tasks.
 
     Written: [green]real.csv real.md[/].
 
@@ -62,10 +70,8 @@ def real(
     """
     scenario = make_scenario("paper-3x3")
     central = [name for name in trust_models() if Traits.of(parse_trust_model(name, scenario)).family == "central"]
-    models = {
-        name: NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
-        for name in model or [*central, *NEIGHBOURS]
-    }
+    methods = CROWD_METHODS if find_spec("crowdkit") else ()
+    models = {name: _model(name, scenario) for name in model or [*central, *NEIGHBOURS, *methods]}
     if synthetic:
         prepare_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -73,14 +79,16 @@ def real(
         write_crowd(folder, seed)
     logs = find_logs(folder)
     prepare_folder(out)
-    rows: list[_Row] = []
+    rows: list[Row] = []
     left_out: list[str] = []
     with progress_bar() as progress:
         task = progress.add_task("", total=len(logs) * len(models))
         for log in logs:
-            measure = _measures(log, every, scale, not two_roles, seed)
+            measure = _measures(log, every, scale, not two_roles, search, seed)
             for name, one in models.items():
                 progress.update(task, description=f"{log.name}, {name}", advance=1)
+                if log.truth is None and isinstance(one, CrowdMethod):
+                    continue
                 try:
                     found = measure(one)
                 except MemoryError as error:
@@ -89,8 +97,8 @@ def real(
                 length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
                     rows.append((log.name, log.sha256, length, protocol, name, what, *value))
-    write_csv(out / "real.csv", _HEADER, rows)
-    tables = _tables(rows)
+    write_csv(out / "real.csv", HEADER, rows)
+    tables = measure_tables(rows)
     for title, headings, lines in tables:
         table = number_table(title, "", *headings[1:], name="model")
         for line in lines:
@@ -99,11 +107,18 @@ def real(
     for reason in left_out:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
     with replacing(out / "real.md") as path:
-        path.write_text(_page(tables, left_out), encoding="utf-8")
+        path.write_text(markdown(tables, left_out), encoding="utf-8")
     console.print(f"Written to {out}: real.csv, real.md", soft_wrap=True)
 
 
-def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, seed: int) -> Any:
+def _model(name: str, scenario: Scenario) -> Any:
+    """Return a trust model, also of a neighbouring field, or a method of crowd work."""
+    if name in CROWD_METHODS:
+        return CrowdMethod(name)
+    return NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
+
+
+def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int) -> Any:
     """Read a log once, and return a function from a model to its measures, by protocol and name."""
     if log.truth is not None:
         crowd = read_crowd(log.path, log.truth)
@@ -117,36 +132,12 @@ def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents
         for attack, moved in replay_attacks(model, ratings, every, same_agents=same_agents, seed=seed).items():
             found["attack", f"{attack.goal}, honest"] = moved.before
             found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = moved.after
+        if search:
+            most = max(attack.accounts for attack in ATTACKS)
+            replay = Replay(model, ratings, every, same_agents=same_agents, most=most)
+            for attack in ATTACKS:
+                worst = search_attack(replay, attack, search, seed)
+                found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
         return found
 
     return measure
-
-
-def _tables(rows: list[_Row]) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each log and protocol: its title, its headings, and a line for each model."""
-    tables = []
-    for log, protocol in dict.fromkeys((row[0], row[3]) for row in rows):
-        some = {(row[4], row[5]): Interval(*row[6:]) for row in rows if (row[0], row[3]) == (log, protocol)}
-        measures = list(dict.fromkeys(what for _, what in some))
-        names = dict.fromkeys(name for name, _ in some)
-        undefined = Interval(math.nan, math.nan, math.nan)
-        lines = [[name, *(_cell(some.get((name, what), undefined)) for what in measures)] for name in names]
-        tables.append((f"{log}: {protocol}", ["model", *measures], lines))
-    return tables
-
-
-def _cell(value: Interval) -> str:
-    if math.isnan(value.value):
-        return "-"
-    return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
-
-
-def _page(tables: list[tuple[str, list[str], list[list[str]]]], left_out: list[str]) -> str:
-    """Return the tables as Markdown."""
-    parts = ["# Trust models on real ratings"]
-    for title, headings, lines in tables:
-        rows = [headings, ["---"] + ["---:"] * (len(headings) - 1), *lines]
-        parts += [f"## {title}", "\n".join(f"| {' | '.join(row)} |" for row in rows)]
-    if left_out:
-        parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
-    return "\n\n".join(parts) + "\n"

@@ -1,6 +1,7 @@
 """Typeset formulas: LaTeX becomes MathML, which browsers show without a script or a font from elsewhere."""
 
 import tomllib
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -11,6 +12,7 @@ from sphinx.application import Sphinx
 
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as models
+from roletrust_env.trust.neighbours import NEIGHBOURS
 
 
 def setup(app: Sphinx) -> None:
@@ -20,21 +22,26 @@ def setup(app: Sphinx) -> None:
 
 @cache
 def formulas() -> dict[str, dict[str, str]]:
-    """Return the LaTeX of each trust model and each attack, by `models` or `attacks` and by name."""
+    """Return the LaTeX of each trust model and each attack, by `models`, `attacks` or `neighbours` and by name."""
     return tomllib.loads(files("roletrust_experiments.site").joinpath("formulas.toml").read_text(encoding="utf-8"))
 
 
 def formula_of(thing: object) -> list[str]:
-    r"""Return the rows of LaTeX of a registered class, none where there is no formula.
+    r"""Return the rows of LaTeX of a class that is registered or of a neighbouring field, none without a formula.
 
     Example:
         >>> from roletrust_baselines import Pessimistic
         >>> formula_of(Pessimistic)
         ['y_j &= \\frac{x_j}{2}, \\quad j \\in \\textit{targets}']
     """
-    for kind, registry in (("models", models), ("attacks", attackers)):
+    places: dict[str, tuple[Iterable[str], Callable[[str], Any]]] = {
+        "models": (models.names(), models.factory),
+        "attacks": (attackers.names(), attackers.factory),
+        "neighbours": (NEIGHBOURS, NEIGHBOURS.__getitem__),
+    }
+    for kind, (names, factory) in places.items():
         for name, latex in formulas()[kind].items():
-            if name in registry.names() and registry.factory(name) is thing:
+            if name in names and factory(name) is thing:
                 return latex.strip().splitlines()
     return []
 

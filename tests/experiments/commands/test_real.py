@@ -32,6 +32,24 @@ def test_a_synthetic_log_is_written_and_measured(tmp_path: Path) -> None:
     assert rows(tmp_path / "again" / "real.csv") == table
 
 
+def test_searched_attacks_stand_beside_the_others(tmp_path: Path) -> None:
+    options = ["--synthetic", "--model", "median", "--search", "6", "--out", str(tmp_path / "out")]
+    assert run("real", str(tmp_path / "log"), *options).exit_code == 0
+    found = {(row["protocol"], row["measure"]): float(row["value"]) for row in rows(tmp_path / "out" / "real.csv")}
+    for goal, sign in (("sink", -1), ("lift", 1)):
+        for accounts in ("3 hijacked", "3 new", "10 hijacked", "10 new"):
+            plain, searched = (found[kind, f"{goal}, {accounts}"] for kind in ("attack", "searched attack"))
+            assert sign * (searched - plain) >= -1e-6
+
+
+def test_methods_of_crowd_work_are_measured_on_crowd_work_alone(tmp_path: Path) -> None:
+    pytest.importorskip("crowdkit", reason="needs crowd-kit: pip install 'roletrust-env[crowd]'")
+    options = ["--synthetic", "--model", "mace", "--model", "mean", "--out", str(tmp_path / "out")]
+    assert run("real", str(tmp_path / "log"), *options).exit_code == 0
+    table = rows(tmp_path / "out" / "real.csv")
+    assert {row["protocol"] for row in table if row["model"] == "mace"} == {"crowd work"}
+
+
 def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roletrust_env.trust.grid_ledger.MEMORY", 1000.0)
     options = ["--model", "mean", "--model", "travos", "--out", str(tmp_path / "out")]

@@ -8,6 +8,7 @@ from built import HOUSE
 from pybtex.database import parse_file
 
 from roletrust_env.trust.model import registry as models
+from roletrust_env.trust.neighbours import NEIGHBOURS
 from roletrust_experiments.site.references import cited
 
 BIBLIOGRAPHY = HOUSE / "docs" / "references.bib"
@@ -24,6 +25,12 @@ def test_every_source_of_a_model_is_there(name):
     source = getattr(models.factory(name), "source", "")
     assert bool(cited(source or "", BIBLIOGRAPHY)) == bool(source)
     assert inspect.isclass(models.factory(name))
+
+
+@pytest.mark.parametrize("name", NEIGHBOURS)
+def test_every_source_of_a_neighbouring_field_is_there(name):
+    source = getattr(NEIGHBOURS[name], "source", "")
+    assert len(cited(source, BIBLIOGRAPHY)) == bool(source)
 
 
 @pytest.mark.parametrize(

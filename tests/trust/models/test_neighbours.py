@@ -1,5 +1,7 @@
 """Models of neighbouring fields: against their formulas written loop by loop, on grids and on edges, and their laws."""
 
+import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,7 +67,37 @@ def two_way(pairs: Pairs, s: int, p: int) -> tuple[Vector, Vector]:
     return [1 - abs(value) for value in generous], [min(max(value, 0), 1) for value in level]
 
 
-SLOW = {"fairness-goodness": fairness, "bias-deserve": deserve, "two-way-mean": two_way}
+def rev2(pairs: Pairs, s: int, p: int) -> tuple[Vector, Vector]:
+    f, g, parts = [1.0] * s, [1.0] * p, [(i, j, 2 * x - 1) for i, j, x in pairs]
+    raters, providers = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
+    for _ in range(60):
+        mean_f, mean_g = mean([f[i] for i in raters]), mean([g[j] for j in providers])
+        votes = [[(f[i] + 1 - abs(w - g[j]) / 2) / 2 * w for i, k, w in parts if k == j] for j in range(p)]
+        g = [(2 * mean_g + sum(some)) / (2 + len(some)) for some in votes]
+        sure = [[(f[i] + 1 - abs(w - g[j]) / 2) / 2 for k, j, w in parts if k == i] for i in range(s)]
+        f = [(0.5 * mean_f + sum(some)) / (0.5 + len(some)) for some in sure]
+    return f, [(value + 1) / 2 for value in g]
+
+
+def vectors(pairs: Pairs, s: int, p: int, radius: float | None) -> tuple[Vector, Vector]:
+    """The geometric median, or with a radius centred clipping."""
+    c = [0.5] * p
+
+    def distance(i: int) -> float:
+        return math.sqrt(sum((x - c[j]) ** 2 for k, j, x in pairs if k == i))
+
+    for _ in range(60):
+        weight = [min(1, radius / max(distance(i), 1e-9)) if radius else 1 / max(distance(i), 1e-4) for i in range(s)]
+        pulls = [[(weight[i], x - c[j]) for i, k, x in pairs if k == j] for j in range(p)]
+        sizes = [len(some) if radius else sum(w for w, _ in some) for some in pulls]
+        c = [c[j] + sum(w * gap for w, gap in some) / max(sizes[j], 1e-9) for j, some in enumerate(pulls)]
+    given = [sum(k == i for k, _, _ in pairs) for i in range(s)]
+    return [1 - distance(i) / math.sqrt(max(given[i], 1)) for i in range(s)], c
+
+
+SLOW = {"fairness-goodness": fairness, "bias-deserve": deserve, "two-way-mean": two_way, "rev2": rev2}
+SLOW |= {name: partial(vectors, radius=one) for name, one in (("geometric-median", None), ("centred-clipping", 0.4))}
+OTHERS: dict[str, Any] = {"rev2": {"alpha": 0.5, "beta": 2.0}, "centred-clipping": {"radius": 0.4}}
 
 
 @pytest.mark.parametrize("name", SLOW)
@@ -81,7 +113,7 @@ def test_it_computes_its_formula(name: str) -> None:
                 [trust if j in providers else 0.3 for j, trust in enumerate(top)],
             )
 
-    assert_matches(NEIGHBOURS[name](initial=0.3), reference, count=6)
+    assert_matches(NEIGHBOURS[name](initial=0.3, **OTHERS.get(name, {})), reference, count=6)
 
 
 def test_the_all_time_mean_forgets_nothing() -> None:
@@ -91,6 +123,51 @@ def test_the_all_time_mean_forgets_nothing() -> None:
             yield [1.0] * len(peers), [mean(values) if values else 0.3 for values in notes]
 
     assert_matches(NEIGHBOURS["all-time-mean"](initial=0.3), reference)
+
+
+def settled(name: str, ratings: Any, mask: Any, **parameters: Any) -> tuple[Any, Any]:
+    model = NEIGHBOURS[name](**parameters)
+    state = model.update(model.start(ratings), ratings, mask)
+    return model.rater_trust(state), model.provider_trust(state)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_other_point_is_nearer_to_the_vectors_than_their_geometric_median(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ratings, mask = rng.random((7, 4)), rng.random((7, 4)) < 0.7
+    mask[0] = True
+
+    def away(centre: Any) -> float:
+        return float(np.sqrt((mask * (ratings - centre) ** 2).sum(1)).sum())
+
+    centre = settled("geometric-median", ratings, mask)[1]
+    assert all(away(centre) < away(centre + rng.normal(0, 0.02, 4)) for _ in range(200))
+    alone = settled("geometric-median", ratings[:, :1], np.ones((7, 1), bool))[1]
+    assert alone == pytest.approx(np.median(ratings[:, 0]), abs=1e-3)
+
+
+def test_liars_move_a_robust_centre_less_than_a_mean_and_are_found() -> None:
+    rng = np.random.default_rng(0)
+    quality = rng.random(6)
+    ratings = np.clip(quality + rng.normal(0, 0.05, (10, 6)), 0, 1)
+    ratings[:3] = quality < 0.5
+    mask = np.ones((10, 6), bool)
+    apart = {name: abs(settled(name, ratings, mask)[1] - quality).max() for name in NEIGHBOURS}
+    assert apart["geometric-median"] < apart["centred-clipping"] < apart["all-time-mean"]
+    for name in ("rev2", "geometric-median", "centred-clipping"):
+        tor = settled(name, ratings, mask)[0]
+        assert tor[:3].max() < tor[3:].min()
+
+
+def test_a_wide_radius_is_the_mean_and_rev2_without_pull_is_between() -> None:
+    rng = np.random.default_rng(1)
+    ratings, mask = rng.random((5, 4)), np.ones((5, 4), bool)
+    assert settled("centred-clipping", ratings, mask, radius=3.0)[1] == pytest.approx(ratings.mean(0))
+    pulled = settled("rev2", ratings, mask, alpha=1e6, beta=1e6)
+    assert np.ptp(pulled[0]) < 1e-5 > np.ptp(pulled[1])
+    agreed = settled("rev2", 0 * ratings + 1, mask)
+    assert agreed[0] == pytest.approx(1)
+    assert agreed[1] == pytest.approx(1)
 
 
 @EVERY

@@ -17,7 +17,9 @@ class BiasDeserve(ByPairMeans):
         x[i, j]    = |bias[i]| if bias[i] w[i, j] > 0, else 0
 
     with w = 2 m - 1, where m is the mean of all ratings that i gave j so far. The iteration starts from a bias of 0.
-    Published are 1 - |bias|, which is this project's choice, and (deserve + 1) / 2.
+    Published are 1 minus the size of the bias, which is this project's choice, and (deserve + 1) / 2. Later comparisons
+    write x in two ways: as here, or with the product of bias and w in place of the size of the bias, which is the same
+    where w is -1, 0 or 1.
 
     Attributes:
         initial: Trust of an agent without ratings, in [0, 1].

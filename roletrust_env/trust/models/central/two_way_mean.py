@@ -15,7 +15,7 @@ class TwoWayMean(ByPairMeans):
 
     where x is the mean of all ratings that i gave j so far. The 1 in the denominator stands for one rating without
     generosity, so that the level of a provider with a single rater is defined. Published are the level, clipped to
-    [0, 1], and 1 - |generosity|. It is the additive model of the analysis of variance.
+    [0, 1], and 1 minus the size of the generosity. It is the additive model of the analysis of variance.
 
     Attributes:
         initial: Trust of an agent without ratings, in [0, 1].

@@ -1,0 +1,21 @@
+"""Small logs of ratings as CSV texts: a good one, and bad ones with the message that they get."""
+
+HEADER = "rater,ratee,rating,time\n"
+GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
+
+BAD: dict[str, tuple[str | bytes, str]] = {
+    "wrong columns": (GOOD.replace("ratee", "target", 1), "row 1: there is no column 'ratee'"),
+    "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
+    "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
+    "no rating": (GOOD + "c,x,,40\n", "row 5: the rating is ''"),
+    "off the scale": (GOOD + "c,x,6,40\n", "row 5: the rating 6 is off the scale from 1 to 5"),
+    "bad time": (GOOD + "c,x,5,soon\n", "row 5: the time is 'soon'"),
+    "no name": (GOOD + ",x,5,40\n", "row 5 has no name in column 'rater'"),
+    "short row": (GOOD + "c,x\n", "row 5 has 2 columns; 4 are needed"),
+    "empty row": (GOOD + "\nc,x,5,50\n", "row 5 has 0 columns"),
+    "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
+    "nothing": ("", "row 1: there is no column 'rater'"),
+    "no ratings": (HEADER, "has no ratings"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not text in UTF-8 after row 0"),
+    "a quote without end": (GOOD + 'c,"x,5,40\n', "after row 0: unexpected end of data; it is no CSV file"),
+}

@@ -1,0 +1,62 @@
+"""The page on real ratings agrees with its table, and `make real` makes both."""
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+
+from roletrust_env.data.folders import KNOWN
+from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
+
+HOUSE = Path(__file__).parents[2]
+PAGE = (HOUSE / "docs" / "real.md").read_text(encoding="utf-8")
+TABLES = (HOUSE / "docs" / "real" / "real.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    def number(text: str) -> float:
+        return float(text or "nan")
+
+    with (HOUSE / "docs" / "real" / "real.csv").open(encoding="utf-8") as file:
+        header, *lines = csv.reader(file)
+    assert tuple(header) == HEADER
+    return [
+        (log, sha256, number(every) if every else None, protocol, model, what, *map(number, values))  # type: ignore[misc]
+        for log, sha256, every, protocol, model, what, *values in lines
+    ]
+
+
+def test_the_tables_are_those_of_the_numbers(rows: list[Row]) -> None:
+    assert markdown(measure_tables(rows), []) == TABLES
+
+
+def test_they_are_of_the_known_logs(rows: list[Row]) -> None:
+    assert {row[1]: row[0] for row in rows} == KNOWN
+    assert set(NEIGHBOURS) <= {row[4] for row in rows}
+    assert {row[2] for row in rows} == {2_592_000, None}
+
+
+def test_every_number_of_the_text_is_in_the_tables() -> None:
+    found = re.findall(r"\d\.\d{3}(?: \(.*?\))?", PAGE)
+    assert found
+    assert not [one for one in found if one not in TABLES]
+
+
+def test_searched_attacks_are_no_smaller(rows: list[Row]) -> None:
+    """A search starts from the attacks without tactics, of which the other table has the mean."""
+    plain = {row[4:6]: row[6] for row in rows if row[3] == "attack"}
+    searched = {row[4:6]: row[6] for row in rows if row[3] == "searched attack"}
+    assert len(searched) > 100
+    for place, value in searched.items():
+        sign = 1 if place[1].startswith("lift") else -1
+        assert sign * (value - plain[place]) >= -1e-6, place
+
+
+def test_the_makefile_and_the_page_name_the_same_command() -> None:
+    (command,) = re.findall(r"roletrust (real \$\(LOGS\).*) --out", (HOUSE / "Makefile").read_text(encoding="utf-8"))
+    assert command.replace("$(LOGS)", "logs") in PAGE
+    for name in KNOWN.values():
+        assert name in PAGE
