@@ -113,7 +113,7 @@ better-model: setup
 
 # The tables of what trust models do on logs of real ratings, which are not in the repository: LOGS is a folder of them.
 # Some five minutes; `make real LOGS=...` for another folder.
-LOGS := ../shared/data
+LOGS := logs
 real: setup
 	$(BIN)/roletrust real $(LOGS) --search 24 --out $(OUT)/real
 	mkdir -p docs/real

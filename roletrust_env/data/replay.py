@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -42,6 +43,9 @@ ATTACKS = [
     for accounts in (3, 10)
     for origin in ("hijacked", "new")
 ]
+"""Attacks that are played by default."""
+
+_MOST = max(attack.accounts for attack in ATTACKS)
 
 
 class Moved(NamedTuple):
@@ -84,7 +88,7 @@ class Replay:
         fresh: New accounts.
     """
 
-    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool, most: int) -> None:
+    def __init__(self, model: Any, log: RatingLog, every: float, *, same_agents: bool, most: int = _MOST) -> None:
         """Play the log up to the attack.
 
         Args:
@@ -129,6 +133,22 @@ class Replay:
             play_round(ledger, number, *(np.concatenate([real, false[others]]) for real, false in parts))
         return ranks(ledger.provider_trust[self._rated])[np.searchsorted(self._rated, targets)]
 
+    @cached_property
+    def honest(self) -> dict[str, Floats]:
+        """The percentiles of the targets of each goal without an attack."""
+        nobody = np.zeros(0, np.int64)
+        quiet = [everybody(nobody, nobody, 0.0)] * ROUNDS
+        return {goal: self.percentiles(self.aim(goal)[0], quiet) for goal in ("sink", "lift")}
+
+    @cached_property
+    def past_means(self) -> Floats:
+        """The mean rating of each provider before the attack, shape (P,); NaN without a rating."""
+        ratees, values = self.log.ratees[: self.past], self.log.values[: self.past]
+        count = np.bincount(ratees, minlength=self.log.shape[1])
+        means: Floats = np.full(self.log.shape[1], np.nan)
+        np.divide(np.bincount(ratees, values, self.log.shape[1]), count, out=means, where=count > 0)
+        return means
+
     def aim(self, goal: str) -> tuple[Ints, float]:
         """Return the targets of a goal, and the rating that they get."""
         return (self.best, 0.0) if goal == "sink" else (self.newcomers, 1.0)
@@ -152,39 +172,24 @@ def moved(before: Floats, after: Floats, seed: int) -> Moved:
     return Moved(*(interval(mean(x), np.arange(len(x)), seed) for x in (before, after)))
 
 
-def replay_attacks(
-    model: Any, log: RatingLog, every: float, *, same_agents: bool, attacks: list[Attack] = ATTACKS, seed: int = 0
-) -> dict[Attack, Moved]:
-    """Play a log with each attack in its last rounds, and without any.
+def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: int = 0) -> dict[Attack, Moved]:
+    """End a log with each attack, and without any.
 
     In each of the last 6 rounds every hostile account rates all 20 targets, beside the ratings of the log. The best
     providers are those with the highest Beta reputation from the ratings before the attack. Newcomers are providers
     that nobody has rated. Hijacked accounts are drawn five times from raters with at least 5 ratings.
 
     Args:
-        model: Trust model.
-        log: Log.
-        every: Length of a round.
-        same_agents: Whether a rater and a ratee of the same name are one agent.
+        replay: Log that was played up to the attack.
         attacks: Attacks to play.
         seed: Random seed of the draws and of the resamples.
-
-    Raises:
-        ValueError: The log has no 7 rounds with ratings, or too few providers or raters.
-        MemoryError: The model does not fit, see `make_ledger`.
     """
-    replay = Replay(model, log, every, same_agents=same_agents, most=max(attack.accounts for attack in attacks))
-    rng, nobody = np.random.default_rng(seed), np.zeros(0, np.int64)
-    honest = {
-        goal: replay.percentiles(replay.aim(goal)[0], [everybody(nobody, nobody, 0.0)] * ROUNDS)
-        for goal in dict.fromkeys(attack.goal for attack in attacks)
-    }
-    found = {}
+    found, rng = {}, np.random.default_rng(seed)
     for attack in attacks:
         targets, rating = replay.aim(attack.goal)
         teams = draw_teams(replay, attack, rng)
         after = [replay.percentiles(targets, [everybody(team, targets, rating)] * ROUNDS) for team in teams]
-        found[attack] = moved(honest[attack.goal], np.mean(after, axis=0), seed)
+        found[attack] = moved(replay.honest[attack.goal], np.mean(after, axis=0), seed)
     return found
 
 

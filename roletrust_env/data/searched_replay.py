@@ -68,7 +68,6 @@ def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) ->
     if budget < 1:
         raise ValueError(f"the budget is {budget}; it must be at least 1")
     rng, (targets, extreme) = np.random.default_rng(seed), replay.aim(attack.goal)
-    nobody = np.zeros(0, np.int64)
     sign = 1 if attack.goal == "lift" else -1
     plain = [Tactic(team, 0, 1, extreme, TARGETS, 0, False) for team in draw_teams(replay, attack, rng)][:budget]
     at, best, after = np.zeros(7), plain[0], _played(replay, targets, plain[0], seed)
@@ -82,8 +81,7 @@ def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) ->
         found = _played(replay, targets, tactic, seed)
         if sign * (found.mean() - after.mean()) > 0:
             at, best, after = point, tactic, found
-    honest = replay.percentiles(targets, [everybody(nobody, nobody, 0.0)] * ROUNDS)
-    return Found(moved(honest, after, seed), best)
+    return Found(moved(replay.honest[attack.goal], after, seed), best)
 
 
 def _tactic(replay: Replay, attack: Attack, extreme: float, point: Floats) -> Tactic:
@@ -123,15 +121,12 @@ def hostile_ratings(replay: Replay, targets: Ints, tactic: Tactic, rng: np.rando
         tactic: Choices of the accounts.
         rng: Random generator of the draws of targets and of cover.
     """
-    log, past = replay.log, replay.past
-    total, count = (np.bincount(log.ratees[:past], w, log.shape[1]) for w in (log.values[:past], np.ones(past)))
-    known = np.setdiff1d(np.flatnonzero(count), targets)
-    parts = []
+    known, parts = np.setdiff1d(np.flatnonzero(~np.isnan(replay.past_means)), targets), []
     for account in tactic.accounts:
         one = np.array([account])
         parts.append(everybody(one, rng.choice(targets, tactic.targets, replace=False), tactic.rating))
         others = rng.choice(known, min(tactic.cover, len(known)), replace=False)
-        parts.append(Ratings(np.full(len(others), account), others, total[others] / count[others]))
+        parts.append(Ratings(np.full(len(others), account), others, replay.past_means[others]))
     if tactic.ring and replay.same_agents:
         parts.append(everybody(tactic.accounts, tactic.accounts, 1.0))
     return Ratings(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

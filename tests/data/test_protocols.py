@@ -10,7 +10,7 @@ from roletrust_env.data.crowd import CrowdTask, crowd_work, read_crowd, write_cr
 from roletrust_env.data.folders import find_logs, write_log
 from roletrust_env.data.forecasts import earlier_activity, forecasts, next_rating, rater_forward
 from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.replay import Attack, replay_attacks
+from roletrust_env.data.replay import Attack, Moved, Replay, replay_attacks
 from roletrust_env.data.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.data.tables import Columns
 from roletrust_env.trust import make_trust_model
@@ -163,9 +163,10 @@ def test_wrong_answers_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("same_agents", [True, False])
 def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) -> None:
     attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
-    play: Any = lambda name: replay_attacks(  # noqa: E731
-        make_trust_model(name), log, MONTH, same_agents=same_agents, attacks=attacks
-    )
+
+    def play(name: str) -> dict[Attack, Moved]:
+        return replay_attacks(Replay(make_trust_model(name), log, MONTH, same_agents=same_agents), attacks)
+
     moved = play("mean")
     assert moved[attacks[0]].before.value > 0.7 > 0.3 > moved[attacks[0]].after.value
     assert moved[attacks[2]].after.value > moved[attacks[2]].before.value
@@ -176,10 +177,10 @@ def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) 
 def test_a_log_without_enough_rounds_or_agents_is_refused(log: RatingLog) -> None:
     model = make_trust_model("mean")
     with pytest.raises(ValueError, match="needs more than 6"):
-        replay_attacks(model, log, 6 * MONTH, same_agents=True)
+        Replay(model, log, 6 * MONTH, same_agents=True)
     few = small_log([(n % 3, 3, 1.0, n * 10) for n in range(20)])
     with pytest.raises(ValueError, match="needs 20 providers"):
-        replay_attacks(model, few, 10, same_agents=True)
+        Replay(model, few, 10, same_agents=True)
 
 
 def test_folders_without_logs_say_what_a_log_is(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_a_tactic_sends_what_it_says(log: RatingLog) -> None:
 def test_a_search_finds_no_less_than_the_plain_attack(log: RatingLog, model: str, goal: str, origin: str) -> None:
     attack = Attack(goal, 3, origin)  # type: ignore[arg-type]
     found = search_attack(replay_of(log, model), attack, 30)
-    plain = replay_attacks(make_trust_model(model), log, MONTH, same_agents=True, attacks=[attack])[attack]
+    plain = replay_attacks(replay_of(log, model), [attack])[attack]
     sign = 1 if goal == "lift" else -1
     assert sign * (found.moved.after.value - plain.after.value) >= 0
     assert found.moved.before == plain.before

@@ -106,7 +106,7 @@ class VoteLog:
         """Play one round. See `Ledger.play`."""
         if len(raters):
             raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self._shape[1] + providers)
-            self._parts = [*self._parts, (raters, providers, values, np.full(len(raters), self.rounds))]
+            self._parts.append((raters, providers, values, np.full(len(raters), self.rounds)))
         self.rounds += 1
 
     def skip(self, rounds: int) -> None:

@@ -129,15 +129,13 @@ def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents
         before = forecasts(model, ratings, every, same_agents=same_agents)
         found = {("next rating", what): value for what, value in next_rating(before, ratings, seed).items()}
         found |= {("rater forward", what): value for what, value in rater_forward(before, ratings, seed).items()}
-        for attack, moved in replay_attacks(model, ratings, every, same_agents=same_agents, seed=seed).items():
+        replay = Replay(model, ratings, every, same_agents=same_agents)
+        for attack, moved in replay_attacks(replay, seed=seed).items():
             found["attack", f"{attack.goal}, honest"] = moved.before
             found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = moved.after
-        if search:
-            most = max(attack.accounts for attack in ATTACKS)
-            replay = Replay(model, ratings, every, same_agents=same_agents, most=most)
-            for attack in ATTACKS:
-                worst = search_attack(replay, attack, search, seed)
-                found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
+        for attack in ATTACKS if search else ():
+            worst = search_attack(replay, attack, search, seed)
+            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
         return found
 
     return measure
