@@ -96,6 +96,8 @@ def test_unknown_cameras_cost_a_rater_nothing(count, signed, keys):
     complete, longest, during = measured(cameras, one)
     assert complete == 8
     assert longest < 0.7 * PERIOD / 1e9
+    if not signed:  # on a busy machine, the rater seldom has time for strangers
+        until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
     stranger.kill()
     stranger.join()
     after_complete, _, after = measured(cameras, one)
