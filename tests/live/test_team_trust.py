@@ -153,7 +153,7 @@ def test_a_changed_journal_is_found_in_spite_of_a_snapshot(often, tmp_path):
         manager(path)
 
 
-@pytest.mark.parametrize("rounds", [600, pytest.param(10_000, marks=pytest.mark.live)])
+@pytest.mark.parametrize("rounds", [600, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_ten_newcomers_a_minute_delay_no_round(rounds, tmp_path, monkeypatch):
     """Ten raters and ten providers at two rounds a second; a newcomer rates for a minute and leaves.
 
