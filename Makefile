@@ -101,10 +101,12 @@ reruns: setup
 	$(BIN)/roletrust reruns $(OUT)/reruns/results.sqlite --out $(OUT)/reruns
 	cp $(OUT)/reruns/reruns.md docs/leaderboards/
 
-# The table of what the live system's manager takes; on a quiet machine, some minutes.
+# The tables of what the live system's manager takes, by team size and by trust model; on a quiet machine, 20 minutes.
 live-load: setup
 	$(BIN)/roletrust live load --out $(OUT)/live-load
+	$(BIN)/roletrust live load --all-models --seconds 10 --out $(OUT)/live-load-models
 	cp $(OUT)/live-load/live-load.md docs/
+	cp $(OUT)/live-load-models/live-load.md docs/live-load-models.md
 
 # The leaderboard of what the parts of wary role-trust are worth; a few minutes.
 better-model: setup

@@ -13,7 +13,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.errors import suggest
 from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
 from roletrust_env.game.brief import game_facts
-from roletrust_env.game.coalition import CoalitionMemory
+from roletrust_env.game.coalition_features import CoalitionMemory
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy

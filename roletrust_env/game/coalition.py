@@ -4,59 +4,17 @@ The compromised agents share what they see. Each provider gets the same features
 alike plays with 6 of them and with 60. `CoalitionTask` offers this as observation and action of an attack task.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from roletrust_env.arrays import Array, cast, largest, mean_or_zero, mean_places, namespace
+from roletrust_env.arrays import Array, cast, mean_or_zero, namespace
 from roletrust_env.game.attacker_side import places
+from roletrust_env.game.coalition_features import CoalitionMemory, provider_features, to_digits, told
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions, State
 from roletrust_env.world.presence import PRESENT
 
-FEATURES = (
-    "published",
-    "published_rank",
-    "published_change",
-    "perceived",
-    "perceived_rank",
-    "published_less_perceived",
-    "last_lie",
-    "most_trusted",
-    "lead",
-    "perceived_gap",
-    "accomplice",
-    "served",
-    "own_trust",
-    "own_share",
-    "clock",
-)
-"""Names of the features of a provider, see `Coalition.features`."""
-
 IDENTITY_FEATURES = ("turn", "trust", "present", "succeeds", "provides", "clock")
 """Names of the features of an identity, see `Coalition.identity_features`."""
-
-REACH = 1.5
-"""Largest distance of a lie from the perceived quality, before it is cut to [0, 1]."""
-
-_STEPS = 10_000.0  # of published trust: providers that are alike tie, whatever the rounding errors
-_CHANGES, _LEADS = 5.0, 10.0  # small differences of trust decide; this brings them near the size of other features
-
-
-class CoalitionMemory(NamedTuple):
-    """What a coalition remembers.
-
-    Attributes:
-        total: Sum of the perceived qualities of each provider, over its raters and the rounds, shape (P, ...).
-        count: Number of these perceptions, shape (P, ...).
-        published: Published trust of each provider as far as the coalition sees it, shape (P, ...).
-        change: Change of that trust in the last round, shape (P, ...).
-    """
-
-    total: Array
-    count: Array
-    published: Array
-    change: Array
 
 
 class Coalition:
@@ -95,73 +53,38 @@ class Coalition:
 
     def begin(self, state: State) -> CoalitionMemory:
         """Return the memory before the first round."""
-        nothing = 0 * state.quality
-        published = nothing + self._game.scenario.initial_trust
-        return CoalitionMemory(nothing, nothing, published, nothing)
+        return CoalitionMemory.begin(0 * state.quality + self._game.scenario.initial_trust)
 
     def remember(self, state: State, memory: CoalitionMemory) -> CoalitionMemory:
         """Return the memory with what the coalition sees in a state. Call it once in every round."""
-        published = self._published(state)
-        total, count = memory.total, memory.count
-        if self.rates:
-            awaiting = state.awaiting[self.raters, ...]
-            total = total + (state.service[self.raters, ...] * awaiting).sum(axis=0)
-            count = count + awaiting.sum(axis=0, dtype=total.dtype)
-        return CoalitionMemory(total, count, published, published - memory.published)
-
-    def perceived(self, memory: CoalitionMemory) -> Array:
-        """Return the mean perceived quality of each provider, shape (P, ...); its published trust where there is none.
-
-        It is the mean over all its raters and rounds, so it has less noise than the perception of any honest rater.
-        """
-        xp = namespace(memory.total)
-        return xp.where(memory.count > 0, memory.total / (memory.count + (memory.count == 0)), memory.published)
+        memory = memory.remember(self._published(state))
+        if not self.rates:
+            return memory
+        return memory.perceive(state.service[self.raters, ...], state.awaiting[self.raters, ...])
 
     def features(self, state: State, memory: CoalitionMemory) -> Array:
-        """Return the features of each provider, shape (F, P, ...), in [-1, 1], in the order of `FEATURES`.
+        """Return the features of each provider, shape (F, P, ...), see `provider_features`.
 
-        - `published`, `published_rank`: its published trust to four digits, and the rank of that, 0 for the highest and
-          1 for the lowest; `published_change`: five times the change in the last round.
-        - `perceived`, `perceived_rank`: its mean perceived quality, see `perceived`, and the rank of that.
-        - `published_less_perceived`: the difference of the two.
-        - `last_lie`: mean rating of it by the coalition that arrived in the last round, less the perceived quality.
-        - `most_trusted`: 1 for a provider with the highest published trust, to which consumers go, else 0; `lead`: ten
-          times its published trust less the highest one of the others, cut to [-1, 1].
-        - `perceived_gap`: distance to the best perceived quality.
-        - `accomplice`: 1 for a provider of the coalition, else 0.
-        - `served`: 1 if its service awaits a rating of the coalition, else 0.
-        - `own_trust`: mean published ToR of the raters of the coalition; without any, mean ToP of its providers.
-        - `own_share`: share of the raters that belong to the coalition.
-        - `clock`: share of the game that is over.
+        `last_lie` is the mean over the raters of the coalition. `own_trust` is the mean published ToR of them; without
+        any, the mean ToP of its providers. The perceived quality is a mean over all its raters and rounds, so it has
+        less noise than the perception of any honest rater.
         """
-        xp, published, perceived = namespace(memory.total), memory.published, self.perceived(memory)
-        nothing = 0 * published
-        lie = served = nothing
+        xp, perceived = namespace(memory.total), memory.perceived
+        lie = served = 0 * perceived
         if self.rates:
             rated = state.rated[self.raters, ...]
             said = mean_or_zero(state.ratings[self.raters, ...], rated)
-            lie = xp.where(rated.any(axis=0), said - perceived, nothing)
-            served = cast(state.awaiting[self.raters, ...].any(axis=0), published.dtype)
-        accomplice = self._accomplice.reshape(-1, *[1] * (published.ndim - 1))
-        clock = cast(state.round, published.dtype) / self._game.scenario.max_cycles
-        rows = (
-            published,
-            _rank(published),
-            xp.clip(_CHANGES * memory.change, -1.0, 1.0),
-            perceived,
-            _rank(perceived),
-            published - perceived,
-            lie,
-            cast(published == largest(published), published.dtype),
-            xp.clip(_LEADS * (published - _best_other(published)), -1.0, 1.0),
-            largest(perceived) - perceived,
-            nothing + accomplice,
-            served,
-            nothing + self._own_trust(state),
-            nothing + self._share,
-            nothing + clock,
+            lie = xp.where(rated.any(axis=0), said - perceived, lie)
+            served = cast(state.awaiting[self.raters, ...].any(axis=0), perceived.dtype)
+        return provider_features(
+            memory,
+            last_lie=lie,
+            accomplice=self._accomplice,
+            served=served,
+            own_trust=self._own_trust(state),
+            own_share=self._share,
+            clock=cast(state.round, perceived.dtype) / self._game.scenario.max_cycles,
         )
-        return xp.stack(rows)
 
     def identity_features(self, state: State) -> Array:
         """Return the features of each own identity, shape (I, n, ...), in [0, 1], in the order of `IDENTITY_FEATURES`.
@@ -197,18 +120,17 @@ class Coalition:
 
         Args:
             decision: Decision of shape (action_size, ...), in [0, 1]. If the coalition rates, the first P numbers are
-                its lie about each provider: all its raters report the perceived quality plus `REACH` times (2 x - 1),
-                cut to [0, 1], so 0.5 is the truth without noise. If it provides, the last P numbers are the qualities
-                of the providers, and those of providers of others are ignored.
+                its lie about each provider, which all its raters tell, see `told`. If it provides, the last P numbers
+                are the qualities of the providers, and those of providers of others are ignored.
             memory: Memory after `remember`.
         """
-        xp, p = namespace(decision), memory.total.shape[0]
+        p = memory.total.shape[0]
         said = quality = 0 * memory.total + 1
         if self.rates:
-            said = xp.clip(self.perceived(memory) + REACH * (2 * decision[:p, ...] - 1), 0.0, 1.0)
+            said = told(memory, decision[:p, ...])
         if self.providers:
             quality = decision[-p:, ...]
-        ratings = xp.broadcast_to(said[None, ...], (self._game.roster.n_raters, *said.shape))
+        ratings = namespace(said).broadcast_to(said[None, ...], (self._game.roster.n_raters, *said.shape))
         return Actions(quality, ratings)
 
     def _published(self, state: State) -> Array:
@@ -216,8 +138,7 @@ class Coalition:
 
         Raters see the trust of every provider. Providers see their own, and assume the mean of theirs for others.
         """
-        top = self._game.published(state)[1]
-        top = namespace(top).round(_STEPS * top) / _STEPS
+        top = to_digits(self._game.published(state)[1])
         if self.rates:
             return top
         own = top[self.providers, ...]
@@ -228,19 +149,3 @@ class Coalition:
         tor, top = self._game.published(state)
         own = tor[self.raters, ...] if self.rates else top[self.providers, ...]
         return own.mean(axis=0)
-
-
-def _best_other(values: Array) -> Array:
-    """Return the highest of the other values for each value along the first axis; the value itself if it is alone."""
-    xp, top = namespace(values), largest(values)
-    highest = values == top
-    if values.shape[0] == 1:
-        return values
-    second = largest(xp.where(highest, xp.min(values, axis=0), values))
-    alone = highest.sum(axis=0) == 1
-    return xp.where(highest & alone, second, top)
-
-
-def _rank(values: Array) -> Array:
-    """Return the rank of each value along the first axis: 0 for the highest, 1 for the lowest; ties share the mean."""
-    return mean_places(values) / max(1, values.shape[0] - 1)

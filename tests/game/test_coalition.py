@@ -11,7 +11,8 @@ from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
 from roletrust_env.envs.task_batch import TaskBatch
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
-from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES, REACH, Coalition
+from roletrust_env.game.coalition import IDENTITY_FEATURES, Coalition
+from roletrust_env.game.coalition_features import FEATURES, REACH
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
 
@@ -114,7 +115,7 @@ def test_a_decision_is_a_lie_about_each_provider_and_a_quality_of_each_accomplic
     task = task_of()
     coalition = Coalition(task.game, task.identities)
     for state, _, _ in play(task, at_random, (), seed=3):
-        felt = coalition.perceived(state.coalition)
+        felt = state.coalition.perceived
         actions = coalition.actions(np.asarray(decision), state.coalition)
         for p in range(3):
             for s in range(4):

@@ -38,7 +38,15 @@ class PublishedBoard:
 
 
 @pytest.mark.parametrize(
-    "policy", [BadMouthing(level=0.2), learned(path=str(ZOO / "rater-3x3")), Policy()], ids=["lie", "learned", "honest"]
+    "policy",
+    [
+        BadMouthing(level=0.2),
+        learned(path=str(ZOO / "rater-3x3")),
+        learned(path="universal-raters"),
+        learned(path="universal-coalition", accomplices=(2,)),
+        Policy(),
+    ],
+    ids=["lie", "learned", "universal", "coalition", "honest"],
 )
 def test_a_live_rater_gives_the_same_ratings_as_in_the_game(policy):
     game = Game(RULES, "role-trust")
@@ -78,6 +86,17 @@ def test_a_trained_provider_reacts_to_its_ratings():
     sold = [(praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated)) for r in range(20)]
     assert all(0 <= quality <= 1 for pair in sold for quality in pair)
     assert any(one != other for one, other in sold)
+
+
+def test_a_member_of_a_coalition_serves_in_a_live_camera_as_in_the_game():
+    policy = learned(path="universal-coalition", accomplices=(2,))
+    game = Game(RULES, "role-trust")
+    history = record(JointPolicy(game, {"sp_2": policy}), game.random(seed=0))
+    selector, trust = _QualitySelector(policy, 0), RULES.initial_trust
+    for round in range(RULES.max_cycles):
+        quality = selector.quality(round, trust, history.ratings[round, :, 2], history.rated[round, :, 2])
+        assert quality == history.quality[round, 2], round
+        trust = history.top[round, 2]
 
 
 class Withholding(Policy):

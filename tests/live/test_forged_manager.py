@@ -90,7 +90,9 @@ def test_packets_with_the_true_guid_of_the_manager_are_refused(tmp_path, team):
     guid = uuid.UUID(node.writers_of("/trust")[0]).bytes
     end = time.monotonic() + 60
     while not refused(page, RefusalReason.UNSIGNED) and time.monotonic() < end:
-        rtps_forger.send(guid, 1, messages.encode(lie(time.time_ns())), int(os.environ["ROS_DOMAIN_ID"]), count=60)
+        following = sum(1 for _ in read_journal(tmp_path / "journal")) + 1  # the manager numbers its messages
+        packet = messages.encode(lie(time.time_ns()))
+        rtps_forger.send(guid, following, packet, int(os.environ["ROS_DOMAIN_ID"]), count=12)
         time.sleep(0.1)
     raters.wait_for(4)
     assert refused(page, RefusalReason.UNSIGNED)

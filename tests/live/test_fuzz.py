@@ -30,7 +30,7 @@ ROUNDS, TRACED = 20, 16  # memory is traced from that round on, since tracing is
 POOL = 50  # signed messages of a round; changed and cut messages are always new
 
 
-@pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.live)])
+@pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_invalid_messages_do_not_change_trust(count, tmp_path):
     make_keys(tmp_path, [*TEAM.raters, "liar", "thief"])
     (tmp_path / "thief.pub").unlink()

@@ -54,19 +54,20 @@ def axes(roster):
 
 def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
     random, starts = np.random.default_rng(0), robots(tmp_path)
-    victims = random.permutation([*starts, *starts, *["manager"] * 6]).tolist()
-    assert len(victims) == 20
-    downs, reports = [], tmp_path / "reports"
+    pairs, downs, continued, reports = pairs_of(starts, random), [], 0, tmp_path / "reports"
+    assert sum(map(len, pairs)) == 20
     with Listener() as listener:
         running = {name: start() for name, start in starts.items()}
         until(lambda: listener.heard and not listener.heard[-1][1].missing, "the team does not find each other")
-        for times, victim in enumerate(victims):
-            time.sleep(random.uniform(0, 2 * PERIOD / 1e9))
-            running[victim].kill()
-            running[victim].join()
-            downs += [time.time_ns()] * (victim == "manager")
-            running[victim] = starts[victim]()
-            until(lambda: lines(reports) == victims[: times + 1].count("manager"), "it does not come back")  # noqa: B023
+        for pair in pairs:
+            for victim in pair:
+                time.sleep(random.uniform(0, 2 * PERIOD / 1e9))
+                running[victim].kill()
+                running[victim].join()
+                downs += [time.time_ns()] * (victim == "manager")
+                running[victim] = starts[victim]()
+            continued += "manager" in pair
+            until(lambda: lines(reports) == continued, "it does not come back")  # noqa: B023
             listener.wait_for(4)
         for one in running.values():
             one.terminate()
@@ -80,6 +81,14 @@ def test_rounds_continue_when_nodes_are_killed_at_random_times(tmp_path):
         begun = max([last.stamp, *(up for down, up in away if down <= entry.closed and up >= last.stamp)])
         assert entry.stamp - begun <= 2 * PERIOD, (last.round, entry.missing)
     assert {name for entry in entries[-4:] for name in entry.ratings} == {"sr_0", "sr_1", "sr_2"}
+
+
+def pairs_of(starts, random):
+    """Return pairs of nodes to kill, one soon after the other: each node twice and the manager eight times."""
+    others = [name for name in starts if name != "manager"]
+    first, second = random.permutation(others).tolist(), random.permutation(others).tolist()
+    managers = [("manager", name) if random.random() < 0.5 else (name, "manager") for name in (*first, *second[:2])]
+    return random.permutation([*managers, second[2:4], second[4:]]).tolist()
 
 
 def lines(path):

@@ -85,23 +85,28 @@ def measured(cameras, one, rounds=8):
     return len(delays), max(delays), cpu_s(one.pid) - before
 
 
-@pytest.mark.parametrize(("count", "signed"), [(12, False), (200, False), (200, True)])
-def test_unknown_cameras_cost_a_rater_nothing(count, signed, keys):
+@pytest.mark.parametrize(("counts", "signed"), [((12, 200), False), ((200,), True)])
+def test_unknown_cameras_cost_a_rater_nothing(counts, signed, keys):
     folder = keys if signed else None
     cameras, one = Cameras(folder), rater(folder)
     until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")
     _, _, usual = measured(cameras, one)
-    stranger = process(strange_cameras, count=count)
-    cameras.send(4)
-    complete, longest, during = measured(cameras, one)
+    print(f"{usual / 8:.4f} s of CPU time a round before")
+    for count in counts:
+        stranger = process(strange_cameras, count=count)
+        cameras.send(4)
+        complete, longest, during = measured(cameras, one)
+        print(f"{during / 8:.4f} s during {count} cameras")
+        assert complete == 8
+        assert longest < 0.7 * PERIOD / 1e9
+        assert during < 1.3 * usual + 0.1
+        if not signed:  # on a busy machine, the rater seldom has time for strangers
+            until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
+        stranger.kill()
+        stranger.join()
+    complete, _, after = measured(cameras, one)
+    print(f"{after / 8:.4f} s after")
     assert complete == 8
-    assert longest < 0.7 * PERIOD / 1e9
-    stranger.kill()
-    stranger.join()
-    after_complete, _, after = measured(cameras, one)
-    assert after_complete == 8
-    print(f"{count} cameras: {usual / 8:.4f} s of CPU time a round, {during / 8:.4f} s during, {after / 8:.4f} s after")
-    assert during < 1.3 * usual + 0.1
     assert after < 1.3 * usual + 0.1
     assert (cameras.rated == {"sp_0", "sp_1", "sp_2"}) is signed
 

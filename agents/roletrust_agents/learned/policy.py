@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import attacker_for
+from roletrust_agents.learned.coalition_member import CoalitionMember, CoalitionSize, member_of
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
@@ -17,7 +18,7 @@ from roletrust_env.game.rollout import rollout
 from roletrust_env.game.views import AgentView, Layout, ProviderView, RaterView
 from roletrust_env.randomness import Random
 from roletrust_env.world.group import Role
-from roletrust_env.world.roster import role_in_name
+from roletrust_env.world.roster import Roster, role_in_name
 
 
 class LearnedPolicy(Policy):
@@ -99,8 +100,9 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     card, task = attacker.card, attacker.card.task
     if isinstance(attacker.network, DeepSet):
         raise ValueError(
-            "the attacker is a coalition, which plays all compromised agents of a task as one mind, and no single "
-            "policy; play it as a search method, such as `roletrust ladder --learned`, or see `CoalitionAttacker`"
+            "the attacker is a coalition, which plays all compromised agents of a task as one mind; play it as a "
+            "search method, such as `roletrust ladder --learned`, or see `CoalitionAttacker`. Members that each decide "
+            "alone are `learned_member`"
         )
     if len(task.compromised) > 1 or task.knowledge != "black_box":
         raise ValueError(
@@ -117,16 +119,47 @@ def policy_for(role: Role, decide: Decider, layout: Layout, description: str) ->
     return classes[role](decide, layout, description)
 
 
-def learned(path: str) -> LearnedPolicy:
+def learned_member(attacker: SavedAttacker, accomplices: tuple[int, ...]) -> CoalitionMember:
+    """Return the policy of each member of a saved coalition.
+
+    Args:
+        attacker: Saved coalition; its network is a deep set.
+        accomplices: Indices of the coalition's providers on the provider axis.
+
+    Raises:
+        ValueError: The attacker is no coalition, or see `member_of`.
+    """
+    card, roster = attacker.card, Roster.of(attacker.card.scenario)
+    if not isinstance(attacker.network, DeepSet):
+        raise ValueError("accomplices are those of a coalition; the attacker is none")
+    compromised = set(card.task.compromised)
+    raters = sum(name in compromised for name in roster.rater_names)
+    size = CoalitionSize(roster.n_providers, raters / roster.n_raters, card.scenario.max_cycles)
+    return member_of(
+        attacker.network,
+        size,
+        accomplices,
+        provides=bool(compromised & set(roster.provider_names)),
+        description=f"{card.training.algorithm}, {card.weights_sha256[:8]}",
+    )
+
+
+def learned(path: str, accomplices: tuple[int, ...] = ()) -> Policy:
     """Trained attacker, loaded from a pair of files, NAME.json and NAME.safetensors.
 
     Args:
         path: Path of the files, or name of an attacker that comes with the project; see `load_attacker`.
+        accomplices: Indices of the coalition's providers, for a coalition such as `universal-coalition`, of which each
+            seated agent is a member that decides for itself, see `CoalitionMember`.
 
     Raises:
-        ValueError: The files are not valid, or the attacker does not control one agent with black-box knowledge.
+        ValueError: The files are not valid, the attacker is no coalition and does not control one agent with black-box
+            knowledge, or the accomplices do not fit, see `member_of`.
     """
-    return learned_policy(load_attacker(path))
+    attacker = load_attacker(path)
+    if accomplices or isinstance(attacker.network, DeepSet):
+        return learned_member(attacker, accomplices)
+    return learned_policy(attacker)
 
 
 def play_task(task: AttackTask, network: Network | DeepSet | None, *, games: int, seed: int) -> Array:

@@ -22,7 +22,7 @@ from roletrust_env.benchmark.suite import Suite
 from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.measurement import score
-from roletrust_env.game.coalition import FEATURES
+from roletrust_env.game.coalition_features import FEATURES
 
 VALIDATED, MEASURED = 54_321, 12_345
 """Random seeds of the games that choose an agent, and of those at the end."""

@@ -31,6 +31,10 @@ _LOOK_S = 0.05
 _STOP_S = 5.0
 
 
+class TeamIncompleteError(ValueError):
+    """A team whose manager does not publish some rounds of all raters in time."""
+
+
 class Load(NamedTuple):
     """Measurements of a team.
 
@@ -40,6 +44,7 @@ class Load(NamedTuple):
         rounds: Number of published rounds during the measurement.
         complete: Share of the expected rounds without a missing rater.
         cpu: CPU time of the manager as a share of a core.
+        round_cpu_ms: CPU time of the manager for each published round, in ms; NaN without rounds.
         median_ms: Median time in ms from the sending of ratings to the arrival of trust at a listener.
         largest_ms: Largest of these times.
         memory_mb: Memory of the manager at the end.
@@ -51,6 +56,7 @@ class Load(NamedTuple):
     rounds: int
     complete: float
     cpu: float
+    round_cpu_ms: float
     median_ms: float
     largest_ms: float
     memory_mb: float
@@ -76,7 +82,8 @@ def measure_load(
         advance: Called with the seconds measured so far.
 
     Raises:
-        ValueError: The system has no /proc, or the team is not complete in time.
+        TeamIncompleteError: The team is not complete in time.
+        ValueError: The system has no /proc, or another manager runs.
     """
     if not Path("/proc/self/stat").exists():
         raise ValueError("the load of processes is read from /proc, which this system does not have")
@@ -103,11 +110,12 @@ def measure_load(
             for message in _received(trust):
                 delays.append((now - messages.stamp_of(message)) / 1e6)
                 complete += not len(message.missing)
-        cpu = (cpu_s(manager) - before) / spent
+        cpu = cpu_s(manager) - before
     half = len(memory) // 2
     grown = median(memory[half:]) - median(memory[: half + 1])
     delay = (median(delays), max(delays)) if delays else (np.nan, np.nan)
-    return Load(model, side, len(delays), min(1.0, complete / (rate * seconds)), cpu, *delay, memory[-1], grown)
+    share, of_round = min(1.0, complete / (rate * seconds)), 1e3 * cpu / len(delays) if delays else np.nan
+    return Load(model, side, len(delays), share, cpu / spent, of_round, *delay, memory[-1], grown)
 
 
 def run_raters(team: Team, keys: Path, period: int) -> None:
@@ -148,7 +156,9 @@ def _gather(trust: Reader, side: int) -> None:
     complete, end = 0, time.monotonic() + _MEET_S
     while complete < _SETTLED:
         if time.monotonic() > end:
-            raise ValueError(f"{side} raters do not get together in {_MEET_S:.0f} s; that is too many for this machine")
+            raise TeamIncompleteError(
+                f"{side} raters do not get together in {_MEET_S:.0f} s; that is too many for this machine"
+            )
         time.sleep(_LOOK_S)
         complete += sum(not len(one.missing) and len(one.raters) == side for one in _received(trust))
 

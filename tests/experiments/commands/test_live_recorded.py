@@ -2,12 +2,14 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import imageio.v2 as imageio
 import numpy as np
 import pytest
 from command_line import run
 from manager_cases import TEAM, manager
+from pages import HOUSE, blocks
 from recorded_games import PERIOD, spoken
 
 from roletrust_baselines import BadMouthing
@@ -191,27 +193,18 @@ def test_a_replay_of_nothing_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recorded_team_is_a_scenario_of_the_benchmark(bag, tmp_path):
-    assert run("live", "scenario", str(bag), "--out", str(tmp_path / "team.toml")).exit_code == 0
-    suite = f"""
-description = "A recorded team"
-models = ["role-trust", "mean"]
-attacks = ["bad-mouthing"]
-rungs = ["scripted"]
-games = 2
-
-[scenarios.recorded]
-preset = "{tmp_path / "team.toml"}"
-
-[tracks.liars]
-roles = ["SR"]
-shares = [0.3]
-"""
-    (tmp_path / "own.toml").write_text(suite)
-    done = run("benchmark", "--suite", str(tmp_path / "own.toml"), "--out", str(tmp_path / "out"))
+@pytest.mark.parametrize("source", ["game", "robots"])
+def test_a_recorded_team_is_a_scenario_of_the_benchmark(source, bag, tmp_path, monkeypatch):
+    """The suite is that of the guide; the recording of robots is that of the tutorial, of a live run."""
+    recording = bag if source == "game" else HOUSE / "docs" / "tutorials" / "recording"
+    monkeypatch.chdir(tmp_path)
+    assert run("live", "scenario", str(recording), "--out", "team.toml").exit_code == 0
+    (suite,) = (block for block in blocks(HOUSE / "docs" / "guide" / "robots.md", "toml") if "team.toml" in block)
+    quick = suite.replace(', "median"', "")
+    Path("robots.toml").write_text(f"games = 2\nbudget = 500\n{quick}")
+    done = run("benchmark", "--suite", "robots.toml", "--out", "out")
     assert done.exit_code == 0, done.output
-    rows = (tmp_path / "out" / "leaderboard.csv").read_text().splitlines()
-    assert len(rows) == 3
+    assert len(Path("out/leaderboard.csv").read_text().splitlines()) == 3
 
 
 def test_unsigned_trust_and_pictures_of_a_team_with_keys_are_ignored(bag, tmp_path):

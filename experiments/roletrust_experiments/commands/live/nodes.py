@@ -103,8 +103,9 @@ def assess(
     [dim]# a rater that always rates 0.2[/]
     [cyan]roletrust live assess sr_2 --attack bad-mouthing:level=0.2[/]
 
-    [dim]# a trained attacker, see `roletrust zoo`[/]
-    [cyan]roletrust live assess sr_2 --attack learned:path=agents/roletrust_agents/zoo/rater-3x3[/]
+    [dim]# trained attackers, see `roletrust zoo`; of the coalition, this rater is a member[/]
+    [cyan]roletrust live assess sr_2 --attack learned:path=rater-3x3[/]
+    [cyan]roletrust live assess sr_2 --attack learned:path=universal-raters[/]
     """
     require_live()
     from roletrust_env.live.nodes.rater_node import run_rater_node

@@ -1,0 +1,163 @@
+"""A member of a coalition that decides alone, by the coalition's network and by what it sees itself."""
+
+from typing import Any, ClassVar, NamedTuple
+
+from roletrust_agents.learned.deep_set import DeepSet
+from roletrust_env.arrays import Array, cast, namespace
+from roletrust_env.game.coalition_features import CoalitionMemory, provider_features, to_digits, told
+from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.views import ProviderView, RaterView
+from roletrust_env.randomness import Random
+
+
+class CoalitionSize(NamedTuple):
+    """Size of the game that a coalition was trained for, and its own.
+
+    Attributes:
+        providers: Number of providers.
+        rater_share: Share of the raters that belong to the coalition.
+        max_cycles: Length of the game in rounds.
+    """
+
+    providers: int
+    rater_share: float
+    max_cycles: int
+
+
+class _MemberMemory(NamedTuple):
+    """What the two roles of a member remember; None before the first round."""
+
+    rater: CoalitionMemory | None = None
+    provider: CoalitionMemory | None = None
+
+
+class CoalitionMember(Policy):
+    """Policy of one member of a trained coalition. The members do not communicate.
+
+    Each member runs the coalition's network, on the same features as `CoalitionAttacker`, from what its own view has:
+
+    - A rater sees the published trust of all providers. It perceives only the services that it gets, knows only its own
+      ratings, and takes its own ToR for that of the coalition.
+    - A provider sees its own trust only, and takes it for that of all providers, as a coalition without raters does.
+
+    So raters that see the same lie in the same way. With noise, each has its own estimate of a provider, while
+    `CoalitionAttacker` pools them. Identities in reserve are not called.
+
+    Args:
+        network: Network of the coalition.
+        size: Size of the game in training; it fixes `own_share` and the clock. In a longer game, the clock stops.
+        accomplices: Indices of the coalition's providers on the provider axis.
+        description: Description of this attacker, for its `repr`.
+    """
+
+    def __init__(self, network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], description: str) -> None:
+        self._network, self._size, self._accomplices, self._description = network, size, accomplices, description
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._description})"
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> _MemberMemory:
+        """Return an empty memory. See `Policy.begin`."""
+        return _MemberMemory()
+
+    def ratings(self, view: RaterView, memory: _MemberMemory, random: Random) -> tuple[Array, Any]:
+        """Return the lies that the network chooses. See `Policy.ratings`.
+
+        Raises:
+            ValueError: The game has no such accomplice.
+        """
+        published = to_digits(view.published)
+        places = range(published.shape[0])
+        if not set(self._accomplices) <= set(places):
+            raise ValueError(f"{self!r}: accomplices is {self._accomplices}; there are {len(places)} providers")
+        before = memory.rater or CoalitionMemory.begin(published)
+        known = before.remember(published).perceive(view.service[None, ...], view.awaiting[None, ...])
+        xp = namespace(published)
+        decided = self._decide(
+            view,
+            known,
+            last_lie=xp.where(view.rated, view.ratings - known.perceived, 0 * published),
+            served=cast(view.awaiting, published.dtype),
+            accomplices=[place in self._accomplices for place in places],
+        )
+        return told(known, decided[0]), memory._replace(rater=known)
+
+    def quality(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array, Any]:
+        """Return the quality that the network chooses. See `Policy.quality`."""
+        xp, own = namespace(view.trust), to_digits(view.trust)
+        published = xp.broadcast_to(own[None, ...], (self._size.providers, *own.shape))
+        known = (memory.provider or CoalitionMemory.begin(published)).remember(published)
+        mates = len(self._accomplices)  # it comes first; the order of providers has no effect
+        decided = self._decide(
+            view,
+            known,
+            last_lie=0 * published,
+            served=0 * published,
+            accomplices=[place < mates for place in range(self._size.providers)],
+        )
+        return decided[1, 0], memory._replace(provider=known)
+
+    def _decide(
+        self,
+        view: RaterView | ProviderView,
+        known: CoalitionMemory,
+        *,
+        last_lie: Array,
+        served: Array,
+        accomplices: list[bool],
+    ) -> Array:
+        """Return the decision of the network, lies and qualities, shape (2, P, ...)."""
+        xp, like = namespace(known.total), known.total
+        features = provider_features(
+            known,
+            last_lie=last_lie,
+            accomplice=xp.asarray(accomplices, dtype=like.dtype, device=like.device),
+            served=served,
+            own_trust=view.trust,
+            own_share=self._size.rater_share,
+            clock=xp.clip(cast(view.round, like.dtype) / self._size.max_cycles, 0.0, 1.0),
+        )
+        return self._network.decide(features)
+
+
+class LyingMember(CoalitionMember):
+    """Member of a coalition of raters."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"ratings"})
+
+
+class CheatingMember(CoalitionMember):
+    """Member of a coalition of providers."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality"})
+
+
+class FullMember(CoalitionMember):
+    """Member of a coalition of raters and providers."""
+
+    attacks: ClassVar[frozenset[Channel]] = frozenset({"quality", "ratings"})
+
+
+def member_of(
+    network: DeepSet, size: CoalitionSize, accomplices: tuple[int, ...], *, provides: bool, description: str
+) -> CoalitionMember:
+    """Return the policy of each member of a coalition.
+
+    Args:
+        network: Network of the coalition.
+        size: Size of the game in training.
+        accomplices: See `CoalitionMember`.
+        provides: Whether the coalition was trained with providers.
+        description: See `CoalitionMember`.
+
+    Raises:
+        ValueError: The coalition was trained with providers and has no accomplices, or the other way round.
+    """
+    if provides and not accomplices:
+        raise ValueError(
+            f"{description}: the coalition was trained with providers; name those of yours, such as accomplices=[sp_0]"
+        )
+    if accomplices and not provides:
+        raise ValueError(f"{description}: the coalition was trained without providers; it has no accomplices")
+    kind = (FullMember if size.rater_share else CheatingMember) if provides else LyingMember
+    return kind(network, size, accomplices, description)
