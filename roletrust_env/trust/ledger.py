@@ -9,6 +9,8 @@ import numpy.typing as npt
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.edge_state import Kind, map_state, start_on_edges, takes_peers
 from roletrust_env.trust.edges import EdgeCells, EdgeRatings, merge_repeats
+from roletrust_env.trust.fused import FusedCells, FusedRatings
+from roletrust_env.trust.fused_kernels import numba
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 Floats = npt.NDArray[np.float64]
@@ -37,13 +39,22 @@ class Ledger:
         rounds: Number of rounds so far.
     """
 
-    def __init__(self, model: Central, *, one_role: bool = True) -> None:
+    def __init__(self, model: Central, *, one_role: bool = True, fused: bool = False) -> None:
         """Start without agents.
 
         Args:
             model: Central model.
             one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+            fused: Whether sums are compiled loops, see `roletrust_env.trust.fused`: some seconds for the first round,
+                and less for large ones after it.
+
+        Raises:
+            ValueError: Sums are to be fused, and numba is not installed.
         """
+        self._cells: type[EdgeCells] = FusedCells if fused else EdgeCells
+        self._ratings: type[EdgeRatings] = FusedRatings if fused else EdgeRatings
+        if fused:
+            numba()
         self.model, self.rounds = model, 0
         self._one_role = one_role
         self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
@@ -207,8 +218,8 @@ class Ledger:
                 leaf[places[kind]] = new
             return leaf
 
-        cells = EdgeCells(one.places, other.places, (one.size, other.size))
-        after = self.model.after_round(map_state(self._state, taken), EdgeRatings(cells, values, cells, None))
+        cells = self._cells(one.places, other.places, (one.size, other.size))
+        after = self.model.after_round(map_state(self._state, taken), self._ratings(cells, values, cells, None))
         self._state = map_state(self._state, put, after)
 
     def _touched(self, kind: str, places: Ints) -> _Touched:
@@ -228,9 +239,9 @@ class Ledger:
         """Update all agents and all known pairs."""
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
         keys = self._index.keys
-        known = EdgeCells(keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1), self.shape, twins=twins)
-        cells = EdgeCells(raters, providers, self.shape, twins=twins)
-        ratings = EdgeRatings(cells, values, known, pair if self._remembers else None)
+        known = self._cells(keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1), self.shape, twins=twins)
+        cells = self._cells(raters, providers, self.shape, twins=twins)
+        ratings = self._ratings(cells, values, known, pair if self._remembers else None)
         after = self.model.after_round(self._view(), ratings)
         sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
