@@ -17,7 +17,8 @@ import numpy.typing as npt
 Places = npt.NDArray[np.uint32]
 
 _BLOCK = 512  # edges whose rows fit into the cache next to the processor
-_ALONE = 50_000  # edges of a thread at least
+_ALONE = 50_000  # edges of a part at least
+_PARTS = 4  # for each thread, so that none waits long for another that is interrupted
 
 _HELPERS = """
 def sine(x):  # odd series about the nearest multiple of pi: arithmetic alone, for many at a time
@@ -135,8 +136,8 @@ def evaluate(program: Program, edges: Side, out: npt.NDArray[Any]) -> None:
 
 def _run(kernel: Callable[..., None], edges: Side, out: npt.NDArray[Any], arrays: Sequence[Any]) -> None:
     """Run a kernel, on some threads if it is long; none shares an agent, so their number does not matter for sums."""
-    many, first = len(edges.raters), edges.first
-    parts = max(1, min(os.cpu_count() or 1, many // _ALONE))
+    many, first, threads = len(edges.raters), edges.first, os.cpu_count() or 1
+    parts = max(1, min(_PARTS * threads, many // _ALONE))
     ends = [0, *(int(first[np.searchsorted(first, many * part / parts)]) for part in range(1, parts)), many]
 
     def run(begin: int, end: int) -> None:
@@ -145,7 +146,7 @@ def _run(kernel: Callable[..., None], edges: Side, out: npt.NDArray[Any], arrays
     if parts == 1:
         run(0, many)
         return
-    with ThreadPoolExecutor(parts) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, ends[:-1], ends[1:]))
 
 
