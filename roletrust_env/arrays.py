@@ -59,6 +59,11 @@ def copy(array: Array) -> Array:
     return array.copy() if isinstance(array, np.ndarray) else array + 0
 
 
+def computed(array: Array) -> Array:
+    """Return an array whose values are there. Only fused sums put values off, see `roletrust_env.trust.fused`."""
+    return array.compute() if hasattr(array, "compute") else array
+
+
 def cast(array: Array, dtype: Any) -> Array:
     """Return an array in another dtype. NumPy scalars are allowed, unlike in `astype` of the array API standard."""
     return array.astype(dtype) if isinstance(array, _NUMPY) else namespace(array).astype(array, dtype)

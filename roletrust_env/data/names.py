@@ -62,12 +62,34 @@ class NameIndex:
         if not len(names):
             return np.zeros(0, np.int64)
         if names.dtype.kind in "iu":
-            self._numbers = self._numbers or KeyIndex()
-            return self._numbers.places(names.astype(np.int64), add=add)
-        known = self._texts = {} if self._texts is None else self._texts
+            index = self._numbers or KeyIndex()
+            if add:
+                self._numbers = index
+            return index.places(names.astype(np.int64, copy=False), add=add)
+        known = {} if self._texts is None else self._texts
         if not add:
             return np.array([known.get(name, -1) for name in names.tolist()])
+        self._texts = known
         return np.array([known.setdefault(name, len(known)) for name in names.tolist()])
+
+    def leaving(self, names: Any) -> Ints:
+        """Return the places of names that are all known, each once.
+
+        Raises:
+            ValueError: A name is unknown, or has the wrong type.
+        """
+        array = self.check(names)
+        places = self.places(array, add=False) if len(self) else np.full(len(array), -1)
+        if (unknown := np.flatnonzero(places < 0)).size:
+            raise ValueError(f"{array[unknown[0]]!s} is not among the {self.role}")
+        return np.unique(places)
+
+    def keep(self, stay: npt.NDArray[np.bool_]) -> None:
+        """Keep some of the names, in their order; `stay` has a flag for each place."""
+        if self._texts is not None:
+            self.restore(self.numbers, [name for name, flag in zip(self._texts, stay.tolist(), strict=True) if flag])
+        elif self._numbers is not None:
+            self.restore(self.numbers[stay], None)
 
     def restore(self, numbers: Ints, texts: Sequence[str] | None) -> None:
         """Take names as they were, by place.
@@ -75,7 +97,8 @@ class NameIndex:
         Raises:
             ValueError: A name occurs twice.
         """
-        if texts is None:
+        self._texts = None
+        if not texts:  # without agents, both kinds of names are welcome
             self._numbers = KeyIndex.of(numbers) if len(numbers) else None
             return
         self._texts = {name: place for place, name in enumerate(texts)}

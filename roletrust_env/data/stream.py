@@ -14,7 +14,7 @@ from roletrust_env.data.scale import check_scale, unit_ratings
 from roletrust_env.storage.files import replacing
 from roletrust_env.trust.edge_state import edge_model
 from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats, Ledger
+from roletrust_env.trust.ledger import Floats, Ledger, moved, staying
 
 _FORMAT = 1
 
@@ -50,20 +50,22 @@ class TrustStream:
         scale: tuple[float, float] = (0.0, 1.0),
         every: float | None = None,
         same_agents: bool = False,
+        fused: bool = False,
     ) -> None:
-        """Start without agents.
+        """Start without agents. With `fused`, sums are compiled by numba, see `Ledger`.
 
         Raises:
-            ValueError: The model does not run on edges, the scale is empty, or a round has no length.
+            ValueError: The model does not run on edges, the scale is empty, a round has no length, or numba is missing.
         """
         check_scale(scale)
         round_numbers(np.zeros(0), 1.0 if every is None else every, 0.0)
         self.model, self.scale, self.every, self.same_agents = edge_model(model), scale, every, same_agents
-        self._ledger = Ledger(self.model, one_role=not same_agents)
+        self._ledger = Ledger(self.model, one_role=not same_agents, fused=fused)
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
         self._start: float | None = None
-        self._waiting: Columns = _none()
+        self._waiting: list[Columns] = []  # the ratings of the round that has begun
+        self._begun: int | None = None  # its number
 
     @property
     def rounds(self) -> int:
@@ -98,29 +100,72 @@ class TrustStream:
         places = self._raters.places(who), self._providers.places(whom)
         if self.every is None:
             self._play(self._ledger.rounds, *places, values)
-            return
-        columns: Columns = tuple(  # type: ignore[assignment]
-            np.concatenate(parts) for parts in zip(self._waiting, (*places, values, when), strict=True)
-        )
-        if start is not None:
-            self._play_ended(columns, round_numbers(columns[3], self.every, start))
+        elif start is not None:
+            self._wait((*places, values, when), round_numbers(when, self.every, start))
 
-    def _play_ended(self, columns: Columns, numbers: Ints) -> None:
-        """Play the rounds that have ended, and keep the ratings of the last one."""
-        order = np.argsort(numbers, kind="stable")
-        for number, some in spans(numbers[order]):
-            chosen: Columns = tuple(column[order[some]] for column in columns)  # type: ignore[assignment]
-            if some.stop == len(numbers):
-                self._waiting = chosen
-            else:
-                self._play(number, *chosen[:3])
+    def _wait(self, columns: Columns, numbers: Ints) -> None:
+        """Keep ratings until their rounds have ended, and play the rounds that have."""
+        if not len(numbers):
+            return
+        if self._begun is None or np.any(numbers != self._begun):
+            before = sum(len(part[0]) for part in self._waiting)
+            numbers = np.concatenate([np.full(before, self._begun or 0), numbers])
+            columns, self._waiting = _joined([*self._waiting, columns]), []
+            order = np.argsort(numbers, kind="stable")
+            for self._begun, some in spans(numbers[order]):
+                chosen: Columns = tuple(column[order[some]] for column in columns)  # type: ignore[assignment]
+                if some.stop == len(numbers):
+                    columns = chosen
+                else:
+                    self._play(self._begun, *chosen[:3])
+        self._waiting.append(columns)
 
     def finish(self) -> None:
         """End the round that has begun, so that its ratings count. Later ratings of its time are refused."""
-        raters, providers, values, when = self._waiting
-        if self.every is not None and self._start is not None and len(values):
-            self._waiting = _none()
-            self._play(int(round_numbers(when[:1], self.every, self._start)[0]), raters, providers, values)
+        if self._begun is not None:
+            number, columns = self._begun, _joined(self._waiting)
+            self._begun, self._waiting = None, []
+            self._play(number, *columns[:3])
+
+    def remove(self, raters: Any = (), providers: Any = ()) -> None:
+        """Let agents leave, with all that is known of them and of their pairs.
+
+        A name that comes again is that of a newcomer. Ratings by them and of them in a round that has not ended do not
+        count. What they did in earlier rounds stays in the trust of others where the model keeps that trust; a model
+        that computes all trust anew from the memory of pairs, such as EigenTrust, is from the next round on what it
+        would be if it had never seen them.
+
+        It takes time in proportion to all agents and pairs, so many are better removed by one call.
+
+        Args:
+            raters: Names or numbers of raters.
+            providers: Names or numbers of providers. With `same_agents`, agents may be in either list.
+
+        Raises:
+            ValueError: A name is not known. Nothing is changed then.
+
+        Example:
+            >>> from roletrust_env import make_trust_model
+            >>> stream = TrustStream(make_trust_model("mean"))
+            >>> stream.update(["ann", "bob"], ["shop", "stall"], [1.0, 1.0])
+            >>> stream.remove(providers=["stall"])
+            >>> stream.provider_trust()
+            {'shop': 0.75}
+        """
+        one, other = self._raters.leaving(raters), self._providers.leaving(providers)
+        if self.same_agents:
+            one = other = np.union1d(one, other)
+        self._ledger.remove(one, other)
+        stay = staying(len(self._raters), one), staying(len(self._providers), other)
+        if self._waiting:
+            who, whom, values, when = _joined(self._waiting)
+            there = stay[0][who] & stay[1][whom]
+            who, whom = moved(stay[0])[who[there]], moved(stay[1])[whom[there]]
+            self._waiting = [(who, whom, values[there], when[there])] if len(who) else []
+            self._begun = self._begun if len(who) else None
+        self._raters.keep(stay[0])
+        if not self.same_agents:
+            self._providers.keep(stay[1])
 
     def rater_trust(self) -> dict[Any, float]:
         """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended are missing."""
@@ -138,7 +183,7 @@ class TrustStream:
             "header": np.frombuffer(json.dumps(header).encode(), np.uint8),
             "raters": self._raters.numbers,
             "providers": self._providers.numbers,
-            **{f"waiting_{n}": column for n, column in enumerate(self._waiting)},
+            **{f"waiting_{n}": column for n, column in enumerate(_joined(self._waiting))},
             **self._ledger.arrays(),
         }
         with replacing(path) as temporary, temporary.open("wb") as file:
@@ -180,7 +225,9 @@ class TrustStream:
         self._raters.restore(arrays["raters"], raters)
         if not self.same_agents:
             self._providers.restore(arrays["providers"], providers)
-        self._waiting = tuple(arrays[f"waiting_{n}"] for n in range(4))  # type: ignore[assignment]
+        waiting: Columns = tuple(arrays[f"waiting_{n}"] for n in range(4))  # type: ignore[assignment]
+        if self.every is not None and self._start is not None:
+            self._wait(waiting, round_numbers(waiting[3], self.every, self._start))
 
     def _settings(self) -> dict[str, Any]:
         return {
@@ -221,5 +268,7 @@ def _numbers(column: str, values: Any, length: int) -> Floats:
     return array
 
 
-def _none() -> Columns:
-    return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+def _joined(parts: list[Columns]) -> Columns:
+    """Return columns one after the other; columns without ratings if there are none."""
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    return tuple(np.concatenate(columns) for columns in zip(none, *parts, strict=True))  # type: ignore[return-value]

@@ -7,7 +7,7 @@ grow with the number of ratings, not with S times P.
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.ratings import TINY, Cells, PerPair, Ratings
+from roletrust_env.trust.ratings import TINY, Cells, PairAge, PerPair, Ratings
 
 
 class EdgeCells(Cells):
@@ -89,9 +89,13 @@ class EdgeRatings(EdgeCells, Ratings):
 
     def remember(self, memory: PerPair, cells: Array | float) -> PerPair:
         """Return a memory with the new values of the pairs of this round. See `Ratings.remember`."""
-        after = 0 * memory if self.slots is None else memory + 0
+        after = namespace(memory).empty_like(memory) if self.slots is None else memory + 0
         after[slice(None) if self.slots is None else self.slots] = cells
         return after
+
+    def pass_time(self, ages: PairAge) -> PairAge:
+        """Return the ages after the round. See `Ratings.pass_time`."""
+        return self.remember(ages, 1.0) if self.slots is None else super().pass_time(ages)
 
     def weigh(self, cells: Array) -> Array:
         """Return the cells: every edge has a rating."""

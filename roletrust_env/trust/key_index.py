@@ -5,17 +5,18 @@ import numpy.typing as npt
 
 Ints = npt.NDArray[np.int64]
 
-_EMPTY = np.iinfo(np.int64).min
 _FACTOR = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: neighbours fall far apart
-_LOAD = 0.5  # share of the table that is used at most
+_LOAD = 0.25  # share of the hash table that is used at most: few keys wait for their place
 _BLOCK = 1 << 16  # keys at a time
+_SPARE, _SMALL = 8, 1 << 20  # entries per key, and the size in any case, up to which keys are their own entries
 
 
 class KeyIndex:
-    """Places 0, 1, 2, ... of whole numbers; those that come earlier have earlier places.
+    """Places 0, 1, 2, ... of whole numbers; those that come earlier have earlier places. At most 2^31 - 1 keys.
 
-    A hash table with open addressing, whose steps are operations on arrays. A dict would take a step of Python for each
-    key.
+    Keys from 0 to a few times their number, such as the numbers of members, are entries of a table themselves. Other
+    keys are in a hash table with open addressing. The steps of both are operations on arrays, where a dict would take a
+    step of Python for each key.
 
     Example:
         >>> index = KeyIndex()
@@ -24,9 +25,11 @@ class KeyIndex:
     """
 
     def __init__(self) -> None:
-        self._keys: Ints = np.empty(0, np.int64)
+        self._keys: Ints = np.zeros(1 << 10, np.int64)
         self._count = 0
-        self._allocate(1 << 10)
+        self._size = 1 << 10
+        self._direct = True  # whether a key is its own entry
+        self._allocate(self._size)
 
     @classmethod
     def of(cls, keys: Ints) -> "KeyIndex":
@@ -36,10 +39,12 @@ class KeyIndex:
             ValueError: A key occurs twice.
         """
         index = cls()
-        index._keys, index._count = np.array(keys, np.int64), len(keys)
-        if len(np.unique(index._keys)) < len(keys):
+        if len(np.unique(keys)) < len(keys):
             raise ValueError("a key occurs twice")
-        index._reserve(len(keys), refill=True)
+        if len(keys):
+            index._make_room(np.asarray(keys, np.int64))
+            index._keys, index._count = np.array(keys, np.int64), len(keys)
+            index._fill()
         return index
 
     def __len__(self) -> int:
@@ -55,7 +60,7 @@ class KeyIndex:
         """Return the place of each key, shape (n,).
 
         Args:
-            keys: Keys, whole, shape (n,), each above -2^63.
+            keys: Keys, whole, shape (n,).
             add: Whether an unknown key is added; otherwise its place is -1.
         """
         keys = np.ascontiguousarray(keys, np.int64)
@@ -63,60 +68,88 @@ class KeyIndex:
         return parts[0] if len(parts) == 1 else np.concatenate([*parts, np.empty(0, np.int64)])
 
     def _some_places(self, keys: Ints, add: bool) -> Ints:
-        """Return the places of so few keys that room for all of them may be made."""
+        """Return the places of so few keys, at least one, that room for all of them may be made."""
         if add:
-            self._reserve(self._count + len(keys))
-        found = np.full(len(keys), -1, np.int64)
-        waiting, where = np.arange(len(keys)), self._hash(keys)
+            self._make_room(keys)
+        found, where = self._find(keys, self._first_entries(keys))
+        waiting = np.flatnonzero(found < 0) if add else np.empty(0, np.int64)
+        where = where.take(waiting)
         while len(waiting):
-            wanted, there = keys[waiting], self._table[where]
-            vacant = there == _EMPTY
-            if add and vacant.any():
-                self._add(wanted[vacant], where[vacant])
-                there = self._table[where]
-                vacant = there == _EMPTY
-            same = there == wanted
-            found[waiting[same]] = self._places[where[same]]
-            on = ~(same | vacant)  # an unknown key ends at a vacant entry
-            waiting, where = waiting[on], (where[on] + 1) & (len(self._table) - 1)
+            some = keys.take(waiting)
+            self._add(some, where)
+            there, where = self._find(some, where)
+            found[waiting] = there
+            on = np.flatnonzero(there < 0)  # another key took the entry
+            waiting, where = waiting.take(on), where.take(on)
         return found
 
-    def _add(self, keys: Ints, where: Ints) -> None:
-        """Put each key into its vacant entry; of several keys for one entry, the last."""
-        self._table[where] = keys
-        turn = np.arange(len(keys))
-        self._places[where] = turn
-        chosen = where[self._places[where] == turn]  # every entry once
-        new = len(chosen)
-        self._places[chosen] = np.arange(self._count, self._count + new)
-        if self._count + new > len(self._keys):
-            self._keys = np.concatenate([self._keys, np.empty(max(new, len(self._keys)), np.int64)])
-        self._keys[self._count : self._count + new] = self._table[chosen]
-        self._count += new
+    def _find(self, keys: Ints, where: Ints) -> tuple[Ints, Ints]:
+        """Return the place of each key, -1 if unknown, and the entry of that place, which is vacant if unknown.
 
-    def _reserve(self, count: int, refill: bool = False) -> None:
-        """Make the table large enough for so many keys; fill it again if it grows, or in any case."""
-        size = len(self._table)
+        Args:
+            keys: Keys, shape (n,).
+            where: Entry at which the search for each key begins.
+        """
+        found = self._entries.take(where).astype(np.int64)
+        if self._direct:
+            return found, where
+        on = np.flatnonzero((self._keys.take(found) != keys) & (found >= 0))
+        keys, where, at = keys.take(on), where.copy(), where.take(on)
+        while len(on):
+            at = (at + 1) & (self._size - 1)
+            there = self._entries.take(at)
+            found[on], where[on] = there, at
+            more = np.flatnonzero((self._keys.take(there) != keys) & (there >= 0))
+            on, keys, at = on.take(more), keys.take(more), at.take(more)
+        return found, where
+
+    def _add(self, keys: Ints, where: Ints) -> None:
+        """Put keys into vacant entries; of several keys for one entry, the last."""
+        turn = np.arange(len(keys), dtype=np.int32)
+        self._entries[where] = turn
+        chosen = np.flatnonzero(self._entries.take(where) == turn)  # every entry once
+        before, after = self._count, self._count + len(chosen)
+        self._entries[where.take(chosen)] = np.arange(before, after)
+        if after > len(self._keys):
+            self._keys = np.concatenate([self._keys, np.zeros(max(after, len(self._keys)), np.int64)])
+        self._keys[before:after] = keys.take(chosen)
+        self._count = after
+
+    def _make_room(self, keys: Ints) -> None:
+        """Make the table large enough for more keys. Once they are too far apart to be entries, they are hashed."""
+        size, count = self._size, self._count + len(keys)
+        if self._direct:
+            last = int(keys.view(np.uint64).max())  # keys below 0 are the largest
+            if last < max(_SMALL, _SPARE * count):
+                self._resize(max(size, 1 << last.bit_length()))
+                return
+            self._direct, self._size, size = False, 0, 1 << 10
         while count > _LOAD * size:
             size *= 2
-        if refill or size > len(self._table):
-            self._allocate(size)
-            self._insert_distinct(self.keys)
+        self._resize(size)
 
-    def _insert_distinct(self, keys: Ints) -> None:
-        """Put distinct keys into an empty table that has room, at places in their order."""
-        waiting, where = np.arange(len(keys)), self._hash(keys)
-        while len(waiting):
-            free = self._table[where] == _EMPTY
-            self._table[where[free]] = keys[waiting[free]]
-            there = self._table[where] == keys[waiting]
-            self._places[where[there]] = waiting[there]
-            waiting, where = waiting[~there], (where[~there] + 1) & (len(self._table) - 1)
+    def _resize(self, size: int) -> None:
+        if size != self._size:
+            self._allocate(size)
+            self._fill()
 
     def _allocate(self, size: int) -> None:
-        self._table: Ints = np.full(size, _EMPTY, np.int64)
-        self._places: Ints = np.zeros(size, np.int64)
+        self._size = size
         self._shift = np.uint64(64 - size.bit_length() + 1)
+        self._entries = np.full(size + 1, -1, np.int32)  # the last one stays vacant
 
-    def _hash(self, keys: Ints) -> Ints:
-        return ((keys.view(np.uint64) * _FACTOR) >> self._shift).view(np.int64)
+    def _fill(self) -> None:
+        """Put the keys into an empty table that has room."""
+        waiting, where = np.arange(self._count, dtype=np.int32), self._first_entries(self.keys)
+        while len(waiting):
+            free = np.flatnonzero(self._entries.take(where) < 0)
+            self._entries[where.take(free)] = waiting.take(free)
+            lost = np.flatnonzero(self._entries.take(where) != waiting)
+            waiting, where = waiting.take(lost), (where.take(lost) + 1) & (self._size - 1)
+
+    def _first_entries(self, keys: Ints) -> Ints:
+        """Return the entry at which the search for each key begins."""
+        numbers = keys.view(np.uint64)
+        if self._direct:
+            return np.minimum(numbers, np.uint64(self._size)).view(np.int64)
+        return ((numbers * _FACTOR) >> self._shift).view(np.int64)

@@ -9,6 +9,8 @@ import numpy.typing as npt
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.edge_state import Kind, map_state, start_on_edges, takes_peers
 from roletrust_env.trust.edges import EdgeCells, EdgeRatings, merge_repeats
+from roletrust_env.trust.fused import FusedCells, FusedRatings
+from roletrust_env.trust.fused_kernels import numba
 from roletrust_env.trust.key_index import Ints, KeyIndex
 
 Floats = npt.NDArray[np.float64]
@@ -37,13 +39,22 @@ class Ledger:
         rounds: Number of rounds so far.
     """
 
-    def __init__(self, model: Central, *, one_role: bool = True) -> None:
+    def __init__(self, model: Central, *, one_role: bool = True, fused: bool = False) -> None:
         """Start without agents.
 
         Args:
             model: Central model.
             one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
+            fused: Whether sums are compiled loops, see `roletrust_env.trust.fused`: some seconds for the first round,
+                and less for large ones after it.
+
+        Raises:
+            ValueError: Sums are to be fused, and numba is not installed.
         """
+        self._cells: type[EdgeCells] = FusedCells if fused else EdgeCells
+        self._ratings: type[EdgeRatings] = FusedRatings if fused else EdgeRatings
+        if fused:
+            numba()
         self.model, self.rounds = model, 0
         self._one_role = one_role
         self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
@@ -53,6 +64,7 @@ class Ledger:
         map_state(self._start, lambda kind, leaf: kinds.add(kind) or leaf)  # type: ignore[func-returns-value]
         self._remembers = bool(kinds & {"pair", "age"})
         self._index = KeyIndex()
+        self._marks = np.zeros(0, np.int32)  # a number for each agent, for a moment
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -89,7 +101,7 @@ class Ledger:
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
         if self.model.local:
             self._play_touched(raters, providers, values, pair)
-        else:
+        elif all(self.shape):  # without agents there is nothing to compute
             self._play_all(raters, providers, values, pair)
         self.rounds += 1
 
@@ -139,6 +151,30 @@ class Ledger:
                 self._grow(kind, size)
                 self._sizes[kind] = size
 
+    def remove(self, raters: Ints, providers: Ints) -> None:
+        """Let agents leave, with their trust and the memory of their pairs; those after them move up.
+
+        It takes time in proportion to all agents and pairs. What their ratings did to the trust of others stays where a
+        model keeps that trust; models that compute it from the memory of all pairs do so in the next round.
+
+        Args:
+            raters: Places of raters that leave; places without a rater are ignored.
+            providers: Places of providers that leave.
+        """
+        if not self._one_role:
+            raters = providers = np.union1d(raters, providers)
+        stay = {"rater": staying(self.shape[0], raters), "provider": staying(self.shape[1], providers)}
+        keys = self._index.keys
+        rater, provider = keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
+        pairs = np.flatnonzero(stay["rater"][rater] & stay["provider"][provider])
+        chosen = {**{kind: np.flatnonzero(flags) for kind, flags in stay.items()}, "pair": pairs, "age": pairs}
+        self._state = map_state(self._state, lambda kind, leaf: leaf[chosen[kind]])
+        self._sizes = {kind: len(chosen[kind]) for kind in stay}
+        rater, provider = (
+            moved(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
+        )
+        self._index = KeyIndex.of((rater << _PROVIDER_BITS) | provider)
+
     def _grow(self, kind: str, size: int) -> None:
         """Give the arrays of a kind room for so many entries, at the values of the start."""
 
@@ -165,7 +201,7 @@ class Ledger:
 
     def _play_touched(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update the agents and the pairs that have ratings in the round: a small game of their own."""
-        one, other = _touched(raters, self._sizes["rater"]), _touched(providers, self._sizes["provider"])
+        one, other = self._touched("rater", raters), self._touched("provider", providers)
         places: dict[str, Ints | slice] = {
             "rater": slice(self._sizes["rater"]) if one.some is None else one.some,
             "provider": slice(self._sizes["provider"]) if other.some is None else other.some,
@@ -182,17 +218,30 @@ class Ledger:
                 leaf[places[kind]] = new
             return leaf
 
-        cells = EdgeCells(one.places, other.places, (one.size, other.size))
-        after = self.model.after_round(map_state(self._state, taken), EdgeRatings(cells, values, cells, None))
+        cells = self._cells(one.places, other.places, (one.size, other.size))
+        after = self.model.after_round(map_state(self._state, taken), self._ratings(cells, values, cells, None))
         self._state = map_state(self._state, put, after)
+
+    def _touched(self, kind: str, places: Ints) -> _Touched:
+        """Return the agents of a role at some places, which may repeat."""
+        size = self._sizes[kind]
+        if len(places) * _NEARLY_ALL >= size:
+            return _Touched(None, size, places)
+        if len(self._marks) < size:
+            self._marks = np.zeros(2 * size, np.int32)
+        turn = np.arange(len(places), dtype=np.int32)
+        self._marks[places] = turn
+        some = places.take(np.flatnonzero(self._marks.take(places) == turn))  # every agent once; no sort is needed
+        self._marks[some] = turn[: len(some)]
+        return _Touched(some, len(some), self._marks.take(places).astype(np.int64))
 
     def _play_all(self, raters: Ints, providers: Ints, values: Floats, pair: Ints) -> None:
         """Update all agents and all known pairs."""
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
         keys = self._index.keys
-        known = EdgeCells(keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1), self.shape, twins=twins)
-        cells = EdgeCells(raters, providers, self.shape, twins=twins)
-        ratings = EdgeRatings(cells, values, known, pair if self._remembers else None)
+        known = self._cells(keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1), self.shape, twins=twins)
+        cells = self._cells(raters, providers, self.shape, twins=twins)
+        ratings = self._ratings(cells, values, known, pair if self._remembers else None)
         after = self.model.after_round(self._view(), ratings)
         sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
@@ -203,9 +252,13 @@ class Ledger:
         self._state = map_state(self._state, put, after)
 
 
-def _touched(places: Ints, size: int) -> _Touched:
-    """Return the agents at some of so many places."""
-    if len(places) * _NEARLY_ALL >= size:
-        return _Touched(None, size, places)
-    some, local = np.unique_inverse(places)
-    return _Touched(some, len(some), local)
+def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:
+    """Return whether the agent at each of so many places stays."""
+    flags = np.ones(size, bool)
+    flags[leaving[leaving < size]] = False
+    return flags
+
+
+def moved(stay: npt.NDArray[np.bool_]) -> Ints:
+    """Return the new place of each agent that stays, where others leave."""
+    return np.cumsum(stay, dtype=np.int64) - 1

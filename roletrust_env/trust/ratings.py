@@ -119,6 +119,10 @@ class Ratings(Cells):
     def remember(self, memory: PerPair, cells: Array | float) -> PerPair:
         """Return a memory with the new values where the pair has a rating in this round, and as it was elsewhere."""
 
+    def pass_time(self, ages: PairAge) -> PairAge:
+        """Return the ages after the round: 1 for a pair with a rating in it, 1 more for others that ever had one."""
+        return self.remember(ages + ages / (ages + TINY), 1.0)
+
     @abstractmethod
     def weigh(self, cells: Array) -> Array:
         """Return the cells with a rating, and 0 for those without."""

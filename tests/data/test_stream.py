@@ -6,12 +6,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import hypothesis.strategies as st
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
 
 from roletrust_env.data import TrustStream
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_env.trust.neighbours import NEIGHBOURS
 
 MODELS = pytest.mark.parametrize("name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"])
 
@@ -130,6 +133,122 @@ def test_a_killed_process_leaves_a_whole_state(tmp_path: Path) -> None:
     process.wait()
     process.stdout.close()
     assert TrustStream.load(path, make_trust_model("role-trust")).rounds >= written
+
+
+CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
+
+
+def played(
+    model: Any, rounds: list[Any], removed: dict[int, tuple[set[int], set[int]]], **settings: Any
+) -> TrustStream:
+    """A stream of rounds of (rater, provider, rating), after some of which agents leave."""
+    stream = TrustStream(model, **settings)
+    for number, ratings in enumerate(rounds):
+        stream.update(*([rating[n] for rating in ratings] for n in range(3)))
+        raters, providers = removed.get(number, (set(), set()))
+        stream.remove(
+            *(sorted(who & set(trust)) for who, trust in zip((raters, providers), trusts(stream), strict=True))
+        )
+    return stream
+
+
+AGENTS = st.sets(st.integers(0, 5))
+ROUNDS = st.lists(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0])), max_size=12),
+    min_size=1,
+    max_size=4,
+)
+
+
+@pytest.mark.parametrize("name", [*(name for name in CENTRAL if name != "wary-role-trust"), *NEIGHBOURS])
+@settings(max_examples=30)
+@given(rounds=ROUNDS, others=ROUNDS)
+def test_strangers_that_leave_were_never_there(name: str, rounds: list[Any], others: list[Any]) -> None:
+    """They rate each other only. Wary role-trust is left out: a shock to most providers is felt by all."""
+    model = NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name)
+    both = [
+        [*some, *((rater + 10, provider + 10, rating) for rater, provider, rating in more)]
+        for some, more in zip(rounds, [*others, *[[]] * 4], strict=False)
+    ]
+    far = set(range(10, 20))
+    gone = played(model, [*both, rounds[0]], {len(rounds) - 1: (far, far)})
+    for one, other in zip(trusts(gone), trusts(played(model, [*rounds, rounds[0]], {})), strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+ANEW = pytest.mark.parametrize(
+    "name", ["eigentrust", "iterative-filtering", "two-way-mean", "fairness-goodness", "bias-deserve"]
+)
+
+
+@ANEW
+@pytest.mark.parametrize("same_agents", [False, True])
+@settings(max_examples=30)
+@given(rounds=ROUNDS, raters=AGENTS, providers=AGENTS)
+def test_a_model_of_all_pairs_forgets_who_left(
+    name: str, same_agents: bool, rounds: list[Any], raters: set[int], providers: set[int]
+) -> None:
+    """From the next round on, trust is that of a stream that has never seen them."""
+    model = NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name)
+    if same_agents:
+        raters = providers = raters | providers
+        rounds = [[rating for rating in some if rating[0] != rating[1]] for some in rounds]
+    last = [(agent, (agent + 1) % 6, agent / 5) for agent in range(6)]  # who left comes again, as a newcomer
+    never = [[r for r in some if r[0] not in raters and r[1] not in providers] for some in rounds]
+    gone = played(model, [*rounds, last], {len(rounds) - 1: (raters, providers)}, same_agents=same_agents)
+    wanted = played(model, [*never, last], {}, same_agents=same_agents)
+    for one, other in zip(trusts(gone), trusts(wanted), strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+@MODELS
+@pytest.mark.parametrize("texts", [False, True])
+def test_who_left_and_comes_again_is_a_newcomer(tmp_path: Path, name: str, texts: bool) -> None:
+    """Also after the state was saved, and its ratings of the round that has begun do not count."""
+    raters, providers, ratings, times = some_ratings()
+    who = [f"a{n}" for n in raters] if texts else raters
+    one = "a7" if texts else 7
+    stream = TrustStream(make_trust_model(name), scale=(1, 5), every=10)
+    stream.update(who, providers, ratings, times)
+    before = stream.rater_trust()
+    stream.remove(raters=[one], providers=[44, 45, 44])
+    after = stream.rater_trust()
+    assert after == {agent: trust for agent, trust in before.items() if agent != one}
+    assert not {44, 45} & set(stream.provider_trust())
+    stream.save(tmp_path / "state.npz")
+    stream = TrustStream.load(tmp_path / "state.npz", make_trust_model(name), scale=(1, 5), every=10)
+    stream.finish()
+    assert one not in stream.rater_trust()
+    stream.update([one], [50], [4], [200.0])
+    assert stream.rater_trust().keys() == after.keys()
+    stream.finish()
+    assert list(stream.rater_trust()) == [*after, one]
+    stream.remove(raters=list(stream.rater_trust()), providers=list(stream.provider_trust()))
+    assert trusts(stream) == [{}, {}]
+
+
+def test_nobody_leaves_who_is_not_known() -> None:
+    stream = TrustStream(make_trust_model("role-trust"))
+    with pytest.raises(ValueError, match="7 is not among the raters"):
+        stream.remove([7])
+    stream.update(["a", "b"], [1, 2], [0.5, 1.0])
+    before = trusts(stream)
+    with pytest.raises(ValueError, match="3 is not among the providers"):
+        stream.remove(["a"], [1, 3])
+    with pytest.raises(ValueError, match="providers are texts; they were whole numbers before"):
+        stream.remove(["a"], ["1"])
+    stream.remove()
+    assert trusts(stream) == before
+
+
+@pytest.mark.parametrize("same_agents", [False, True])
+def test_a_stream_without_agents_goes_on_with_any_names(tmp_path: Path, same_agents: bool) -> None:
+    stream = TrustStream(make_trust_model("mean"), same_agents=same_agents)
+    stream.save(tmp_path / "state.npz")
+    for raters, providers in (([1], [2]), (["a"], ["b"])):
+        again = TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), same_agents=same_agents)
+        again.update(raters, providers, [1.0])
+        assert again.provider_trust()[providers[0]] > 0.5
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {

@@ -26,9 +26,12 @@ def test_it_gives_each_key_one_place(batches: list[list[int]]) -> None:
 
 
 @pytest.mark.parametrize("block", [7, 1 << 16])
-def test_places_stay_when_the_table_grows(monkeypatch: pytest.MonkeyPatch, block: int) -> None:
+@pytest.mark.parametrize(("least", "small"), [(-5_000, 1 << 20), (0, 1 << 20), (0, 16), (1 << 40, 16)])
+def test_places_stay_when_the_table_grows(monkeypatch: pytest.MonkeyPatch, block: int, least: int, small: int) -> None:
+    """Whether keys are entries of the table themselves, are hashed, or change from the one to the other."""
     monkeypatch.setattr(key_index, "_BLOCK", block)
-    keys = np.random.default_rng(0).integers(-5_000, 5_000, 20_000)
+    monkeypatch.setattr(key_index, "_SMALL", small)
+    keys = least + np.random.default_rng(0).integers(0, 10_000, 20_000)
     index = KeyIndex()
     first = index.places(keys[:300])
     index.places(keys)

@@ -20,9 +20,11 @@ from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import provenance
 from roletrust_experiments.commands.console import console, number_table, option, print_next, progress_bar
 from roletrust_experiments.commands.options import OptionalOut, Seed, Threads
+from roletrust_experiments.commands.speed_edges import Lists, edge_targets, edges_table, measure_edges
 from roletrust_experiments.timing import contestants as timing
 from roletrust_experiments.timing.contestants import Contestant, Spread, Timing, measure
 from roletrust_experiments.timing.models import Size, trust_update
+from roletrust_experiments.timing.targets import Target
 from roletrust_experiments.timing.threads import torch_threads
 
 _PEERS = ("array-api-compat", "torch", "mpe2", "vmas")
@@ -38,6 +40,8 @@ class Plan(NamedTuple):
         sides: Numbers of raters, and of as many providers, for the time per rating.
         repeats: Number of turns of each contestant.
         slice_s: Approximate length of a turn, in seconds.
+        edges: Numbers of ratings of a round as a list of edges.
+        stream: Number of raters, and of as many providers, of a stream.
     """
 
     batches: tuple[int, ...]
@@ -45,37 +49,28 @@ class Plan(NamedTuple):
     sides: tuple[int, ...]
     repeats: int
     slice_s: float
+    edges: tuple[int, ...]
+    stream: int
 
 
-FULL = Plan((1024, 8192, 65536), (1024, 8192, 65536), (3, 30, 300, 3000), repeats=11, slice_s=0.4)
-QUICK = Plan((1024, 8192), (8192,), (3, 30, 300, 3000), repeats=5, slice_s=0.1)
-
-
-class Target(NamedTuple):
-    """A promised speed and the measured one; `found` is None if one side of the comparison was not measured."""
-
-    what: str
-    bound: float
-    at_least: bool
-    found: Spread | None
-
-    @property
-    def ok(self) -> bool | None:
-        """True if the median keeps the promise; None if nothing was measured."""
-        if self.found is None:
-            return None
-        return self.found.median >= self.bound if self.at_least else self.found.median <= self.bound
+_MILLION = 1_000_000
+_SIDES = 3, 30, 300, 3000
+FULL = Plan((1024, 8192, 65536), (1024, 8192, 65536), _SIDES, 11, 0.4, edges=(_MILLION, 10 * _MILLION), stream=_MILLION)
+QUICK = Plan((1024, 8192), (8192,), _SIDES, 5, 0.1, edges=(_MILLION // 10,), stream=_MILLION // 10)
 
 
 def speed(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Measure fewer sizes and repeats, in half a minute instead of three.")
+        bool, typer.Option("--quick", help="Measure fewer sizes and repeats, in half a minute instead of five.")
     ] = False,
     threads: Threads = 1,
     seed: Seed = 0,
     out: OptionalOut = None,
 ) -> None:
     """Measure [bold]how fast the games run[/]: one environment, batches, and time per rating up to 3,000x3,000.
+
+    Ratings as a list of edges, as `roletrust rate` reads them, are measured up to ten million beside the same sums in
+    plain NumPy and the bandwidth of the memory, and streams of ratings with two million agents.
 
     mpe2 and VMAS are measured in the same run if they are installed; all contestants take turns. A step includes all
     that a learner needs: drawing noise, playing the round, and computing observations and rewards. The tables show the
@@ -101,14 +96,17 @@ def speed(
             steps += found
             skipped += missing
         ratings, _ = _race(_raters(plan, seed), plan, "Ratings", progress)
-    targets = _targets(steps, ratings) + ([] if quick else [_learner(seed)])
-    for table in (_steps_table(steps, threads), _ratings_table(ratings), _targets_table(targets)):
+        lists = measure_edges(plan.edges, plan.stream, plan.repeats, plan.slice_s, seed, progress)
+    if importlib.util.find_spec("numba") is None:
+        skipped.append("numba is not installed: pip install 'roletrust-env[numba]'")
+    targets = _targets(steps, ratings) + ([] if quick else [*edge_targets(lists), _learner(seed)])
+    for table in (_steps_table(steps, threads), _ratings_table(ratings), edges_table(lists), _targets_table(targets)):
         console.print(table)
     for reason in dict.fromkeys(skipped):
         console.print(f"[dark_orange3]not measured:[/] {escape(reason)}", soft_wrap=True)
     if out is not None:
         about = {"command": "roletrust speed", "quick": quick, **_machine(threads), **_software(seed)}
-        _write(out, about, steps, ratings, targets)
+        _write(out, about, steps, ratings, lists, targets)
         console.print(f"Written to {out}: speed.csv, speed.json", soft_wrap=True)
     print_next("costs", option("--threads", threads, 1))
 
@@ -246,19 +244,26 @@ def _rate(value: float) -> str:
 
 
 def _write(
-    out: Path, about: dict[str, Any], steps: Sequence[Timing], ratings: Sequence[Timing], targets: Sequence[Target]
+    out: Path,
+    about: dict[str, Any],
+    steps: Sequence[Timing],
+    ratings: Sequence[Timing],
+    lists: Lists,
+    targets: Sequence[Target],
 ) -> None:
     header: tuple[str, ...] = ("name", "games", "agents", "ratings", "step_us", "step_us_least", "step_us_greatest")
     header += ("env_steps_per_s", "agent_steps_per_s", "ns_per_rating")
     rows: list[tuple[Any, ...]] = []
-    for t in (*steps, *ratings):
+    for t in (*steps, *ratings, *lists.timings):
         who, per_rating = t.contestant, t.per_rating().median * 1e9 if t.contestant.ratings else None
         micros = (1e6 * s for s in Spread.of(t.seconds))
         rates = t.env_steps().median, t.agent_steps().median
         rows.append((who.name, who.games, who.agents, who.ratings or None, *micros, *rates, per_rating))
     write_csv(out / "speed.csv", header, rows)
     promises = [{**t._asdict(), "found": t.found and t.found._asdict(), "ok": t.ok} for t in targets]
-    write_json(out / "speed.json", {**about, "targets": promises})
+    memory = [{"ratings": size, "name": name, "bytes": peak} for (size, name), peak in lists.memory.items()]
+    found = {**about, "targets": promises, "peak_memory": memory, "copied_bytes_per_s": lists.bytes_per_s}
+    write_json(out / "speed.json", found)
 
 
 def _machine(threads: int) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 from roletrust_experiments.commands import speed as speed_module
 from roletrust_experiments.commands.speed import Plan, Target, speed
 from roletrust_experiments.timing import contestants as timing
+from roletrust_experiments.timing import edges
 from roletrust_experiments.timing.contestants import Contestant, Spread, Timing, measure
 
-TINY = Plan(batches=(4,), compiled=(), sides=(3, 5), repeats=3, slice_s=0.001)
+TINY = Plan(batches=(4,), compiled=(), sides=(3, 5), repeats=3, slice_s=0.001, edges=(200,), stream=50)
 
 
 def a_timing(*seconds, games=1, agents=1, ratings=0):
@@ -34,31 +35,42 @@ def test_the_command_prints_its_tables_and_writes_its_files(monkeypatch, tmp_pat
         rows = list(csv.DictReader(file))
     names = [row["name"] for row in rows]
     assert names[0] == "one environment"
-    assert names[-4:] == ["trust model", "whole round"] * 2
+    first = names.index("trust model")
+    assert names[first : first + 4] == ["trust model", "whole round"] * 2
+    assert names[first + 4 :] == [made.contestant.name for made in edges.rounds(edges.Edges.of(200, 3))] + [
+        f"stream in batches of {batch}" for batch in ("100", "1,000", "10,000")
+    ]
     for row in rows:
         assert float(row["step_us_least"]) <= float(row["step_us"]) <= float(row["step_us_greatest"])
         games, agents, step_s = int(row["games"]), int(row["agents"]), float(row["step_us"]) / 1e6
         assert float(row["agent_steps_per_s"]) == pytest.approx(games * agents / step_s, rel=1e-3)
-    assert [row["ratings"] for row in rows[-4:]] == ["9", "9", "25", "25"]
-    assert float(rows[-1]["ns_per_rating"]) == pytest.approx(float(rows[-1]["step_us"]) * 1e3 / 25, rel=1e-3)
+    assert [row["ratings"] for row in rows[first : first + 4]] == ["9", "9", "25", "25"]
+    assert [row["ratings"] for row in rows[-3:]] == ["100", "1000", "10000"]
+    last = rows[first + 3]
+    assert float(last["ns_per_rating"]) == pytest.approx(float(last["step_us"]) * 1e3 / 25, rel=1e-3)
     about = json.loads((tmp_path / "speed.json").read_text())
     assert about["seed"] == 3
     assert about["machine"]["cores"] >= 1
     assert about["torch_threads"] == 1
     assert {"numpy", "torch"} <= about["packages"].keys()
     assert [t["bound"] for t in about["targets"]] == [1, 7, 12, 20, 1.5, 2]
+    assert about["copied_bytes_per_s"] > 1e8
+    assert all(peak["bytes"] > 8 * 4 * 150 for peak in about["peak_memory"])
 
 
 def test_a_peer_that_is_not_installed_is_named_and_not_promised(monkeypatch):
     find_spec = speed_module.importlib.util.find_spec
-    absent = {"mpe2", "vmas"}
+    absent = {"mpe2", "vmas", "numba"}
     monkeypatch.setattr(
         speed_module.importlib.util, "find_spec", lambda name: None if name in absent else find_spec(name)
     )
     output = run(monkeypatch).output
     assert "mpe2 is not installed" in output
     assert "vmas is not installed" in output
-    assert output.count("not measured") == 8  # six promises and two reasons
+    assert "numba is not installed" in output
+    assert "role-trust on edges" in output
+    assert "fused" not in output
+    assert output.count("not measured") == 9  # six promises and three reasons
 
 
 def test_what_cannot_be_made_is_named(monkeypatch):

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, cast, is_compiling, namespace
+from roletrust_env.arrays import Array, cast, computed, is_compiling, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Share, Tail
 from roletrust_env.trust.beta import between_quantiles, reputation
@@ -71,7 +71,8 @@ class BetaFiltered(Central):
         kept = pairs.of_providers(left(self.keep, ratings))
         none = 0 * state.successes
         count, values = ratings.remember(none, 1.0), ratings.remember(none, ratings.values)
-        successes, failures = kept * state.successes + values, kept * state.failures + (count - values)
+        successes = computed(kept * state.successes + values)
+        failures = computed(kept * state.failures + (count - values))
         heard = self._filter(pairs, successes, failures)
         top = self._reputation(pairs, heard, successes, failures)
         return BetaFilteredState(successes, failures, top, self._share(pairs, heard, successes + failures))
@@ -93,7 +94,7 @@ class BetaFiltered(Central):
             mean = self._reputation(pairs, heard, successes, failures)
             still = heard * cast(is_likely(pairs.of_providers(mean)), heard.dtype)
             some = pairs.sum_over_raters(still * evident) > 0
-            heard = xp.where(pairs.of_providers(some), still, heard)
+            heard = computed(xp.where(pairs.of_providers(some), still, heard))
             if not is_compiling(heard) and bool(xp.all(heard == before)):
                 break  # all other passes would do the same
         return heard

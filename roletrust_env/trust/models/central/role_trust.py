@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Lam, Share
-from roletrust_env.trust.algorithms import occurred, provider_quality, rater_quality, smooth
+from roletrust_env.trust.algorithms import provider_quality, rater_quality, smooth
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import PairAge, PerPair, PerProvider, PerRater, Ratings
 
@@ -62,7 +62,7 @@ class RoleTrust(Central):
         if ratings.full:
             return RoleTrustState(tor, top, ratings.values, ones(ratings.values), True)
         last = ratings.remember(state.last, ratings.values)
-        return RoleTrustState(tor, top, last, ratings.remember(state.elapsed + occurred(state.elapsed), 1.0))
+        return RoleTrustState(tor, top, last, ratings.pass_time(state.elapsed))
 
     def _rater_quality(self, ratings: Ratings) -> Array:
         """Return QoR, shape (S, ...)."""
