@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model leave-one-out real-logs equilibrium \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo clean
 
 run: setup
@@ -110,6 +110,28 @@ live-load: setup
 better-model: setup
 	$(BIN)/roletrust benchmark --suite development --force --out $(OUT)/better-model
 	cp $(OUT)/better-model/leaderboard.csv docs/better-model.csv
+
+# What the parts of leave-one-out are worth in the suite of its name; a quarter of an hour.
+leave-one-out: setup
+	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
+	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
+
+# The same on logs of real ratings, which are yours: `make real-logs LOGS=folder`, see `roletrust real`; minutes.
+PARTS := own=1 limit=0 modesty=0 power=0 keep=1 prior=0.001
+OTHERS := wary-role-trust role-trust beta iterative-filtering two-way-mean fairness-goodness bias-deserve
+real-logs: setup
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out $(PARTS:%=--model leave-one-out:%) $(OTHERS:%=--model %) \
+		--out $(OUT)/real-30
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out $(PARTS:%=--model leave-one-out:%) $(OTHERS:%=--model %) \
+		--every 604800 --out $(OUT)/real-7
+	cp $(OUT)/real-30/real.csv docs/leave-one-out-30.csv
+	cp $(OUT)/real-7/real.csv docs/leave-one-out-7.csv
+
+# The game that the suite standard-4 has played; a minute, once `make benchmark` has run.
+equilibrium: setup
+	$(BIN)/roletrust equilibrium $(OUT)/standard-4/results.sqlite --out $(OUT)/equilibrium
+	mkdir -p docs/equilibrium
+	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup
