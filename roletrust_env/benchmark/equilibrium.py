@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linprog  # type: ignore[import-untyped]
 
+from roletrust_env.benchmark.alpha_rank import alpha_rank
 from roletrust_env.benchmark.suite import WITHOUT_SEARCH
 from roletrust_env.benchmark.worst_case import AttackScores, Condition, Floats
 from roletrust_env.metrics.confidence import Interval
@@ -68,6 +69,7 @@ class Equilibrium(NamedTuple):
         informed: Score of a defender that knows the condition, and takes the best model alone of each.
         informed_mixture: Score of one that knows the condition, and has the mixture of each.
         attacks: Probability of each attack in the equilibrium by condition, those above 0.
+        alpha_rank: Share of each model by `alpha_rank`, the mean over the conditions, without an interval.
     """
 
     names: tuple[str, ...]
@@ -79,6 +81,7 @@ class Equilibrium(NamedTuple):
     informed: Interval
     informed_mixture: Interval
     attacks: dict[Condition, dict[str, float]]
+    alpha_rank: tuple[float, ...]
 
 
 def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payoffs]:
@@ -188,6 +191,7 @@ def equilibrium(games: Sequence[Payoffs], models: Sequence[str], resamples: int 
             game.condition: {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST}
             for game, weights in zip(games, solution.attacks, strict=True)
         },
+        alpha_rank=tuple(np.mean([alpha_rank(game.chosen.mean(axis=2)) for game in games], axis=0).tolist()),
     )
 
 

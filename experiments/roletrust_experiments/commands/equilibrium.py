@@ -14,11 +14,8 @@ from roletrust_experiments.commands.options import ModelsOption, Out, Seed
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.findings import Panel, Series, finding_figure
 
-_HEADER = (
-    "model",
-    *(f"{name}{end}" for name in ("weight", "alone", "exploitability") for end in ("", "_low", "_high")),
-)
 _COLUMNS = ("weight", "alone", "exploitability")
+_HEADER = ("model", *(f"{name}{end}" for name in _COLUMNS for end in ("", "_low", "_high")), "alpha_rank")
 _SHOWN = 0.005  # least probability of an attack in the text
 
 
@@ -34,7 +31,8 @@ def equilibrium(
     The payoff is the score of the suite. The defender draws a model for each game, the attacker knows the
     probabilities but not the draw, and each condition counts alike. Only attacks that every model has met count, so
     searches that were trained on one model are left out. Mixtures and attacks are chosen in one set of games, and
-    scored in another. Intervals resample games.
+    scored in another. Intervals resample games. Alpha-rank is the share of the time in which a model is in use where both
+    sides copy what does better, the mean over the conditions.
 
     Written: [green]equilibrium.md equilibrium.csv equilibrium.png[/]; [green]attacks.csv[/], the attacker's mixture.
 
@@ -66,8 +64,13 @@ def equilibrium(
     found = solved(games, names, resamples, seed)
     order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)
     rows = [(names[k], found.weights[k], found.alone[k], found.exploitability[k]) for k in order]
+    shares = dict(zip(names, found.alpha_rank, strict=True))
     prepare_folder(out)
-    write_csv(out / "equilibrium.csv", _HEADER, [[name, *(x for part in parts for x in part)] for name, *parts in rows])
+    write_csv(
+        out / "equilibrium.csv",
+        _HEADER,
+        [[name, *(x for part in parts for x in part), shares[name]] for name, *parts in rows],
+    )
     mixed = [(*where, name, weight) for where, of in found.attacks.items() for name, weight in of.items()]
     write_csv(out / "attacks.csv", ("scenario", "track", "share", "attack", "weight"), mixed)
     at = [row[0] for row in rows]
@@ -84,14 +87,14 @@ def equilibrium(
         ("best model alone in each condition, if the condition is known", found.informed),
         ("best mixture in each condition, if the condition is known", found.informed_mixture),
     ]
-    table = number_table("Equilibrium", note, *_COLUMNS, name="model")
+    table = number_table("Equilibrium", note, *_COLUMNS, "alpha-rank", name="model")
     for name, *parts in rows:
-        table.add_row(escape(name), *map(_text, parts))
+        table.add_row(escape(name), *map(_text, parts), f"{shares[name]:.3f}")
     console.print(table)
     for what, value in facts:
         console.print(f"{what}: {_text(value)}", soft_wrap=True)
-    lines = [f"| model | {' | '.join(_COLUMNS)} |", "| :--- | ---: | ---: | ---: |"]
-    lines += [f"| `{name}` | {' | '.join(map(_text, parts))} |" for name, *parts in rows]
+    lines = [f"| model | {' | '.join(_COLUMNS)} | alpha-rank |", "| :--- | ---: | ---: | ---: | ---: |"]
+    lines += [f"| `{name}` | {' | '.join(map(_text, parts))} | {shares[name]:.3f} |" for name, *parts in rows]
     lines += ["", "| defender | " + suite.score + " |", "| :--- | ---: |", *(f"| {w} | {_text(v)} |" for w, v in facts)]
     lines += ["", "| condition | the attacker's mixture |", "| :--- | :--- |"]
     for where, of in found.attacks.items():

@@ -33,8 +33,9 @@ def test_the_equilibrium_is_shown_and_written(results, tmp_path):
         rows = {row["model"]: row for row in csv.DictReader(file)}
     assert set(rows) == {"mean", "median", "constant"}
     assert sum(float(row["weight"]) for row in rows.values()) == pytest.approx(1)
+    assert sum(float(row["alpha_rank"]) for row in rows.values()) == pytest.approx(1, abs=1e-5)
     page = (tmp_path / "equilibrium.md").read_text()
-    assert page.startswith("| model | weight | alone | exploitability |")
+    assert page.startswith("| model | weight | alone | exploitability | alpha-rank |")
     assert f"Made by `roletrust equilibrium {results} --resamples 20 --seed 0`." in page
     assert (tmp_path / "equilibrium.png").stat().st_size > 1000
     with (tmp_path / "attacks.csv").open() as file:
