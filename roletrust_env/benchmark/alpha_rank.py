@@ -42,8 +42,9 @@ def alpha_rank(scores: Floats, intensity: float = 100.0) -> Floats:
     # The distribution p has p = p flow and the sum 1; one of the equations follows from the others.
     system, right = flow.T - np.eye(len(flow)), np.zeros(len(flow))
     system[-1], right[-1] = 1.0, 1.0
-    share: Floats = np.clip(np.linalg.solve(system, right).reshape(models, attacks).sum(axis=1), 0.0, None)
-    return share / share.sum()
+    share: Floats = np.linalg.solve(system, right).reshape(models, attacks).sum(axis=1).clip(0.0, None)
+    shares: Floats = share / share.sum()
+    return shares
 
 
 def _takes_over(gain: Floats) -> Floats:

@@ -31,8 +31,8 @@ def equilibrium(
     The payoff is the score of the suite. The defender draws a model for each game, the attacker knows the
     probabilities but not the draw, and each condition counts alike. Only attacks that every model has met count, so
     searches that were trained on one model are left out. Mixtures and attacks are chosen in one set of games, and
-    scored in another. Intervals resample games. Alpha-rank is the share of the time in which a model is in use where both
-    sides copy what does better, the mean over the conditions.
+    scored in another. Intervals resample games. Alpha-rank is the share of the time in which a model is in use where
+    both sides copy what does better, the mean over the conditions.
 
     Written: [green]equilibrium.md equilibrium.csv equilibrium.png[/]; [green]attacks.csv[/], the attacker's mixture.
 
