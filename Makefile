@@ -5,7 +5,8 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model real \
+.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
+	leave-one-out leave-one-out-logs real equilibrium \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo clean
 
 run: setup
@@ -120,6 +121,28 @@ real: setup
 	$(BIN)/roletrust real $(LOGS) --search 24 --out $(OUT)/real
 	mkdir -p docs/real
 	cp $(OUT)/real/real.md $(OUT)/real/real.csv docs/real/
+
+# What the parts of leave-one-out are worth in the suite of its name; a quarter of an hour.
+leave-one-out: setup
+	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
+	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
+
+# The same on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.
+PARTS := own=1 limit=0 modesty=0 power=0 keep=1 prior=0.001
+OTHERS := wary-role-trust role-trust beta iterative-filtering two-way-mean fairness-goodness bias-deserve
+leave-one-out-logs: setup
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out $(PARTS:%=--model leave-one-out:%) $(OTHERS:%=--model %) \
+		--out $(OUT)/real-30
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out $(PARTS:%=--model leave-one-out:%) $(OTHERS:%=--model %) \
+		--every 604800 --out $(OUT)/real-7
+	cp $(OUT)/real-30/real.csv docs/leave-one-out-30.csv
+	cp $(OUT)/real-7/real.csv docs/leave-one-out-7.csv
+
+# The game that the suite standard-4 has played; a minute, once `make benchmark` has run.
+equilibrium: setup
+	$(BIN)/roletrust equilibrium $(OUT)/standard-4/results.sqlite --out $(OUT)/equilibrium
+	mkdir -p docs/equilibrium
+	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup

@@ -15,6 +15,7 @@ from roletrust_experiments.commands.benchmark import benchmark
 from roletrust_experiments.commands.budget import budget
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.costs import costs
+from roletrust_experiments.commands.equilibrium import equilibrium
 from roletrust_experiments.commands.figures import figures
 from roletrust_experiments.commands.findings import findings
 from roletrust_experiments.commands.ladder import ladder
@@ -127,6 +128,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "report": report,
     "replay": replay,
     "reruns": reruns,
+    "equilibrium": equilibrium,
     "serve": serve,
     "submit": submit,
     "verify": verify,

@@ -227,6 +227,15 @@ def occurred(count: Array) -> Array:
     return count / (count + TINY)
 
 
+def upper_median(values: Array, there: Array) -> Array:
+    """Return the upper median along the first axis of the values that are there; 0 of fewer than two."""
+    xp = namespace(values)
+    count = xp.sum(there, axis=0)
+    ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)
+    place = xp.arange(len(values), device=values.device).reshape(-1, *[1] * (values.ndim - 1))
+    return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)
+
+
 def sinc(x: Array) -> Array:
     """Return sin(pi x) / (pi x) for x in [0, 1], exactly 1 at x = 0.
 

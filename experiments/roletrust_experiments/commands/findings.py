@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from roletrust_experiments.findings.finding import Finding
 
 _HEADER = ("figure", "series", "at", "value", "low", "high")
-_NAMES = "roles", "dilution", "noise", "breaking", "both-roles", "admission", "movement"
+_NAMES = "roles", "dilution", "noise", "breaking", "mirrored", "both-roles", "admission", "movement"
 
 
 def findings(

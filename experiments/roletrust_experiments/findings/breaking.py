@@ -28,6 +28,10 @@ _LEFT = 0.5
 """A model is broken where less than this part of the benefit of trust without liars is left."""
 
 
+BOUND = 0.5
+"""Share from which on ratings alone cannot tell an honest world from its mirror image, see `mirrored`."""
+
+
 class Break(NamedTuple):
     """Share of liars that breaks a model.
 
@@ -60,6 +64,7 @@ def answer(effort: Effort) -> Finding:
         "",
         "share of the raters that lie",
         [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
+        bound=BOUND,
     )
     differences = {f"{model}, {share:.0%}": one for model, found in left.items() for share, one in found.items()}
     words = sentence(breaks, set(left) - set(breaks), failed)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from roletrust_experiments.findings import admission, both_roles, breaking, dilution, movement, noise, roles
+from roletrust_experiments.findings import admission, both_roles, breaking, dilution, mirrored, movement, noise, roles
 from roletrust_experiments.findings.finding import Finding
 from roletrust_experiments.findings.games import Effort
 
@@ -11,6 +11,7 @@ QUESTIONS: dict[str, Callable[[Effort], Finding]] = {
     "dilution": dilution.answer,
     "noise": noise.answer,
     "breaking": breaking.answer,
+    "mirrored": mirrored.answer,
     "both-roles": both_roles.answer,
     "admission": admission.answer,
     "movement": movement.answer,

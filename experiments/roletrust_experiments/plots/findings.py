@@ -45,6 +45,7 @@ class Panel(NamedTuple):
         what: Label of the values.
         series: Series to draw, all at numbers or all at the same names.
         scale: Scale of an axis of numbers; `symlog` is linear up to the first number above 0.
+        bound: Theoretical limit, drawn as a dotted line across the rows.
     """
 
     title: str
@@ -52,6 +53,7 @@ class Panel(NamedTuple):
     what: str
     series: Sequence[Series]
     scale: Literal["linear", "log", "symlog"] = "linear"
+    bound: float | None = None
 
 
 def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
@@ -139,6 +141,8 @@ def _rows(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         axes.errorbar(value, places, xerr=_bars(value, low, high), fmt="none", ecolor=look["color"], capsize=2.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.axvline(0, color=QUIET, linewidth=0.8, zorder=1)
+    if panel.bound is not None:
+        axes.axvline(panel.bound, label="bound", color=QUIET, linewidth=1.3, linestyle=(0, (1, 1.5)), zorder=1.5)
     axes.set_xlabel(panel.what, color=INK)
 
 

@@ -8,6 +8,7 @@ from roletrust_env.trust.models.central.deviation_weighted import DeviationWeigh
 from roletrust_env.trust.models.central.eigentrust import EigenTrust
 from roletrust_env.trust.models.central.huber_mean import HuberMean
 from roletrust_env.trust.models.central.iterative_filtering import IterativeFiltering
+from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.trust.models.central.median import Median
 from roletrust_env.trust.models.central.power_trust import PowerTrust
@@ -33,6 +34,7 @@ register_trust_model("deviation-weighted", DeviationWeighted)
 register_trust_model("eigentrust", EigenTrust)
 register_trust_model("huber-mean", HuberMean)
 register_trust_model("iterative-filtering", IterativeFiltering)
+register_trust_model("leave-one-out", LeaveOneOut)
 register_trust_model("mean", Mean)
 register_trust_model("median", Median)
 register_trust_model("power-trust", PowerTrust)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Factor, Lam, Power, Share
-from roletrust_env.trust.algorithms import sinc, smooth, without_rounding
+from roletrust_env.trust.algorithms import sinc, smooth, upper_median, without_rounding
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
 
@@ -107,7 +107,7 @@ class WaryRoleTrust(Central):
         """Return ToP after the round, shape (P, ...); `rated` is true for providers with a rating."""
         xp = namespace(top)
         change = xp.where(rated, quality - top, 0.0)
-        common = _upper_median(change, rated)
+        common = upper_median(change, rated)
         own = xp.clip(change - xp.where(common < -self.shock, common, 0.0), None, 0)
         return top + self.lam * (own + self.rise * (change - own))
 
@@ -128,12 +128,3 @@ def _level(consensus: Array, lowest: Array, raters: int) -> Array:
     xp, middle = namespace(consensus), lowest / 2
     rounding = float(xp.finfo(consensus.dtype).eps) * (4 + raters / 4)
     return xp.where(abs(consensus - middle) <= rounding * abs(lowest), middle, consensus)
-
-
-def _upper_median(values: Array, there: Array) -> Array:
-    """Return the upper median along the first axis of the values that are there; 0 of fewer than two."""
-    xp = namespace(values)
-    count = xp.sum(there, axis=0)
-    ordered = xp.sort(xp.where(there, values, float("inf")), axis=0)
-    place = xp.arange(len(values), device=values.device).reshape(-1, *[1] * (values.ndim - 1))
-    return xp.where(count > 1, xp.where(place == count // 2, ordered, 0.0).sum(axis=0), 0.0)

@@ -1,0 +1,122 @@
+"""Leave-one-out trust: each rater is compared with the others, and has one voice about each provider."""
+
+from typing import NamedTuple
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
+from roletrust_env.ranges import Power, Ridge, Share
+from roletrust_env.trust.algorithms import upper_median
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.models.central.beta import left
+from roletrust_env.trust.ratings import TINY, Cells, PerPair, PerProvider, PerRater, Ratings
+
+
+class LeaveOneOutState(NamedTuple):
+    """Memory of leave-one-out trust.
+
+    Attributes:
+        tor: Trust of the raters, shape (S, ...).
+        top: Trust of the providers, shape (P, ...).
+        sums: Sum of the ratings of each pair, faded, shape (S, P, ...).
+        counts: Number of these ratings, faded alike, shape (S, P, ...).
+    """
+
+    tor: PerRater
+    top: PerProvider
+    sums: PerPair
+    counts: PerPair
+
+
+@checked_dataclass
+class LeaveOneOut(Central):
+    """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as trusted raters say.
+
+        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i rated j
+        x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j]),   w[i, j] = v[i, j] ToR[i]
+        m[j]     = sum over i of w[i, j] x[i, j] / sum of w[i, j]
+        b        = initial - modesty max(initial - median over the rated providers j of m[j], 0)
+        c[i, j]  = (prior b + sum over k of w[k, j] x[k, j]) / (prior + W[i, j]),   W[i, j] = sum over k of w[k, j],
+                   both without i itself, or with the share `own` of its weight
+        e[i, j]  = v[i, j] W[i, j] / (W[i, j] + prior)
+        ToR[i]   = ((doubt + sum over j of e[i, j] (1 - |x[i, j] - c[i, j]|)) / (1 + sum over j of e[i, j]))^power
+        ToP[j]   = (prior b + sum over i of w[i, j] x[i, j]) / (prior + sum over i of w[i, j])
+
+    ToR is of the raters of the round; others keep theirs. ToP has w and b with ToR as just updated. The ratings of a
+    provider fade in each round in which it is rated. The median is the upper of two.
+
+    - `own`: A rater is not compared with itself. A rating that is alone is no evidence for its rater, since nobody else
+      was there. With 1 the rater is in the view that it is compared with.
+    - `limit`: A pair has one voice of at most 1 / limit, however often the rater repeats itself. With 0 every rating is
+      a voice.
+    - `modesty`: The prior is no higher than the median provider, so that nobody outranks more than half of the rated
+      providers by being unrated. With 0 the prior is `initial`.
+    - `power`: A rater that is somewhat further from the others counts for far less. With 0 all raters count alike, and
+      their trust is 1.
+    - `keep`: Old ratings fade. With 1 none is forgotten.
+    - `prior`: Few ratings move trust little.
+
+    Attributes:
+        initial: Trust in a provider before any rating, in [0, 1].
+        keep: Share of a rating's weight that remains when its provider is rated in another round, in [0, 1].
+        prior: Number of voices that the prior counts, at least 0.001.
+        power: Exponent that turns agreement into trust in a rater, in [0, 8].
+        doubt: Agreement of a rater that was compared with nobody, in [0, 1]; it counts as one comparison.
+        own: Share of a rater's own weight in the view that it is compared with, in [0, 1].
+        limit: Inverse of the largest weight of a pair, in [0, 1].
+        modesty: Share of the way from `initial` down to the median provider, in [0, 1].
+    """
+
+    initial: Share = 0.5
+    keep: Share = 0.9
+    prior: Ridge = 0.2
+    power: Power = 6.0
+    doubt: Share = 0.8
+    own: Share = 0.0
+    limit: Share = 1.0
+    modesty: Share = 1.0
+    rates_raters = True
+    differentiable = False  # the median jumps between providers
+
+    def start(self, like: Array) -> LeaveOneOutState:
+        """Return the state before any rating. See `TrustModel.start`."""
+        nothing = namespace(like).zeros_like(like)
+        tor = nothing[:, 0, ...] + self.doubt**self.power
+        return LeaveOneOutState(tor, nothing[0] + self.initial, nothing, nothing)
+
+    def after_round(self, state: LeaveOneOutState, ratings: Ratings) -> LeaveOneOutState:
+        """Return the state after one round of ratings. See `Central.after_round`."""
+        xp, pairs, none = namespace(ratings.values), ratings.pairs, 0 * state.sums
+        kept = pairs.of_providers(left(self.keep, ratings))
+        sums = kept * state.sums + ratings.remember(none, ratings.values)
+        counts = kept * state.counts + ratings.remember(none, 1.0)
+        voice, above = counts / (1 + self.limit * counts), sums / (counts + TINY) - self.initial
+        weights = voice * pairs.of_raters(state.tor)
+        base = self._base(pairs, above, voice, weights)
+        # The view of the others: all weights and ratings of a provider, less the rater's own.
+        own, apart = (1 - self.own) * weights, above - base
+        heard = xp.clip(pairs.of_providers(pairs.sum_over_raters(weights)) - own, 0.0, None)
+        view = (pairs.of_providers(pairs.sum_over_raters(weights * apart)) - own * apart) / (heard + self.prior)
+        evidence = voice * heard / (heard + self.prior)
+        agreed = self.doubt + pairs.sum_over_providers(evidence * (1 - abs(apart - view)))
+        agreement = xp.clip(agreed / (1 + pairs.sum_over_providers(evidence)), 0.0, 1.0)
+        tor = xp.where(ratings.given > 0, agreement**self.power, state.tor)
+        return LeaveOneOutState(tor, self._trust(pairs, above, voice, voice * pairs.of_raters(tor)), sums, counts)
+
+    def _base(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
+        """Return the prior of the providers, less `initial`: shape (...), at most 0."""
+        mean = pairs.weighted_mean_over_raters(above, weights)
+        return self.modesty * namespace(mean).clip(upper_median(mean, pairs.sum_over_raters(voice) > 0), None, 0.0)
+
+    def _trust(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
+        """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the pairs."""
+        xp, base = namespace(above), self._base(pairs, above, voice, weights)
+        said = pairs.sum_over_raters(weights * above) + self.prior * base
+        return xp.clip(self.initial + said / (pairs.sum_over_raters(weights) + self.prior), 0.0, 1.0)
+
+    def rater_trust(self, state: LeaveOneOutState) -> Array:
+        """Return ToR, shape (S, ...)."""
+        return state.tor
+
+    def provider_trust(self, state: LeaveOneOutState) -> Array:
+        """Return ToP, shape (P, ...)."""
+        return state.top
