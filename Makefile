@@ -153,7 +153,7 @@ findings: setup
 
 # What attackers of today find where those of the first suite searched, what a longer search finds, what five searches find
 # in three conditions, and what carries over to other trust models; two hours on two cores, and a repeat continues.
-FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --budget 2000000 --runs 5 \
+FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --way 'evolution strategy' --budget 2000000 --runs 5 \
 	--model wary-role-trust --model beta --model role-trust --model qor
 attackers: setup
 	$(BIN)/roletrust benchmark --suite attackers --out $(OUT)/attackers
