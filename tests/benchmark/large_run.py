@@ -23,7 +23,7 @@ ROUNDS, GAMES = 60, 3
 
 
 def large(**fields: Any) -> Suite:
-    """Return a suite with 25 models, some thirty attacks and twelve conditions."""
+    """Return a suite with all registered models and two more, some thirty attacks and twelve conditions."""
     return read_suite(
         {
             "name": "large",
