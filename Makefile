@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	leave-one-out leave-one-out-logs real equilibrium \
+	leave-one-out leave-one-out-logs real equilibrium strategic \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo clean
 
 run: setup
@@ -143,6 +143,13 @@ equilibrium: setup
 	$(BIN)/roletrust equilibrium $(OUT)/standard-4/results.sqlite --out $(OUT)/equilibrium
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
+
+# What providers and raters learn under some trust models, and what is left of honest service; some ten minutes on one
+# core, and a repeat continues.
+strategic: setup
+	$(BIN)/roletrust strategic --workers 1 --out $(OUT)/strategic
+	mkdir -p docs/strategic
+	for kind in png md csv; do cp $(OUT)/strategic/strategic.$$kind docs/strategic/; done
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup
