@@ -51,6 +51,8 @@ def learn(
     start: Population,
     settings: LearningSettings,
     seed: int,
+    *,
+    shuffled: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Learned:
     """Let all agents learn at once, each for itself, in R runs side by side.
@@ -70,6 +72,8 @@ def learn(
         start: Parameters before the first step, shape (2, n, R) for each role.
         settings: Settings.
         seed: Random seed; the runs have other games in the batch.
+        shuffled: Whether each agent gets its rewards of a step in another order of the pairs, so that they say nothing
+            of its strategy. What it does then is drift, with which learning has to be compared.
         advance: Called after each step.
     """
     runs = start.providers.shape[-1]
@@ -85,6 +89,8 @@ def learn(
         tried = Population(*(_tried(side, weights[side], moves[side], spread) for side in sides))
         earned = mean_rewards(game, tried, (LEARNED, seed, step), (runs, settings.pairs), rows=2)
         lead = earned[:, 0] - earned[:, 1]
+        if shuffled:
+            lead = rng.permuted(lead, axis=-1)
         own = {"providers": game.roster.providers(lead), "raters": game.roster.raters(lead)}
         for side in sides:
             slope = (own[side] * moves[side]).mean(axis=-1) / (2 * spread)

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
 _ENDS = ("", "_half_95")
 _ANARCHY = ("anarchy", "anarchy_low_95", "anarchy_high_95")
+_LABELS = {
+    "nobody learns": "nobody learns",
+    "honest": "learners start honest",
+    "honest, shuffled": "the same, rewards shuffled",
+    "random": "learners start at random",
+}
 _QUESTION = "What is left of welfare when providers and raters learn, by trust model?"
 
 
@@ -62,6 +68,7 @@ def strategic(
     Agents earn what the environment rewards: trust, less the cost of their services. A provider chooses a level of
     quality and how it reacts to its own trust; a rater chooses how far it lifts or sinks its ratings and how far it
     follows published trust. All agents learn at once, each for itself, from honest play and from random strategies.
+    With shuffled rewards nothing can be learnt, and what happens is drift.
 
     Measured: welfare, which is the quality that consumers get less its cost; the price of anarchy, which is the best
     welfare over the welfare of what was learnt; the share of honest agents; and the gain of the best deviation of one
@@ -150,13 +157,12 @@ def _panels(found: Sequence["Level"]) -> list[Any]:
         series = []
         for start in starts:
             some = [level for level in here if level.point.start == start]
-            label = (
-                start
-                if start == "nobody learns"
-                else f"learners start {'honest' if start == 'honest' else 'at random'}"
-            )
             series.append(
-                Series(label, [one.point.model for one in some], [interval(one.estimates["welfare"]) for one in some])
+                Series(
+                    _LABELS[start],
+                    [one.point.model for one in some],
+                    [interval(one.estimates["welfare"]) for one in some],
+                )
             )
         panels.append(Panel(f"{place[0]}, cost {place[1]:g}", "", "welfare", series))
     return panels

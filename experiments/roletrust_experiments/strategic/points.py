@@ -25,8 +25,8 @@ from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 
 MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "qor", "median", "beta", "own-experience")
 SCENARIOS, COSTS = ("crowd", "market"), (0.1, 0.3)
-STARTS = ("nobody learns", "honest", "random")
-"""Starts of the learners; in the first everybody stays honest."""
+STARTS = ("nobody learns", "honest", "honest, shuffled", "random")
+"""Starts of the learners. In the first everybody stays honest; in the third rewards are shuffled, see `learn`."""
 
 SUITE = "standard-4"
 HONEST_WITHIN = 0.1
@@ -145,8 +145,10 @@ def play_point(point: Point, effort: Effort) -> dict[str, Any]:
     game, seed, batch = point.game(), effort.seed, (effort.runs,)
     population, moved = honest_population(game, batch), np.zeros(effort.runs)
     if point.start != STARTS[0]:
-        begin = population if point.start == "honest" else random_population(game, batch, seed)
-        learned = learn(game, begin, LearningSettings(steps=effort.steps), seed)
+        begin = random_population(game, batch, seed) if point.start == "random" else population
+        learned = learn(
+            game, begin, LearningSettings(steps=effort.steps), seed, shuffled=point.start.endswith("shuffled")
+        )
         population, course = learned.population, learned.course
         moved = np.abs(course[-1] - course[-1 - (effort.steps - 1) // 4]).mean(axis=0)
     spread = Population(*(part[:, :, None, :, None] for part in population))

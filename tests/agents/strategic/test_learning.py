@@ -44,6 +44,15 @@ def test_where_trust_follows_cheap_quality_providers_learn_to_serve():
     assert learned.population.providers[0].min() > 0.6
 
 
+def test_from_shuffled_rewards_nothing_is_learnt():
+    """Under a constant trust honest providers learn to save the cost, but not if they do not know what saved it."""
+    played = game("constant")
+    start = honest_population(played, (4,))
+    found = [learn(played, start, QUICK, seed=0, shuffled=shuffled).population.providers for shuffled in (False, True)]
+    learned, drifted = (departure("providers", one).mean() for one in found)
+    assert learned > 2 * drifted
+
+
 def test_the_same_seed_learns_the_same_and_another_one_does_not():
     played, settings = game("role-trust"), LearningSettings(steps=3, pairs=4)
     start = random_population(played, (2,), seed=5)
@@ -55,7 +64,7 @@ def test_the_same_seed_learns_the_same_and_another_one_does_not():
 def test_parameters_stay_in_their_ranges_and_each_step_is_counted():
     played, steps = game("role-trust"), []
     learned = learn(
-        played, random_population(played, (2,), 0), LearningSettings(5, 4, 0.5, 0.9), 0, lambda: steps.append(1)
+        played, random_population(played, (2,), 0), LearningSettings(5, 4, 0.5, 0.9), 0, advance=lambda: steps.append(1)
     )
     assert len(steps) == 5
     for side, bounds in BOUNDS.items():
