@@ -88,20 +88,21 @@ def test_nothing_is_gained_where_ratings_are_free_of_reward_or_service_of_cost(s
 
 
 def test_a_best_response_is_that_of_a_loop_over_the_grid():
-    """A liar among liars, whose gain is what `mean_rewards` says of it alone."""
+    """The gain is what `mean_rewards` says of the deviation alone, in the games that did not choose it."""
     from roletrust_agents.strategic.playing import DEVIATED, mean_rewards
 
-    played = game("role-trust")
-    liars = uniform_population(played, (1.0, 0.0), (-0.7, 0.0), (1,))
-    found = best_response(played, liars, "raters", 4, 6)
-    changed = liars._replace(raters=liars.raters.copy())
+    played = game("leave-one-out")
+    others = uniform_population(played, (0.5, 0.0), (0.4, 0.0), (1,))
+    found = best_response(played, others, "raters", 4, 6)
+    changed = others._replace(raters=others.raters.copy())
     changed.raters[:, 0, 0] = found.parameters[:, 0]
     one, other = (
         mean_rewards(
             played, type(p)(*(np.repeat(x[:, :, None, :, None], 2, axis=2) for x in p)), (DEVIATED, 4), (1, 12), rows=2
         )
-        for p in (changed, liars)
+        for p in (changed, others)
     )
+    assert found.gain[0] > 0.001
     assert found.gain[0] == pytest.approx((one[0, 0] - other[0, 0])[0, 6:].mean(), abs=1e-12)
 
 
