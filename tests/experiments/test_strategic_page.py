@@ -71,6 +71,9 @@ def test_dear_services_are_cheated_on_in_the_market():
         assert value("market", model, DEAR, "honest", of="welfare") < 0.2 * float(row["welfare"])
 
 
-def test_role_trust_loses_less_in_the_market_at_the_lower_cost():
-    where = "market", "role-trust", CHEAP
+@pytest.mark.parametrize("model", ["role-trust", "median"])
+def test_some_keep_their_welfare_in_the_market_at_the_lower_cost(model):
+    where = "market", model, CHEAP
     assert value(*where, "honest", of="welfare") > 0.9 * value(*where, "nobody learns", of="welfare")
+    low = value(*where, "nobody learns", of="rater_gain") - value(*where, "nobody learns", of="rater_gain_half_95")
+    assert low < 0.002

@@ -24,9 +24,9 @@ _ENDS = ("", "_half_95")
 _ANARCHY = ("anarchy", "anarchy_low_95", "anarchy_high_95")
 _LABELS = {
     "nobody learns": "nobody learns",
-    "honest": "learners start honest",
-    "honest, shuffled": "the same, rewards shuffled",
-    "random": "learners start at random",
+    "honest": "from honest play",
+    "honest, shuffled": "the same, shuffled",
+    "random": "from random",
 }
 _QUESTION = "What is left of welfare when providers and raters learn, by trust model?"
 
@@ -109,7 +109,7 @@ def strategic(
         ["roletrust", "strategic", *chosen, f"--runs {runs} --steps {steps} --games {games} --seed {seed}"]
     )
     note = f"{runs} runs of {steps} steps, {games} games each; 95% intervals over the runs"
-    _write(out, found, f"{note}. Made by `{command}`.", note)
+    _write(out, found, f"{note}. Made by `{command}`.", f"{runs} runs; 95% intervals")
     headings, rows = _table(found)
     table = number_table("Strategic agents", note, *headings[3:], name="population")
     for place, name, start, *numbers in rows:
