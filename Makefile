@@ -6,8 +6,8 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	leave-one-out leave-one-out-logs real equilibrium \
-	benchmark known-attacks reruns findings attackers learners ladder universal zoo clean
+	leave-one-out leave-one-out-logs real equilibrium strategic \
+	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
@@ -144,6 +144,13 @@ equilibrium: setup
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
+# What providers and raters learn under some trust models, and what is left of honest service; some ten minutes on one
+# core, and a repeat continues.
+strategic: setup
+	$(BIN)/roletrust strategic --workers 1 --out $(OUT)/strategic
+	mkdir -p docs/strategic
+	for kind in png md csv; do cp $(OUT)/strategic/strategic.$$kind docs/strategic/; done
+
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup
 	$(BIN)/roletrust findings --out $(OUT)/findings
@@ -224,6 +231,22 @@ zoo: setup universal
 	for name in provider-3x3 rater-3x3 collusion-10x10; do for kind in json safetensors; do \
 	  cp $(OUT)/zoo/$$name/attacker.$$kind agents/roletrust_agents/zoo/$$name.$$kind; done; done
 	$(BIN)/roletrust zoo
+
+# The technical report in build/report/, from the results in docs/; seconds. Chromium prints the PDF, where there is one.
+report: setup
+	$(BIN)/python -m roletrust_experiments.article docs build/report
+
+# The source and the published results of the last commit, with checksums; the same bytes for the same commit.
+ARCHIVE := build/archive
+archive:
+	rm -rf $(ARCHIVE)
+	mkdir -p $(ARCHIVE)
+	git archive --format=tar --prefix=roletrust/ HEAD > $(ARCHIVE)/roletrust.tar
+	tar -x -f $(ARCHIVE)/roletrust.tar -C $(ARCHIVE)
+	cd $(ARCHIVE) && find roletrust -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum > SHA256SUMS
+	gzip -n -9 $(ARCHIVE)/roletrust.tar
+	rm -rf $(ARCHIVE)/roletrust
+	cd $(ARCHIVE) && sha256sum roletrust.tar.gz SHA256SUMS | tee roletrust.sha256
 
 format: setup
 	$(BIN)/ruff check --fix .

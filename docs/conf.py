@@ -15,7 +15,8 @@ extensions = [
     "sphinx_design",
     "roletrust_experiments.site.extension",
 ]
-exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md"]  # tables that a page includes, and the report
+# Tables that a page includes, the report, and the paper for JOSS.
+exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md", "paper.md"]
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

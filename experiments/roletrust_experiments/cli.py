@@ -30,6 +30,7 @@ from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.reruns import reruns
 from roletrust_experiments.commands.serve import serve
 from roletrust_experiments.commands.speed import speed
+from roletrust_experiments.commands.strategic import strategic
 from roletrust_experiments.commands.submit import submit, verify
 from roletrust_experiments.commands.train import train
 from roletrust_experiments.commands.transfer import transfer
@@ -129,6 +130,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "replay": replay,
     "reruns": reruns,
     "equilibrium": equilibrium,
+    "strategic": strategic,
     "serve": serve,
     "submit": submit,
     "verify": verify,

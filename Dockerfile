@@ -1,0 +1,7 @@
+# The environment of `make run` and `make test`: docker build -t roletrust . && docker run --rm roletrust
+FROM python:3.11-slim
+RUN apt-get update && apt-get install --yes --no-install-recommends git make && rm -rf /var/lib/apt/lists/*
+WORKDIR /roletrust
+COPY . .
+RUN make setup
+CMD ["make", "run"]

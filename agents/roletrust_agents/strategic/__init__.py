@@ -1,0 +1,1 @@
+"""Honest agents that are learners, too: strategies, how they learn, and what deviating brings."""

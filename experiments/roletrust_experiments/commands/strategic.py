@@ -1,0 +1,185 @@
+"""`roletrust strategic`: whether honest service stays the best response when providers and raters learn, too."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.provenance import software
+from roletrust_experiments.attackers.runs import read_runs
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import console, number_table, option, print_next
+from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import NAMED, Again, Out, Seed, Workers
+from roletrust_experiments.commands.played import markdown_table, play_and_keep
+from roletrust_experiments.plots.figure_files import write_figure
+
+if TYPE_CHECKING:
+    from roletrust_experiments.strategic.points import Level
+
+_ENDS = ("", "_half_95")
+_ANARCHY = ("anarchy", "anarchy_low_95", "anarchy_high_95")
+_LABELS = {
+    "nobody learns": "nobody learns",
+    "honest": "from honest play",
+    "honest, shuffled": "the same, shuffled",
+    "random": "from random",
+}
+_QUESTION = "What is left of welfare when providers and raters learn, by trust model?"
+
+
+def strategic(
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=NAMED,
+            help="Trust model; repeat for more; seven of the project if left out.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Scenario of the suite standard-4; repeat for more; crowd and market if left out.",
+            show_default=False,
+        ),
+    ] = None,
+    cost: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0, help="Cost of a service of quality 1; repeat for more; 0.1 and 0.3 if left out.", show_default=False
+        ),
+    ] = None,
+    runs: Annotated[int, typer.Option(min=2, help="Number of runs of each population.")] = 5,
+    steps: Annotated[int, typer.Option(min=1, help="Number of steps of the learners.")] = 150,
+    games: Annotated[int, typer.Option(min=2, help="Number of games that measure each run.")] = 32,
+    seed: Seed = 0,
+    workers: Workers = None,
+    force: Again = False,
+    out: Out = Path("results/strategic"),
+) -> None:
+    """Ask [bold]whether honest service stays the best response[/] when providers and raters learn, too.
+
+    Agents earn what the environment rewards: trust, less the cost of their services. A provider chooses a level of
+    quality and how it reacts to its own trust; a rater chooses how far it lifts or sinks its ratings and how far it
+    follows published trust. All agents learn at once, each for itself, from honest play and from random strategies.
+    With shuffled rewards nothing can be learnt, and what happens is drift.
+
+    Measured: welfare, which is the quality that consumers get less its cost; the price of anarchy, which is the best
+    welfare over the welfare of what was learnt; the share of honest agents; and the gain of the best deviation of one
+    agent, with everybody honest and with what was learnt.
+
+    Each population is saved when it is finished, so that an interrupted command continues when it is given again.
+
+    Written: [green]strategic.md strategic.csv strategic.png strategic.json[/].
+
+    [bold]Examples[/]
+
+    [dim]# as in docs/, in some ten minutes on one core[/]
+    [cyan]roletrust strategic --workers 1[/]
+
+    [dim]# one model at one cost, in a minute[/]
+    [cyan]roletrust strategic --model beta --scenario crowd --cost 0.5[/]
+    """
+    require("strategic agents", "train", "scipy", "cma")  # to read a suite of the benchmark
+    from roletrust_experiments.strategic.points import COSTS, MODELS, SCENARIOS, Effort, Level, play_point, points
+
+    if games % 2:
+        raise ValueError(f"--games is {games}; it must be even, because one half chooses and the other one measures")
+    models, scenarios = (list(dict.fromkeys(given)) for given in (model or MODELS, scenario or SCENARIOS))
+    every, effort = points(scenarios, models, sorted(set(cost or COSTS))), Effort(runs, steps, games, seed)
+    for point in every:
+        point.game()
+    settings = {"command": "roletrust strategic", "effort": effort._asdict(), **software()}
+    path = out / "strategic.json"
+    kept = {} if force else read_runs(path, settings)
+    prepare_folder(out)
+    jobs = {point.key: (point, effort) for point in every if point.key not in kept}
+    play_and_keep(play_point, jobs, kept, total=len(every), workers=workers, settings=settings, path=path)
+    found = [Level.of(point, kept[point.key]) for point in every if point.key in kept]
+    if not found:
+        raise ValueError("no population was played, so there is nothing to show")
+    chosen = [*option("--model", model), *option("--scenario", scenario), *option("--cost", cost)]
+    command = " ".join(
+        ["roletrust", "strategic", *chosen, f"--runs {runs} --steps {steps} --games {games} --seed {seed}"]
+    )
+    note = f"{runs} runs of {steps} steps, {games} games each; 95% intervals over the runs"
+    _write(out, found, f"{note}. Made by `{command}`.", f"{runs} runs; 95% intervals")
+    headings, rows = _table(found)
+    table = number_table("Strategic agents", note, *headings[3:], name="population")
+    for place, name, start, *numbers in rows:
+        table.add_row(escape(f"{place}, {name}, {start}".replace("`", "")), *numbers)
+    console.print(table)
+    console.print(f"Written to {out}: strategic.md, strategic.csv, strategic.png, strategic.json", soft_wrap=True)
+    print_next("strategic", chosen, "--runs", 2 * runs, "--force")
+
+
+def _write(out: Path, found: Sequence["Level"], caption: str, note: str) -> None:
+    """Write the table, the numbers and the figure."""
+    from roletrust_experiments.plots.findings import finding_figure
+
+    names = list(found[0].estimates)
+    header = (
+        *("scenario", "model", "cost", "start"),
+        *(f"{name}{end}" for name in names for end in _ENDS),
+        *_ANARCHY,
+        *("provider_deviation", "rater_deviation"),
+    )
+    rows = [
+        [
+            *level.point,
+            *(part for name in names for part in level.estimates[name][:2]),
+            *(None if part == float("inf") else part for part in level.anarchy),
+            *level.deviations,
+        ]
+        for level in found
+    ]
+    write_csv(out / "strategic.csv", header, rows)
+    headings, cells = _table(found)
+    write_text(out / "strategic.md", markdown_table(headings, cells, 3) + f"\n\n{caption}\n")
+    write_figure(out / "strategic.png", finding_figure(_QUESTION, _panels(found), note), colours=256)
+
+
+def _panels(found: Sequence["Level"]) -> list[Any]:
+    """Return a panel for each scenario and cost: the welfare of each model by the start, and the best one."""
+    from roletrust_experiments.findings.finding import interval
+    from roletrust_experiments.plots.findings import Panel, Series
+
+    panels = []
+    for place in dict.fromkeys((level.point.scenario, level.point.cost) for level in found):
+        here = [level for level in found if (level.point.scenario, level.point.cost) == place]
+        starts = dict.fromkeys(level.point.start for level in here)
+        series = []
+        for start in starts:
+            some = [level for level in here if level.point.start == start]
+            series.append(
+                Series(
+                    _LABELS[start],
+                    [one.point.model for one in some],
+                    [interval(one.estimates["welfare"]) for one in some],
+                )
+            )
+        panels.append(Panel(f"{place[0]}, cost {place[1]:g}", "", "welfare", series))
+    return panels
+
+
+def _table(found: Sequence["Level"]) -> tuple[list[str], list[list[str]]]:
+    """Return the headings, and a row for each population."""
+    headings = [
+        *("world", "model", "start", "gain, provider", "gain, rater", "honest providers", "honest raters"),
+        *("quality", "welfare", "price of anarchy"),
+    ]
+    names = "provider_gain", "rater_gain", "honest_providers", "honest_raters", "quality", "welfare"
+    rows = []
+    for level in found:
+        scenario, model, cost, start = level.point
+        price = level.anarchy
+        shown = "∞" if price.value == float("inf") else f"{price.value:.2f} ({price.low:.2f}, {price.high:.2f})"
+        numbers = [f"{one.mean + 0.0:.3f} ± {one.half:.3f}" for one in (level.estimates[name] for name in names)]
+        rows.append([f"{scenario}, {cost:g}", f"`{model}`", start, *numbers, shown])
+    return headings, rows

@@ -1,0 +1,102 @@
+"""`roletrust strategic`: its table, its files, its continuation, and what it refuses."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cma")
+
+from typer.testing import CliRunner
+
+from roletrust_experiments.cli import app
+from roletrust_experiments.strategic.points import MEASURES, STARTS, Point, price_of_anarchy
+
+FEW = ("--scenario", "crowd", "--cost", 0.1, "--runs", 2, "--steps", 2, "--games", 2, "--workers", 1)
+
+
+def strategic(*arguments):
+    result = CliRunner().invoke(app, ["strategic", *map(str, arguments)])
+    return result.exit_code, " ".join(result.output.split())
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    out = tmp_path_factory.mktemp("strategic")
+    code, printed = strategic("--model", "beta", "--model", "constant", *FEW, "--out", out)
+    assert code == 0, printed
+    return out
+
+
+def rows(out):
+    with (out / "strategic.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_population_has_a_row(written):
+    found = rows(written)
+    assert [(row["model"], row["start"]) for row in found] == [(m, s) for m in ("beta", "constant") for s in STARTS]
+    assert {f"{name}_half_95" for name in MEASURES} < set(found[0])
+    calm = found[0]
+    assert float(calm["honest_providers"]) == float(calm["honest_raters"]) == 1
+    assert float(calm["rater_gain"]) == 0  # beta has no trust in raters
+    assert 0.9 < float(calm["anarchy"]) < 1.2
+    assert float(found[4]["provider_gain"]) > 0.05  # under a constant trust no service is the best one
+    assert "level 0" in found[4]["provider_deviation"]
+
+
+def test_the_page_has_the_numbers_and_the_command(written):
+    page = (written / "strategic.md").read_text()
+    assert page.startswith("| world | model | start | gain, provider |")
+    command = "roletrust strategic --model beta --model constant --scenario crowd --cost 0.1 --runs 2 --steps 2"
+    assert f"Made by `{command} --games 2 --seed 0`." in page
+    assert (written / "strategic.png").stat().st_size > 1000
+
+
+def test_it_continues_where_it_was_stopped(written):
+    path = written / "strategic.json"
+    data = json.loads(path.read_text())
+    before = rows(written)
+    marked = data["runs"]["crowd|beta|0.1|honest"]
+    marked["welfare"] = [7.0, 7.0]
+    del data["runs"]["crowd|constant|0.1|random"]
+    path.write_text(json.dumps(data))
+    code, printed = strategic("--model", "beta", "--model", "constant", *FEW, "--out", written)
+    assert code == 0, printed
+    after = rows(written)
+    assert float(after[1]["welfare"]) == 7
+    assert after[7] == before[7]
+
+
+def test_other_settings_do_not_mix(written):
+    code, printed = strategic("--model", "beta", *FEW[:-2], "--seed", 3, "--out", written)
+    assert (code, "another effort" in printed) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--scenario", "crowds"), "no scenario 'crowds'; did you mean 'crowd'"),
+        (("--model", "betta"), "betta"),
+        (("--games", 3), "--games is 3; it must be even"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_written(arguments, message, tmp_path):
+    code, printed = strategic(*arguments, "--out", tmp_path / "none")
+    assert (code, message in printed) == (2, True), printed
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_price_of_anarchy_has_the_interval_of_a_quotient():
+    rng = np.random.default_rng(0)
+    best, welfare = rng.normal(0.9, 0.01, 40), rng.normal(0.6, 0.05, 40)
+    found = price_of_anarchy(best, welfare)
+    draws = [rng.integers(0, 40, 40) for _ in range(4000)]
+    quotients = [best[d].mean() / welfare[d].mean() for d in draws]
+    assert found.value == best.mean() / welfare.mean()
+    np.testing.assert_allclose(found[1:], np.quantile(quotients, [0.025, 0.975]), atol=0.01)
+
+
+def test_the_cost_is_that_of_the_scenario():
+    assert Point("market", "beta", 0.3, "honest").game().scenario.rewards.quality_cost == 0.3

@@ -1,0 +1,84 @@
+"""What is needed to publish: the paper for JOSS, the citation, the container and the archive."""
+
+import hashlib
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+from pybtex.database import parse_file
+
+HOUSE = Path(__file__).parent.parent
+PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]
+_, FRONT, PAPER = (HOUSE / "docs/paper.md").read_text(encoding="utf-8").split("---\n", 2)
+
+
+def test_the_paper_has_the_form_that_joss_asks_for():
+    front = yaml.safe_load(FRONT)
+    assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(front)
+    indices = {one["index"] for one in front["affiliations"]}
+    assert all(one["name"] and one["affiliation"] in indices for one in front["authors"])
+    assert re.fullmatch(r"\d{1,2} [A-Z][a-z]+ 20\d\d", front["date"])
+    headings = re.findall(r"^# (.+)$", PAPER, flags=re.MULTILINE)
+    assert headings[:4] == ["Summary", "Statement of need", "State of the field", "Software design"]
+    assert headings[-1] == "References"
+    assert 250 <= len(PAPER.split()) <= 1750
+
+
+def test_every_source_of_the_paper_is_in_the_bibliography():
+    cited = set(re.findall(r"@([a-z]+\d{4})", PAPER))
+    assert "su2023" in cited
+    entries = parse_file(str(HOUSE / "docs" / yaml.safe_load(FRONT)["bibliography"])).entries
+    assert cited <= set(entries)
+
+
+def test_the_paper_types_no_result():
+    assert re.findall(r"\d", re.sub(r"@[a-z]+\d{4}|ROS 2", "", PAPER)) == []
+
+
+def test_the_citation_is_of_this_version_and_a_doi_can_be_added():
+    text = (HOUSE / "CITATION.cff").read_text(encoding="utf-8")
+    citation = yaml.safe_load(text)
+    assert {"cff-version", "message", "title", "authors", "version", "license", "keywords"} <= set(citation)
+    assert citation["version"] == PROJECT["version"]
+    added = yaml.safe_load(re.sub(r"^# (date-released|identifiers|  )", r"\1", text, flags=re.MULTILINE))
+    assert added["identifiers"][0]["type"] == "doi"
+    assert re.fullmatch(r"10\.\d{4,}/\S+", added["identifiers"][0]["value"])
+
+
+def test_the_container_runs_commands_that_are_there():
+    lines = (HOUSE / "Dockerfile").read_text().splitlines()
+    version = next(re.fullmatch(r"FROM python:(\d+\.\d+)-slim", line)[1] for line in lines if line.startswith("FROM"))
+    assert PROJECT["requires-python"] == f">={version}"
+    makefile = (HOUSE / "Makefile").read_text()
+    text = "\n".join(lines)
+    targets = re.findall(r"make (\w+)", text) + re.findall(r'"make", "(\w+)"', text)
+    assert {"setup", "run", "test"} <= set(targets)
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+    for source in re.findall(r"^COPY (\S+) ", text, flags=re.MULTILINE):
+        assert (HOUSE / source).exists()
+    assert {"git", "make"} <= set(re.search(r"--no-install-recommends (.+?) &&", text)[1].split())
+
+
+@pytest.mark.skipif(not (HOUSE / ".git").exists(), reason="this is no clone")
+@pytest.mark.skipif(not shutil.which("make"), reason="there is no make")
+def test_the_same_commit_gives_the_same_archive(tmp_path):
+    sums = []
+    for name in ("one", "two"):
+        subprocess.run(["make", "archive", f"ARCHIVE={tmp_path / name}"], cwd=HOUSE, check=True, capture_output=True)
+        sums.append(hashlib.sha256((tmp_path / name / "roletrust.tar.gz").read_bytes()).hexdigest())
+    assert sums[0] == sums[1]
+    assert sums[0] in (tmp_path / "one" / "roletrust.sha256").read_text()
+    listed = dict(reversed(line.split("  ")) for line in (tmp_path / "one" / "SHA256SUMS").read_text().splitlines())
+    board = "docs/leaderboards/standard-4/leaderboard.csv"
+    stored = subprocess.run(["git", "show", f"HEAD:{board}"], cwd=HOUSE, check=True, capture_output=True).stdout
+    assert listed[f"roletrust/{board}"] == hashlib.sha256(stored).hexdigest()
+    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
+        "SHA256SUMS",
+        "roletrust.sha256",
+        "roletrust.tar.gz",
+    ]
