@@ -10,7 +10,7 @@ import numpy as np
 
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.resampling import auc, correlation, interval, mean
-from roletrust_env.data.rounds import log_rounds, play_round, spans
+from roletrust_env.data.rounds import TooSmallError, log_rounds, play_round, spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_env.trust.key_index import Ints
@@ -41,13 +41,13 @@ def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) ->
     """Return what a model publishes before each round of a log.
 
     Raises:
-        ValueError: The log has a single round.
+        TooSmallError: The log has a single round.
         MemoryError: The model does not fit, see `make_ledger`.
     """
     numbers = log_rounds(log, every)
     since = int(np.searchsorted(numbers, 0, side="right"))
     if since == len(numbers):
-        raise ValueError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
+        raise TooSmallError(f"with rounds of {every:g} the log has a single round, so there is nothing to forecast")
     ledger = make_ledger(model, log.shape, one_role=not same_agents)
     top, tor = np.zeros(len(numbers)), np.zeros(len(numbers))
     for number, some in spans(numbers):

@@ -9,7 +9,7 @@ import numpy as np
 
 from roletrust_env.data.log import RatingLog
 from roletrust_env.data.resampling import interval, mean, ranks
-from roletrust_env.data.rounds import log_rounds, play_round, spans
+from roletrust_env.data.rounds import TooSmallError, log_rounds, play_round, spans
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.beta import reputation
 from roletrust_env.trust.grid_ledger import make_ledger
@@ -99,18 +99,20 @@ class Replay:
             most: Greatest number of hostile accounts.
 
         Raises:
-            ValueError: The log has no 7 rounds with ratings, or too few providers or raters.
+            TooSmallError: The log has no 7 rounds with ratings, or too few providers or raters.
             MemoryError: The model does not fit, see `make_ledger`.
         """
         parts = list(spans(log_rounds(log, every)))
         if len(parts) <= ROUNDS:
-            raise ValueError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
+            raise TooSmallError(f"the log has {len(parts)} rounds with ratings; an attack needs more than {ROUNDS}")
         self.log, self.same_agents, self.past = log, same_agents, parts[-ROUNDS][1].start
         given = np.bincount(log.raters[: self.past], minlength=log.shape[0])
         self.best, self.active = _best(log, self.past), np.flatnonzero(given >= _ACTIVE)
         self.ranked = self.active[np.argsort(given[self.active], kind="stable")]
         if len(self.best) < TARGETS or len(self.active) < most:
-            raise ValueError(f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log")
+            raise TooSmallError(
+                f"an attack needs {TARGETS} providers and {most} raters with {_ACTIVE} ratings in the log"
+            )
         self.newcomers, self.fresh = log.shape[1] + np.arange(TARGETS), log.shape[0] + TARGETS + np.arange(most)
         room = log.shape[0] + TARGETS + most, log.shape[1] + TARGETS + most
         self._ledger = make_ledger(model, room, one_role=not same_agents)

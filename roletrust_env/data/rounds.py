@@ -14,6 +14,10 @@ MOST = 1_000_000
 """Maximum number of rounds of a log; more is taken for a wrong unit of time."""
 
 
+class TooSmallError(ValueError):
+    """A log is too small for a protocol."""
+
+
 def round_numbers(times: Floats, every: float, start: float) -> Ints:
     """Return the number of the round of each time, shape (n,): round 0 begins at `start`.
 

@@ -117,7 +117,7 @@ def between_quantiles(q: float, a: Array, b: Array) -> Callable[[Array], Array]:
         enough = q if q < 1 / math.e else 1.0  # no mass beyond the mean is above 1 - 1/e
 
         def is_between(x: Array) -> Array:
-            beyond, _ = _beyond(x, a, b, enough)
+            beyond, _ = _beyond(np.asarray(x), a, b, enough)
             return (q <= beyond) & (beyond <= 1.0 - q)
 
         return is_between

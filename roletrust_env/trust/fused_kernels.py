@@ -18,6 +18,7 @@ Places = npt.NDArray[np.uint32]
 
 _BLOCK = 512  # edges whose rows fit into the cache next to the processor
 _ALONE = 50_000  # edges of a part at least
+_SORTED = 20_000  # edges that came in order from which on a kernel of their own pays for its compiling
 _PARTS = 4  # for each thread, so that none waits long for another that is interrupted
 
 _HELPERS = """
@@ -67,7 +68,7 @@ class Side(NamedTuple):
         raters: Rater of the edge at each place, shape (E,).
         providers: Provider of the edge at each place, shape (E,).
         first: Place of the first edge of each agent of the role, and E, shape (agents + 1,).
-        sorted: Whether the edges came in this order, so that `order` is 0, 1, 2, ...
+        sorted: Whether it is known that the edges came in this order, so that `order` is 0, 1, 2, ...
     """
 
     order: Places
@@ -99,6 +100,7 @@ def side(raters: npt.NDArray[Any], providers: npt.NDArray[Any], size: int, *, by
     if not in_order:
         _compiled(_COUNTING_SORT, "counting_sort")(own, first.copy(), order)
         raters, providers = raters[order], providers[order]
+    in_order &= len(own) >= _SORTED
     return Side(order, raters.astype(np.uint32), providers.astype(np.uint32), first, in_order)
 
 

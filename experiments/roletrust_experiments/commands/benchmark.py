@@ -143,6 +143,11 @@ def benchmark(
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
+    if suite == "real":
+        raise ValueError(
+            "suites play games; forecasts, crowd work and attacks on logs of real ratings are measured by "
+            "`roletrust real DIR`, and with searched attacks by `roletrust real DIR --search 24`"
+        )
     asked = _asked(load_suite(suite), model, attack, learner, allow_code)
     if known:
         if isinstance(asked, LearnersSuite):

@@ -5,6 +5,7 @@ import os
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,9 +15,14 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, TrustModel, trust_models
+from roletrust_env.trust.central import Central
+from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands.console import console, number_table, option, print_next, progress_bar
+from roletrust_experiments.commands.costs_edges import show_lists
 from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed, Threads
-from roletrust_experiments.timing.contestants import Spread
+from roletrust_experiments.timing.contestants import Spread, measure
+from roletrust_experiments.timing.edge_costs import measure_lists
+from roletrust_experiments.timing.edges import copying
 from roletrust_experiments.timing.models import LIBRARIES, LIMITS, Cell, Found, Size, growth, measure_models, sizes
 from roletrust_experiments.timing.threads import torch_threads
 
@@ -48,6 +54,14 @@ def costs(
             show_default=False,
         ),
     ] = None,
+    ratings: Annotated[
+        list[int] | None,
+        typer.Option(
+            min=1,
+            help="Measure central models on a list of so many ratings in place of all pairs; repeat for more.",
+            show_default=False,
+        ),
+    ] = None,
     threads: Threads = 1,
     seed: Seed = 0,
     out: OptionalOut = None,
@@ -60,7 +74,8 @@ def costs(
     All models are compiled before a compiled one is timed, two at a time. Compiled code stays in torch's cache on disk,
     so that an interrupted run continues where it stopped, and a second run is quick.
 
-    Written with --out: [green]model-costs.csv model-costs.md[/].
+    Written with --out: [green]model-costs.csv model-costs.md[/], and with --ratings in place of these
+    [green]edge-costs.csv edge-costs.md[/].
 
     [bold]Examples[/]
 
@@ -69,7 +84,15 @@ def costs(
 
     [dim]# the table in docs/[/]
     [cyan]roletrust costs --compiled --out results/costs[/]
+
+    [dim]# central models on lists of ratings, beside plain NumPy and the bandwidth of the memory[/]
+    [cyan]roletrust costs --ratings 1000000 --ratings 10000000[/]
     """
+    if ratings:
+        if side or compiled:
+            raise ValueError("--ratings is measured without --side and --compiled")
+        _costs_of_lists(model, ratings, threads, seed, out)
+        return
     sides = sorted(set(side or _SIDES))
     if len(sides) < 2:
         raise ValueError(f"--side {sides[0]} is the only size; growth needs at least two")
@@ -107,6 +130,27 @@ def costs(
             path.write_text(_page(tables, caption, reasons, threads), encoding="utf-8")
         console.print(f"Written to {out}: model-costs.csv, model-costs.md", soft_wrap=True)
     print_next("speed", "--quick", option("--threads", threads, 1))
+
+
+def _costs_of_lists(names: list[str] | None, sizes: Sequence[int], threads: int, seed: int, out: Path | None) -> None:
+    """Measure central models on lists of ratings."""
+    if out is not None:
+        prepare_folder(out)
+    scenario = make_scenario("paper-3x3")
+    models = {name: parse_trust_model(name, scenario) for name in names or trust_models()}
+    if names is None:
+        models = {name: model for name, model in models.items() if isinstance(model, Central)}
+    chosen = {name: edge_model(model) for name, model in models.items()}
+    with progress_bar() as progress:
+        task = progress.add_task("", total=len(chosen) * len(set(sizes)))
+        (copied,) = measure([copying()], 5, 0.1)
+        found = measure_lists(
+            chosen,
+            sorted(set(sizes)),
+            seed=seed,
+            advance=lambda what: progress.update(task, description=what, advance=1),
+        )
+    show_lists(found, copied, _machine(threads), out)
 
 
 def _lines(models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str) -> list[list[str]]:

@@ -1,5 +1,6 @@
 """`roletrust real`: trust models on logs of real ratings that the user brings."""
 
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,7 @@ from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
 from roletrust_env.data.log import read_ratings
 from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks
+from roletrust_env.data.rounds import TooSmallError
 from roletrust_env.data.searched_replay import search_attack
 from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -55,7 +57,8 @@ def real(
     truth). Each may be compressed by gzip, or be a Parquet file with the same columns. By default all central models
     are measured, and those of neighbouring fields: all-time-mean, two-way-mean, fairness-goodness, bias-deserve, rev2,
     geometric-median and centred-clipping; on crowd work also dawid-skene, one-coin-dawid-skene, glad and mace, which
-    need the extra crowd. A model that does not fit is left out, and a line says so. Intervals resample whole users or
+    need the extra crowd. A model that does not fit and a protocol for which a log is too small
+    are left out, and a line says so. Intervals resample whole users or
     tasks.
 
     Written: [green]real.csv real.md[/].
@@ -90,13 +93,17 @@ def real(
                 if log.truth is None and isinstance(one, CrowdMethod):
                     continue
                 try:
-                    found = measure(one)
+                    found, missing = measure(one)
                 except MemoryError as error:
                     left_out.append(f"{name} on {log.name}: {error}")
                     continue
+                left_out += [f"{protocols} on {log.name}: {reason}" for protocols, reason in missing.items()]
                 length = every if log.truth is None else None
                 for (protocol, what), value in found.items():
                     rows.append((log.name, log.sha256, length, protocol, name, what, *value))
+    left_out = list(dict.fromkeys(left_out))  # what a log is too small for is the same for all models
+    if not rows:
+        raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
     write_csv(out / "real.csv", HEADER, rows)
     tables = measure_tables(rows)
     for title, headings, lines in tables:
@@ -118,17 +125,29 @@ def _model(name: str, scenario: Scenario) -> Any:
     return NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
 
 
-def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int) -> Any:
-    """Read a log once, and return a function from a model to its measures, by protocol and name."""
+Found = dict[tuple[str, str], Interval]
+"""Measures by protocol and name."""
+
+
+def _measures(
+    log: Folder, every: float, scale: tuple[float, float], same_agents: bool, search: int, seed: int
+) -> Callable[[Any], tuple[Found, dict[str, str]]]:
+    """Read a log once, and return a function from a model to its measures.
+
+    The function also returns the reasons why protocols could not be played, by what they are.
+    """
     if log.truth is not None:
         crowd = read_crowd(log.path, log.truth)
-        return lambda model: {("crowd work", what): value for what, value in crowd_work(model, crowd, seed).items()}
+        return lambda model: (_named("crowd work", crowd_work(model, crowd, seed)), {})
     ratings = read_ratings(log.path, Columns("1", "2", "3", "4"), scale=scale, same_agents=same_agents, repeats=True)
 
-    def measure(model: Any) -> dict[tuple[str, str], Interval]:
+    def forecast(model: Any) -> Found:
         before = forecasts(model, ratings, every, same_agents=same_agents)
-        found = {("next rating", what): value for what, value in next_rating(before, ratings, seed).items()}
-        found |= {("rater forward", what): value for what, value in rater_forward(before, ratings, seed).items()}
+        found = _named("next rating", next_rating(before, ratings, seed))
+        return found | _named("rater forward", rater_forward(before, ratings, seed))
+
+    def attacked(model: Any) -> Found:
+        found: Found = {}
         replay = Replay(model, ratings, every, same_agents=same_agents)
         for attack, moved in replay_attacks(replay, seed=seed).items():
             found["attack", f"{attack.goal}, honest"] = moved.before
@@ -138,4 +157,18 @@ def _measures(log: Folder, every: float, scale: tuple[float, float], same_agents
             found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
         return found
 
+    def measure(model: Any) -> tuple[Found, dict[str, str]]:
+        found: Found = {}
+        missing = {}
+        for protocols, play in (("forecasts", forecast), ("attacks", attacked)):
+            try:
+                found |= play(model)
+            except TooSmallError as error:
+                missing[protocols] = str(error)
+        return found, missing
+
     return measure
+
+
+def _named(protocol: str, measures: Mapping[str, Interval]) -> Found:
+    return {(protocol, what): value for what, value in measures.items()}

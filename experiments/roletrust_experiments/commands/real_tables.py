@@ -25,6 +25,8 @@ def measure_tables(rows: list[Row]) -> list[tuple[str, list[str], list[list[str]
 def _cell(value: Interval) -> str:
     if math.isnan(value.value):
         return "-"
+    if math.isnan(value.low):  # a single user or task has no interval
+        return f"{value.value:.3f}"
     return f"{value.value:.3f} ({value.low:.3f}, {value.high:.3f})"
 
 

@@ -14,7 +14,6 @@ from roletrust_experiments.timing.targets import Target
 
 _BATCHES = 100, 1000, 10_000
 _LONG, _FEW = 2_000_000, 3  # ratings of a round from which on it has few turns, and their number
-_COPIED_BYTES = 16  # a number is read and written
 
 _CAPTION = (
     "{plain}: the same sums by hand; the orders of the ratings by agent are known; memory: peak, with the ratings; "
@@ -40,7 +39,7 @@ class Lists(NamedTuple):
     @property
     def bytes_per_s(self) -> float:
         """Bytes that copying reads and writes in a second."""
-        return _COPIED_BYTES / self.copying.per_rating().median
+        return timing.bytes_per_s(self.copying)
 
     @property
     def timings(self) -> list[Timing]:

@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
+from roletrust_env.trust.central import Central
 from roletrust_env.trust.edge_state import map_state, start_on_edges
 from roletrust_env.trust.edges import EdgeCells, EdgeRatings
 from roletrust_env.trust.fused import FusedCells, FusedRatings
 from roletrust_env.trust.models.central.role_trust import RoleTrust
-from roletrust_experiments.timing.contestants import Contestant
+from roletrust_experiments.timing.contestants import Contestant, Timing
 
 EACH = 10
 """Ratings of each rater, and of each provider, on average."""
@@ -23,6 +24,7 @@ EACH = 10
 PLAIN, EDGES, FUSED, COPY = "plain NumPy", "role-trust on edges", "role-trust, fused", "copy"
 
 _COPIED = 10_000_000  # numbers whose copying shows the bandwidth: more than a cache holds
+_COPIED_BYTES = 16  # a number is read and written
 _BATCHES = 40  # drawn before the clock starts, and taken in turn; then a pair meets again
 
 Floats = npt.NDArray[np.float64]
@@ -66,20 +68,31 @@ class Measured(NamedTuple):
 
 def rounds(edges: Edges) -> list[Measured]:
     """Return a round of role-trust in which all pairs rate again: in plain NumPy, on edges and, with numba, fused."""
-    made = [_measured(PLAIN, edges, lambda: plain(edges)), _measured(EDGES, edges, lambda: on_edges(edges))]
+    made = [by_hand(edges), round_of(EDGES, RoleTrust(), edges)]
     if importlib.util.find_spec("numba") is not None:
-        on_edges(Edges.of(100, 0), fused=True)()  # compiles
-        made.append(_measured(FUSED, edges, lambda: on_edges(edges, fused=True)))
+        made.append(round_of(FUSED, RoleTrust(), edges, fused=True))
     return made
 
 
-def on_edges(edges: Edges, *, fused: bool = False) -> Callable[[], Any]:
-    """Return a function that plays the third round of role-trust and returns the state after it.
+def by_hand(edges: Edges) -> Measured:
+    """Return the round of role-trust in plain NumPy."""
+    return _measured(PLAIN, edges, lambda: plain(edges))
+
+
+def round_of(name: str, model: Central, edges: Edges, *, fused: bool = False) -> Measured:
+    """Return a round of a central model in which all pairs rate again."""
+    if fused:
+        on_edges(Edges.of(100, 0), model, fused=True)()  # compiles
+    return _measured(name, edges, lambda: on_edges(edges, model, fused=fused))
+
+
+def on_edges(edges: Edges, model: Central | None = None, *, fused: bool = False) -> Callable[[], Any]:
+    """Return a function that plays the third round of a model, role-trust if left out, and returns the state after it.
 
     The order of the pairs by rater and by provider, which fused sums need, is known then, as it is where pairs meet
     again.
     """
-    model, shape = RoleTrust(), (edges.side, edges.side)
+    model, shape = model or RoleTrust(), (edges.side, edges.side)
     cells = (FusedCells if fused else EdgeCells)(edges.raters, edges.providers, shape)
     state = map_state(
         start_on_edges(model, shape),
@@ -135,6 +148,11 @@ def copying() -> Contestant:
     source = np.ones(_COPIED)
     target = source.copy()
     return Contestant(COPY, 1, 1, lambda: np.copyto(target, source), _COPIED)
+
+
+def bytes_per_s(copied: Timing) -> float:
+    """Return the bytes that copying reads and writes in a second, from its timing."""
+    return _COPIED_BYTES / copied.per_rating().median
 
 
 def _measured(name: str, edges: Edges, make: Callable[[], Callable[[], Any]]) -> Measured:

@@ -208,3 +208,9 @@ def test_a_suite_of_a_file_names_what_is_installed(here: Path) -> None:
     assert code == 2
     assert "which is not installed" in lines[0]
     assert load_suite("tiny.toml").models == ("benchmark_cases:Raising",)
+
+
+def test_real_ratings_have_a_command_of_their_own(here: Path) -> None:
+    code, lines = benchmark("--suite", "real")
+    assert code == 2
+    assert "roletrust real DIR" in " ".join(lines)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import run
+from log_cases import BAD, GOOD
 
 from roletrust_env.data import TrustStream
 from roletrust_env.trust import make_trust_model
@@ -72,6 +73,21 @@ def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path
     missing = run("rate", str(tmp_path / "none.csv"), "--out", str(tmp_path / "out"))
     assert missing.exit_code == 2
     assert "none.csv" in missing.output
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_every_bad_file_leaves_older_results_as_they_are(tmp_path: Path, case: str) -> None:
+    content, out = BAD[case][0], tmp_path / "out"
+    path = tmp_path / "log.csv"
+    path.write_text(GOOD)
+    options = "--time", "time", "--scale", "1", "5", "--out", str(out)
+    assert run("rate", str(path), *options).exit_code == 0
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    result = run("rate", str(path), *options)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == before
 
 
 def test_a_model_that_does_not_fit_says_what_it_would_take(tmp_path: Path) -> None:

@@ -59,6 +59,42 @@ def test_models_that_do_not_fit_are_left_out(tmp_path: Path, monkeypatch: pytest
     assert {row["model"] for row in rows(tmp_path / "out" / "real.csv")} == {"mean"}
 
 
+def written(folder: Path, name: str, lines: list[str]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text("".join(f"{line}\n" for line in lines))
+
+
+def test_a_log_that_is_too_small_for_a_protocol_has_the_others(tmp_path: Path) -> None:
+    """And other logs of the folder are measured; a line says what is left out."""
+    month = 2_592_000
+    written(
+        tmp_path / "one-each", "ratings.csv", [f"{n},{n + 1},{n % 11 - 5},{n * month // 8}" for n in range(0, 90, 2)]
+    )
+    written(tmp_path / "one-round", "ratings.csv", ["1,2,5,0", "2,3,4,1"])
+    written(tmp_path / "work", "answer.csv", ["question,worker,answer", "q,w,1"])
+    written(tmp_path / "work", "truth.csv", ["question,truth", "q,1"])
+    result = run("real", str(tmp_path), "--model", "mean", "--model", "beta", "--out", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "out" / "real.md").read_text()
+    assert "- Left out: attacks on one-each/ratings.csv: an attack needs 20 providers" in page
+    assert page.count("- Left out: forecasts on one-round/ratings.csv: with rounds of 2.592e+06") == 1
+    assert {row["protocol"] for row in rows(tmp_path / "out" / "real.csv")} == {
+        "next rating",
+        "rater forward",
+        "crowd work",
+    }
+    assert "nan" not in page
+    assert "| mean | 1.000 |" in page
+
+
+def test_a_log_that_is_too_small_for_all_is_one_line(tmp_path: Path) -> None:
+    written(tmp_path / "log", "ratings.csv", ["1,2,5,0"])
+    result = run("real", str(tmp_path / "log"), "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2
+    assert "nothing could be measured; forecasts on log/ratings.csv" in result.output
+    assert not (tmp_path / "out" / "real.csv").exists()
+
+
 def test_no_folder_of_logs_is_one_line(tmp_path: Path) -> None:
     result = run("real", str(tmp_path), "--out", str(tmp_path / "out"))
     assert result.exit_code == 2

@@ -1,0 +1,85 @@
+"""The part of `roletrust costs` on ratings as a list of edges."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from roletrust_env.evaluation.resources import in_bytes
+from roletrust_env.storage.files import replacing, write_csv
+from roletrust_experiments.commands.console import console, number_table
+from roletrust_experiments.timing.contestants import Spread, Timing
+from roletrust_experiments.timing.edge_costs import EdgeCosts
+from roletrust_experiments.timing.edges import EACH, PLAIN, bytes_per_s
+
+_TITLE = "What the trust models cost on lists of ratings"
+_HEADINGS = ("model", "ratings", "sums", "ms a round", "M ratings/s", "least - greatest", "memory")
+
+
+def show_lists(found: EdgeCosts, copying: Timing, machine: str, out: Path | None) -> None:
+    """Print the table of the rounds, and write it."""
+    caption = (
+        f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
+        f"median of the repeats; sums: NumPy on the list (edges), or compiled by numba (fused); {PLAIN}: the round of "
+        "role-trust by hand; memory: peak from nothing to the end of a round, with the ratings. Copying an array moves "
+        f"{bytes_per_s(copying) / 1e9:.1f} GB/s."
+    )
+    lines = _lines(found)
+    table = number_table(_TITLE, caption, *_HEADINGS[1:])
+    for name, *numbers in lines:
+        table.add_row(escape(name), *numbers)
+    console.print(table)
+    reasons = [
+        f"{name} on {size:,} ratings, {way}: {cell.left_out}"
+        for (name, way, size), cell in found.items()
+        if cell.left_out
+    ]
+    for reason in reasons:
+        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
+    if out is None:
+        return
+    write_csv(out / "edge-costs.csv", *_cells(found))
+    with replacing(out / "edge-costs.md") as path:
+        path.write_text(_page(lines, caption, reasons, machine), encoding="utf-8")
+    console.print(f"Written to {out}: edge-costs.csv, edge-costs.md", soft_wrap=True)
+
+
+def _lines(found: EdgeCosts) -> list[list[str]]:
+    lines = []
+    for (name, way, size), cell in found.items():
+        if cell.timing is None:
+            lines.append([name, f"{size:,}", way, "-", "-", "-", "-"])
+            continue
+        rate = Spread.of(1e-6 / s for s in _each(cell.timing))
+        numbers = f"{1e3 * Spread.of(cell.timing.seconds).median:,.1f}", f"{rate.median:.2f}"
+        lines.append([name, f"{size:,}", way, *numbers, f"{rate.low:.2f} - {rate.high:.2f}", in_bytes(cell.memory)])
+    return lines
+
+
+def _each(timing: Timing) -> list[float]:
+    """Return the seconds for a rating in each repeat."""
+    return [seconds / timing.contestant.ratings for seconds in timing.seconds]
+
+
+def _cells(found: EdgeCosts) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """Return the header and the rows of the CSV file."""
+    header: tuple[str, ...] = ("model", "sums", "ratings_asked", "ratings", "ns_per_rating", "ns_per_rating_least")
+    header += ("ns_per_rating_greatest", "peak_bytes", "left_out")
+    rows: list[tuple[Any, ...]] = []
+    for (name, way, size), cell in found.items():
+        if cell.timing is None:
+            rows.append((name, way, size, None, None, None, None, None, cell.left_out))
+            continue
+        each = Spread.of(1e9 * s for s in _each(cell.timing))
+        rows.append((name, way, size, cell.timing.contestant.ratings, *each, cell.memory, None))
+    return header, rows
+
+
+def _page(lines: Sequence[Sequence[str]], caption: str, reasons: Sequence[str], machine: str) -> str:
+    table = [_HEADINGS, ["---"] + ["---:"] * (len(_HEADINGS) - 1), *lines]
+    parts = [f"# {_TITLE}", caption, "\n".join(f"| {' | '.join(line)} |" for line in table)]
+    if reasons:
+        parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
+    parts.append(f"Written by `roletrust costs --ratings` on {machine}; `make edge-costs` measures again.")
+    return "\n\n".join(parts) + "\n"
