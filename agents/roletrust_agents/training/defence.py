@@ -11,8 +11,8 @@ from roletrust_agents.training.adam import Adam
 from roletrust_agents.training.evolution_strategy import falling_rate, slope_of
 from roletrust_env.benchmark.attackers import known_batches
 from roletrust_env.benchmark.known_attacks import KnownAttack
-from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
+from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import TrustModel
 
@@ -186,7 +186,8 @@ class _Match(NamedTuple):
 
     def rounds(self, games: int) -> int:
         """Return the number of game rounds of a score."""
-        return sum(len(weights) for _, weights in self.batches) * games * self.arguments["scenario"].max_cycles
+        length: int = self.arguments["scenario"].max_cycles
+        return sum(len(weights) for _, weights in self.batches) * games * length
 
     def score(self, learner: Learner, vector: Floats, games: int, seed: tuple[int, ...]) -> float:
         """Return the mean reward of a defence: what the attackers win, with the other sign."""

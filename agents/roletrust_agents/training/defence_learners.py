@@ -102,10 +102,8 @@ def _place(span: _Range, value: float) -> float:
 
 def _value(span: _Range, place: float) -> float:
     place = min(max(place, 0.0), 1.0)
-    if span.geometric:
-        value = span.low * (span.high / span.low) ** place
-    else:
-        value = span.low + (span.high - span.low) * place
+    width = span.high - span.low
+    value = span.low * (span.high / span.low) ** place if span.geometric else span.low + width * place
     return float(f"{min(max(value, span.low), span.high):.{_DIGITS}g}")
 
 

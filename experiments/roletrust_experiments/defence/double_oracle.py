@@ -96,17 +96,17 @@ class Game:
     def play(self) -> Iterator[str]:
         """Play what is missing, and yield a few words after each stage, also after those that are there already."""
         for front in self.fronts:
-            self._once(f"start|{front.name}", lambda front=front: self._begun(front))
+            self.once(f"start|{front.name}", self._begun, front)
             yield f"attackers of the beginning, {front.name}"
         self.fill(0)
         yield "payoffs of the beginning"
         for k in range(self.setup.iterations):
             solution = self.solution(k)
             for c, front in enumerate(self.fronts):
-                self._once(f"attack|{k}|{front.name}", lambda k=k, c=c, found=solution: self._attack(k, c, found))
+                self.once(f"attack|{k}|{front.name}", self._attack, k, c, solution)
                 yield f"iteration {k + 1}: an attacker, {front.name}"
             for name in self.setup.learners:
-                self._once(f"defence|{k}|{name}", lambda k=k, name=name, found=solution: self._defence(k, name, found))
+                self.once(f"defence|{k}|{name}", self._defence, k, name, solution)
                 yield f"iteration {k + 1}: a defence, {name}"
             self.fill(k + 1)
             yield f"iteration {k + 1}: payoffs"
@@ -132,7 +132,7 @@ class Game:
                 before = self.runs.get(key, {})
                 missing = [one for one in attackers if one.name not in before]
                 if missing:
-                    found = front.skills(spec, missing, self._seed(_PAYOFF), self.setup.games)
+                    found = front.skills(spec, missing, self.seed(_PAYOFF), self.setup.games)
                     met = {name: [part.tolist() for part in skills] for name, skills in found.items()}
                     self._store(key, {**before, **met})
 
@@ -151,15 +151,30 @@ class Game:
         """Return the equilibrium after k iterations, in the games that choose."""
         return solve([one.chosen.mean(axis=2) for one in self.payoffs(k)])
 
+    def seed(self, *place: int) -> int:
+        """Return the seed of a place in the game: its first number is the kind, see `_PAYOFF`."""
+        return int(np.random.SeedSequence((self.setup.seed, *place)).generate_state(1)[0])
+
+    def once(self, key: str, play: Callable[..., Run], *arguments: Any) -> None:
+        """Play a run and keep it, unless it is there.
+
+        Args:
+            key: Key of the run.
+            play: Function that plays it.
+            *arguments: Arguments of the function.
+        """
+        if key not in self.runs:
+            self._store(key, play(*arguments))
+
     def _begun(self, front: Front) -> Run:
-        found = front.beginners(self.setup.fixed, self._seed(_PAYOFF), self.setup.games)
+        found = front.beginners(self.setup.fixed, self.seed(_PAYOFF), self.setup.games)
         return {"attackers": [one.model_dump() for one in found]}
 
     def _attack(self, k: int, c: int, solution: Solution) -> Run:
         front, known = self.fronts[c], self.known(k)
         shares = dict(zip(known.defences, solution.models.tolist(), strict=True))
         arguments = {name: front.arguments(spec) for name, spec in known.defences.items()}
-        seed = self._seed(_ATTACK, k, c)
+        seed = self.seed(_ATTACK, k, c)
         attacker, rounds = respond_by_attack(arguments, shares, known.attackers[c], self.setup.budget, seed)
         return {"attacker": front.known(f"learned in iteration {k + 1}", attacker).model_dump(), "rounds": rounds}
 
@@ -170,7 +185,7 @@ class Game:
             for front, attackers, weights in zip(self.fronts, known.attackers, solution.attacks, strict=True)
         ]
         start = np.array(self.runs[f"defence|{k - 1}|{name}"]["vector"]) if k else learner.start()
-        seed = self._seed(_DEFENCE, k, self.setup.learners.index(name))
+        seed = self.seed(_DEFENCE, k, self.setup.learners.index(name))
         trained = train_defence(learner, mixtures, start, self.setup.climb, seed)
         scores = {"score": trained.score, "start": trained.start, "rounds": trained.rounds}
         return {"spec": learner.spec(trained.vector), "vector": trained.vector.tolist(), **scores}
@@ -179,13 +194,6 @@ class Game:
         share = self.setup.explored
         mixed: Floats = (1 - share) * weights / weights.sum() + share / len(weights)
         return mixed
-
-    def _seed(self, *place: int) -> int:
-        return int(np.random.SeedSequence((self.setup.seed, *place)).generate_state(1)[0])
-
-    def _once(self, key: str, play: Callable[[], Run]) -> None:
-        if key not in self.runs:
-            self._store(key, play())
 
     def _store(self, key: str, run: Run) -> None:
         self.runs[key] = run

@@ -19,6 +19,8 @@ from roletrust_experiments.attackers.condition import Condition
 
 _DIGITS = 5
 
+_ANY = "mean"  # trust model of a task that is asked for what does not depend on it
+
 
 class Skills(NamedTuple):
     """Skill of a trust model under one attack.
@@ -76,9 +78,7 @@ class Front(NamedTuple):
         if not record:
             raise ValueError(f"the attack {name!r} cannot be recorded; choose attacks of installed packages")
         where = self.condition
-        return KnownAttack(
-            name=name, scenario=where.scenario, track=where.track, share=where.share, record=record
-        )
+        return KnownAttack(name=name, scenario=where.scenario, track=where.track, share=where.share, record=record)
 
     def beginners(self, models: Sequence[str], seed: int, games: int) -> list[KnownAttack]:
         """Return the attackers of the beginning: the worst script and the worst universal coalition of each model.
@@ -89,21 +89,32 @@ class Front(NamedTuple):
             games: Number of games for each attack and model.
         """
         ready = [self.known(name, CoalitionAttacker(network)) for name, network in universal_coalitions().items()]
-        found: dict[str, KnownAttack] = {}
+        scripts, found = self._scripts(), dict[str, KnownAttack]()
         for model in models:
-            task, scripts = exact_task(self.arguments(model)), dict[str, tuple[float, Attacker]]()
+            task, worth = exact_task(self.arguments(model)), dict[str, float]()
             for batch in scripted_batches(task, self.condition.kinds(model), games):
                 seen = measure(task, batch.attacker, seed, (len(batch.names), games)).chosen
                 for k, name in enumerate(batch.names):
-                    script = Scripted(batch.scripts(k))
-                    if record_of(script):
-                        scripts[name] = float(_skill(seen["utility"][k], seen["blind"][k]).mean()), script
-            if scripts:
-                worst = min(scripts, key=lambda name: scripts[name][0])
-                found[worst] = self.known(worst, scripts[worst][1])
-            coalitions = {name: one.chosen.mean() for name, one in self.skills(model, ready, seed, games).items()}
-            found |= {one.name: one for one in ready if one.name == min(coalitions, key=lambda name: coalitions[name])}
+                    worth[name] = float(_skill(seen["utility"][k], seen["blind"][k]).mean())
+            found |= {one.name: one for one in [min(scripts, key=lambda one: worth[one.name])]}
+            coalitions = self.skills(model, ready, seed, games)
+            found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
         return list(found.values())
+
+    def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
+        """Return attackers that no training has met: those that the suite knows in this condition.
+
+        A suite that knows none there gives its scripts at their defaults.
+
+        Args:
+            met: Attackers that a training has met; scripts of these names are left out.
+        """
+        where = self.condition
+        known = where.suite.known_in((where.scenario, where.track, where.share))
+        if known:
+            return known
+        names = {one.name for one in met}
+        return [script for script in self._scripts() if script.name not in names]
 
     def skills(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> dict[str, Skills]:
         """Return the skill of a trust model under each attack.
@@ -126,6 +137,12 @@ class Front(NamedTuple):
         """Return the skill where nobody attacks, shape (G,). Arguments as for `skills`."""
         seen = measure_honest(exact_task(self.arguments(model)), seed, games).measured
         return _skill(seen["utility"][0], seen["blind"][0])
+
+    def _scripts(self) -> list[KnownAttack]:
+        """Return the scripted attacks of the suite at their defaults."""
+        task = exact_task(self.arguments(_ANY))
+        batches = scripted_batches(task, self.condition.kinds(_ANY), 1)
+        return [self.known(name, Scripted(batch.scripts(k))) for batch in batches for k, name in enumerate(batch.names)]
 
 
 def _skill(utility: Floats, blind: Floats) -> Floats:

@@ -79,11 +79,17 @@ def _iteration(game: Game, k: int) -> Iteration:
         for one, weights in zip(after, solution.attacks, strict=True)
     ]
     at, under, reply = (np.mean(part, axis=0) for part in (value, worst, replied))
-    single = worst_of(game, k + 1, best_alone(game, k, ()))
-    numbers = (at, at - under, reply - at, reply - under, under, single)
     names = game.known(k).defences
-    weights_by_name = {name: float(weight) for name, weight in zip(names, solution.models, strict=True)}
-    return Iteration(k, *map(interval, numbers), weights_by_name)
+    return Iteration(
+        number=k,
+        value=interval(at),
+        attack=interval(at - under),
+        defence=interval(reply - at),
+        nash_conv=interval(reply - under),
+        worst=interval(under),
+        single=interval(worst_of(game, k + 1, best_alone(game, k))),
+        weights={name: float(weight) for name, weight in zip(names, solution.models, strict=True)},
+    )
 
 
 def interval(games: Floats) -> Interval:

@@ -43,9 +43,9 @@ def respond_by_attack(
     weights = np.array(list(many.values()))
     starts = known_starts("universal", [one.record for one in known])
     training = EvolutionStrategy(tasks, StrategySettings(), seed, budget, starts, (weights / weights.sum()).tolist())
-    if training.rounds + training.most_rounds > budget:
-        raise ValueError(f"the budget of an attacker is {budget}; one step needs {training.rounds + training.most_rounds}")
+    needed = training.rounds + training.most_rounds
+    if needed > budget:
+        raise ValueError(f"the budget of the training of an attacker is {budget} rounds; give {needed} or more")
     for _ in training.within(budget):
         pass
     return CoalitionAttacker(training.network), training.rounds
-
