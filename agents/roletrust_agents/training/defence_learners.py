@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from roletrust_agents.learned.rater_network import RaterNetworkTrust, start_weights
 from roletrust_agents.training.defence import Floats, Learner
 from roletrust_env.errors import suggest
 from roletrust_env.ranges import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
@@ -15,6 +16,7 @@ from roletrust_env.trust.model import registry
 
 _SCENARIO = ("initial",)  # what the scenario says about everybody is not learned
 _DIGITS = 4
+_NETWORK = f"{RaterNetworkTrust.__module__}:{RaterNetworkTrust.__name__}"
 
 
 class _Range(NamedTuple):
@@ -59,7 +61,7 @@ class ParameterLearner:
 
     def __post_init__(self) -> None:
         if self.name not in registry:
-            raise ValueError(f"unknown trust model {self.name!r}{suggest(self.name, registry.names())}")
+            raise ValueError(f"unknown trust model {self.name!r}{suggest(self.name, ['network', *registry.names()])}")
         if not self.ranges:
             raise ValueError(f"trust model {self.name!r} has no number that can be learned")
 
@@ -107,10 +109,33 @@ def _value(span: _Range, place: float) -> float:
     return float(f"{min(max(value, span.low), span.high):.{_DIGITS}g}")
 
 
+@dataclass(frozen=True)
+class NetworkLearner:
+    """The weights of `RaterNetworkTrust`, to five digits. Its other parameters stay at their defaults."""
+
+    name: str = "network"
+
+    def start(self) -> Floats:
+        """Return the weights with which leave-one-out trust is left as it is. See `Learner.start`."""
+        return start_weights()
+
+    def weights(self, vector: Floats) -> tuple[float, ...]:
+        """Return the weights of a vector as they are in the model."""
+        return tuple(float(f"{weight:.5g}") for weight in vector)
+
+    def spec(self, vector: Floats) -> str:
+        """See `Learner.spec`."""
+        return f"{_NETWORK}:weights=[{','.join(map(str, self.weights(vector)))}]"
+
+    def model(self, vector: Floats, initial: float) -> TrustModel[Any]:
+        """See `Learner.model`."""
+        return RaterNetworkTrust(initial=initial, weights=self.weights(vector))
+
+
 def learner_of(name: str) -> Learner:
-    """Return what a defence learns, by its name: a registered trust model.
+    """Return what a defence learns, by its name: a registered trust model, or `network`.
 
     Raises:
         ValueError: The name is unknown, or the model has no number that can be learned.
     """
-    return ParameterLearner(name)
+    return NetworkLearner() if name == NetworkLearner.name else ParameterLearner(name)

@@ -1,13 +1,16 @@
 """`roletrust defend`: defences that learn against attackers that learn, and what they are worth beside fixed models."""
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 from rich.markup import escape
 
+from roletrust_agents.training.runs import write_bytes
+from roletrust_env import __version__
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.storage.provenance import software
@@ -24,12 +27,13 @@ if TYPE_CHECKING:
     from roletrust_experiments.defence.progress import Iteration
 
 _FRONT = "SCENARIO/TRACK/SHARE"
-_LEARNERS = ("leave-one-out",)
+_LEARNERS = ("leave-one-out", "network")
 _MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
 _FRONTS = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
 _WORLDS = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
 _NUMBERS = ("value", "attack", "defence", "nash_conv", "worst", "single")
 _COLUMNS = ("clean", "worst", "strangers", "worlds")
+_LONGEST = 300  # letters of a model with its numbers
 _SHOWN = 0.005  # least probability of a model in the text
 
 
@@ -38,8 +42,8 @@ def defend(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="What the defence trains: the numbers of a trust model; repeat for more. By default "
-            f"{', '.join(_LEARNERS)}.",
+            help="What the defence trains: the numbers of a trust model, by its name, or a network; repeat for more. "
+            f"By default {', '.join(_LEARNERS)}.",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -106,7 +110,8 @@ def defend(
 
     Each step is saved when it is finished, so that an interrupted command continues when it is given again.
 
-    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/].
+    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the network as
+    [green]network.safetensors network.json[/].
 
     [bold]Examples[/]
 
@@ -153,6 +158,7 @@ def defend(
     _watch("Game", game.stages, game.play())
     comparison = Comparison(game, further, worlds)
     _watch("Comparison", comparison.stages, comparison.play())
+    saved = _save_network(out, game, comparison.learned)
     found, rows = progress_of(game), comparison.rows()
     command = shlex.join(
         [
@@ -174,7 +180,8 @@ def defend(
     )
     _write(out, game, found, rows, command)
     _print(found, rows)
-    console.print(escape(f"Written to {out}: defence.md, defence.png, iterations.csv, comparison.csv, defence.json"))
+    files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "defence.json", *saved]
+    console.print(escape(f"Written to {out}: {', '.join(files)}"), soft_wrap=True)
     print_next("equilibrium", "results/standard-4/results.sqlite")
 
 
@@ -192,6 +199,29 @@ def _watch(what: str, total: int, stages: Iterator[str]) -> None:
         except KeyboardInterrupt:
             errors.print("Stopped. Finished steps are saved; repeat the command without --force.", soft_wrap=True)
             raise typer.Exit(130) from None
+
+
+def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
+    """Save the network of a game, if it trained one, and return the names of the files."""
+    from roletrust_agents.learned.saved import digest
+    from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
+    from roletrust_agents.training.defence_learners import NetworkLearner
+
+    name, setup = NetworkLearner.name, game.setup
+    if name not in learned:
+        return []
+    run = game.runs[f"defence|{learned[name]}|{name}"]
+    weights = np.array(NetworkLearner().weights(np.array(run["vector"])))
+    card = DefenceCard(
+        package_version=__version__,
+        conditions=tuple(str(front.condition) for front in game.fronts),
+        iteration=learned[name] + 1,
+        seed=setup.seed,
+        settings={"steps": setup.climb.steps, "budget": setup.budget, "explored": setup.explored},
+        weights_sha256=digest(weights_bytes(weights)),
+    )
+    save_defence(weights, card, out / name, write_bytes)
+    return [f"{name}.safetensors", f"{name}.json"]
 
 
 def _write(out: Path, game: "Game", found: "Sequence[Iteration]", rows: "Sequence[Row]", command: str) -> None:
@@ -256,8 +286,13 @@ def _mixture(game: "Game") -> str:
     last = game.setup.iterations
     models = game.known(last).defences
     weights = zip(models.items(), game.solution(last).models, strict=True)
-    parts = [f"`{spec}` ({name}) {weight:.0%}" for (name, spec), weight in weights if weight >= _SHOWN]
+    parts = [f"{_described(name, spec)}: {weight:.0%}" for (name, spec), weight in weights if weight >= _SHOWN]
     return f"The defence's mixture at the end: {'; '.join(parts)}."
+
+
+def _described(name: str, spec: str) -> str:
+    """Return a model with its numbers; those of a network are too many."""
+    return name if len(spec) > _LONGEST or spec == name else f"{name} (`{spec}`)"
 
 
 def _texts(one: "Iteration") -> list[str]:

@@ -11,7 +11,7 @@ from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.attackers.runs import Run
 from roletrust_experiments.defence.double_oracle import Game, label
 from roletrust_experiments.defence.fronts import Front
-from roletrust_experiments.defence.progress import best_alone, interval
+from roletrust_experiments.defence.progress import best_trained, interval
 from roletrust_experiments.defence.response import respond_by_attack
 
 _OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
@@ -44,14 +44,19 @@ class Comparison:
         game: Game that is played to its end.
         beside: Specs of further trust models.
         worlds: Conditions that no training has met.
+
+    Attributes:
+        models: Spec of each trust model by its name.
+        learned: Iteration, from 0, of the best model of each learner.
     """
 
     def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front]) -> None:
         self._game, self._worlds = game, tuple(worlds)
         last = game.setup.iterations
-        learned = [best_alone(game, last, tuple(label(name, k) for k in range(last))) for name in game.setup.learners]
+        self.learned = {name: best_trained(game, name) for name in game.setup.learners}
         known = game.known(last).defences
-        self.models = {name: known[name] for name in learned} | {spec: spec for spec in (*game.setup.fixed, *beside)}
+        learned = {one: known[one] for one in (label(name, k) for name, k in self.learned.items())}
+        self.models = learned | {spec: spec for spec in (*game.setup.fixed, *beside)}
 
     @property
     def stages(self) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from roletrust_agents.training.defence import Floats
 from roletrust_env.metrics.confidence import Interval, over_games
-from roletrust_experiments.defence.double_oracle import Game
+from roletrust_experiments.defence.double_oracle import Game, label
 
 
 class Iteration(NamedTuple):
@@ -41,17 +41,20 @@ def iterations(game: Game) -> list[Iteration]:
     return [_iteration(game, k) for k in range(game.setup.iterations)]
 
 
-def best_alone(game: Game, k: int, names: tuple[str, ...] = ()) -> str:
-    """Return the name of the trust model with the best worst case over all known attackers, in the games that choose.
+def best_trained(game: Game, learner: str) -> int:
+    """Return the iteration, from 0, whose model of a learner has the best worst case at the end.
 
-    Args:
-        game: Game.
-        k: Number of iterations after which attackers and models are known.
-        names: Trust models to choose from; none are all.
+    The worst case is over all known attackers, in the games that choose.
     """
-    known = tuple(game.known(k).defences)
-    worst = np.mean([one.chosen.mean(axis=2).min(axis=1) for one in game.payoffs(k)], axis=0)
-    return max(names or known, key=lambda name: float(worst[known.index(name)]))
+    last = game.setup.iterations
+    worst = _least(game, last)
+    return max(range(last), key=lambda k: worst[label(learner, k)])
+
+
+def _least(game: Game, k: int) -> dict[str, float]:
+    """Return the skill of each trust model under the worst attackers after k iterations, in the games that choose."""
+    least = np.mean([one.chosen.mean(axis=2).min(axis=1) for one in game.payoffs(k)], axis=0)
+    return dict(zip(game.known(k).defences, least.tolist(), strict=True))
 
 
 def worst_of(game: Game, k: int, name: str) -> Floats:
@@ -87,7 +90,7 @@ def _iteration(game: Game, k: int) -> Iteration:
         defence=interval(reply - at),
         nash_conv=interval(reply - under),
         worst=interval(under),
-        single=interval(worst_of(game, k + 1, best_alone(game, k))),
+        single=interval(worst_of(game, k + 1, max(known := _least(game, k), key=lambda name: known[name]))),
         weights={name: float(weight) for name, weight in zip(names, solution.models, strict=True)},
     )
 
