@@ -1,7 +1,6 @@
 """A trust model with a small network: from how a rater's ratings compare with those of others to the trust in it."""
 
 from collections.abc import Mapping
-from functools import cached_property
 from math import prod
 from typing import Annotated
 
@@ -93,15 +92,13 @@ class RaterNetworkTrust(LeaveOneOut):
         Field(min_length=SIZE, max_length=SIZE),
     ] = Field(kw_only=True)
 
-    @cached_property
-    def _parts(self) -> Mapping[str, Floats]:
-        """Weights by name."""
-        return split(np.array(self.weights))
-
     def believed(self, pairs: Cells, compared: Compared) -> Array:
         """See `LeaveOneOut.believed`."""
         xp, evidence, like = namespace(compared.evidence), compared.evidence, compared.agreement
-        own = {name: xp.asarray(part, dtype=like.dtype, device=like.device) for name, part in self._parts.items()}
+        own = {
+            name: xp.asarray(part, dtype=like.dtype, device=like.device)
+            for name, part in split(np.asarray(self.weights)).items()
+        }
         deviation = _SCALE * (compared.apart - compared.view)
         distance = abs(deviation)
         dispute = pairs.of_providers(pairs.weighted_mean_over_raters(distance, compared.voice))
@@ -112,25 +109,33 @@ class RaterNetworkTrust(LeaveOneOut):
         mean = (pooled * mass).sum(axis=1) / (mass.sum(axis=0) + TINY)
         rater = _layer(own["rater.weight"], pooled) + _layer(own["rater.mean"], mean)[:, None, ...]
         rater = xp.tanh(rater + _column(own["rater.bias"], pooled))
-        logit = _layer(own["trust.weight"][None, :], rater)[0, ...] + own["trust.agreement"] * (compared.agreement - 1)
+        logit = _layer(own["trust.weight"][..., None, :], rater)[0, ...]
+        logit = logit + own["trust.agreement"] * (compared.agreement - 1)
         share = 0.5 + 0.5 * xp.tanh(0.5 * (_OPEN + own["trust.bias"] + logit))
         return super().believed(pairs, compared) * share
 
 
 def split(vector: Floats) -> dict[str, Floats]:
-    """Return the weights of a vector, shape (n,), by name."""
+    """Return the weights of a vector, shape (n,), by name, or of K vectors, shape (K, n)."""
     parts, at = {}, 0
     for name, shape in SHAPES.items():
-        parts[name] = vector[at : at + prod(shape)].reshape(shape)
+        parts[name] = vector[..., at : at + prod(shape)].reshape(*vector.shape[:-1], *shape)
         at += prod(shape)
     return parts
 
 
 def _layer(weights: Array, inputs: Array) -> Array:
-    """Return the weights, (H, F), times the inputs, (F, ...)."""
-    return namespace(inputs).tensordot(weights, inputs, axes=1)
+    """Return the weights, (H, F), times the inputs, (F, ...); or K weights, (K, H, F), times inputs (F, ..., K, G)."""
+    xp = namespace(inputs)
+    if weights.ndim == 2:
+        return xp.tensordot(weights, inputs, axes=1)
+    rows = xp.moveaxis(inputs, -2, 0)
+    outputs = weights @ rows.reshape(*rows.shape[:2], -1)
+    return xp.moveaxis(outputs.reshape(*outputs.shape[:2], *rows.shape[2:]), 0, -2)
 
 
 def _column(bias: Array, like: Array) -> Array:
-    """Return a bias, (H,), in a shape that broadcasts with an array of as many axes as another."""
-    return bias.reshape(-1, *[1] * (like.ndim - 1))
+    """Return a bias, (H,) or (K, H), in a shape that broadcasts with an array of as many axes as another."""
+    if bias.ndim == 1:
+        return bias.reshape(-1, *[1] * (like.ndim - 1))
+    return bias.T.reshape(bias.shape[1], *[1] * (like.ndim - 3), bias.shape[0], 1)

@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_agents.training.adam import Adam
 from roletrust_agents.training.evolution_strategy import falling_rate, slope_of
-from roletrust_env.benchmark.attackers import known_batches
 from roletrust_env.benchmark.known_attacks import KnownAttack
 from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
-from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.records import read_record
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import TrustModel
 
@@ -40,11 +39,11 @@ class Learner(Protocol):
         """Return the trust model of a vector as a text that `parse_trust_model` reads."""
         ...
 
-    def model(self, vector: Floats, initial: float) -> TrustModel[Any]:
-        """Return the trust model of a vector.
+    def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
+        """Return the trust models of K vectors as one model, for games of shape (K, G) in single precision.
 
         Args:
-            vector: Vector, shape (n,).
+            vectors: Vectors, shape (K, n).
             initial: Trust before any rating, which the scenario says.
         """
         ...
@@ -127,29 +126,25 @@ def train_defence(
         seed: Random seed.
         on_step: Called after every step.
     """
-    matches = [_Match.of(front) for front in fronts]
     adam, rounds = Adam(start), 0
 
-    def validated(vector: Floats) -> float:
+    def scores(places: Sequence[Front], vectors: Floats, games: int, place: int) -> Floats:
         nonlocal rounds
-        rounds += sum(one.rounds(climb.validation) for one in matches)
-        return float(np.mean([one.score(learner, vector, climb.validation, (seed, _VALIDATION)) for one in matches]))
+        rounds += len(vectors) * games * sum(len(one.attackers) * _length(one) for one in places)
+        rewards = [_rewards(one, learner, vectors, games, (seed, place)) for one in places]
+        return np.asarray(np.mean(rewards, axis=0))
 
-    first = best = validated(start)
+    first = best = float(scores(fronts, start[None, :], climb.validation, _VALIDATION)[0])
     kept = start
     for step in range(climb.steps):
         noise = np.random.default_rng((seed, step)).standard_normal((climb.pairs, len(start)))
         candidates = adam.weights + climb.spread * np.concatenate([noise, -noise])
-        chosen = [fronts[(_AT_ONCE * step + k) % len(fronts)] for k in range(min(_AT_ONCE, len(fronts)))]
-        drawn = [_Match.of(_drawn(front, climb.attackers, (seed, step, _DRAW))) for front in chosen]
-        rounds += len(candidates) * sum(one.rounds(climb.games) for one in drawn)
-        scores = [
-            np.mean([one.score(learner, vector, climb.games, (seed, step)) for one in drawn]) for vector in candidates
-        ]
+        turn = [fronts[(_AT_ONCE * step + k) % len(fronts)] for k in range(min(_AT_ONCE, len(fronts)))]
+        drawn = [_drawn(front, climb.attackers, (seed, step, _DRAW)) for front in turn]
         rate = falling_rate(climb.learning_rate, step / climb.steps)
-        adam.climb(slope_of(np.array(scores), noise, climb.spread), rate)
+        adam.climb(slope_of(scores(drawn, candidates, climb.games, step), noise, climb.spread), rate)
         if (step + 1) % climb.validate_every == 0 or step + 1 == climb.steps:
-            score = validated(adam.weights)
+            score = float(scores(fronts, adam.weights[None, :], climb.validation, _VALIDATION)[0])
             if score > best:
                 kept, best = adam.weights, score
         on_step()
@@ -163,37 +158,17 @@ def _drawn(front: Front, many: int, seed: tuple[int, ...]) -> Front:
     return Front(front.arguments, some, counts[counts > 0] / many)
 
 
-class _Match(NamedTuple):
-    """A condition with its attackers, those of a kind side by side.
+def _rewards(front: Front, learner: Learner, vectors: Floats, games: int, seed: tuple[int, ...]) -> Floats:
+    """Return the mean reward of K defences, shape (K,): what the attackers win, with the other sign."""
+    model = learner.models(vectors, front.arguments["scenario"].initial_trust)
+    task, lost = make_task(**{**front.arguments, "trust_model": model}), np.zeros(len(vectors))
+    for one, weight in zip(front.attackers, front.weights, strict=True):
+        rewards = mean_rewards(task, read_record(one.record), seed, (len(vectors), games), SEARCHED)[0]
+        lost += weight * rewards.mean(axis=1)
+    return -lost
 
-    Attributes:
-        arguments: Arguments of the attack task.
-        batches: Attackers that play side by side, and their weights.
-    """
 
-    arguments: TaskArguments
-    batches: tuple[tuple[Attacker, Floats], ...]
-
-    @classmethod
-    def of(cls, front: Front) -> Self:
-        """Return the match of a condition."""
-        weights = dict(zip((one.name for one in front.attackers), front.weights, strict=True))
-        batches = known_batches(make_task(**front.arguments), front.attackers, 1)
-        return cls(
-            front.arguments,
-            tuple((one.attacker, np.array([weights[name] for name in one.names])) for one in batches),
-        )
-
-    def rounds(self, games: int) -> int:
-        """Return the number of game rounds of a score."""
-        length: int = self.arguments["scenario"].max_cycles
-        return sum(len(weights) for _, weights in self.batches) * games * length
-
-    def score(self, learner: Learner, vector: Floats, games: int, seed: tuple[int, ...]) -> float:
-        """Return the mean reward of a defence: what the attackers win, with the other sign."""
-        model = learner.model(vector, self.arguments["scenario"].initial_trust)
-        task, lost = make_task(**{**self.arguments, "trust_model": model}), 0.0
-        for attacker, weights in self.batches:
-            rewards = mean_rewards(task, attacker, seed, (len(weights), games), SEARCHED)[0]
-            lost += float(weights @ rewards.mean(axis=1).astype(np.float64))
-        return -lost
+def _length(front: Front) -> int:
+    """Return the number of rounds of a game."""
+    length: int = front.arguments["scenario"].max_cycles
+    return length

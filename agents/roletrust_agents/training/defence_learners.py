@@ -1,6 +1,8 @@
 """What a defence learns: the parameters of a registered trust model, or the network of `RaterNetworkTrust`."""
 
 import inspect
+from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, get_type_hints
@@ -9,6 +11,7 @@ import numpy as np
 
 from roletrust_agents.learned.rater_network import RaterNetworkTrust, start_weights
 from roletrust_agents.training.defence import Floats, Learner
+from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
 from roletrust_env.ranges import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
 from roletrust_env.trust import TrustModel, make_trust_model
@@ -16,6 +19,7 @@ from roletrust_env.trust.model import registry
 
 _SCENARIO = ("initial",)  # what the scenario says about everybody is not learned
 _DIGITS = 4
+_ROWS = 4  # axes of ratings, (S, P, K, G)
 _NETWORK = f"{RaterNetworkTrust.__module__}:{RaterNetworkTrust.__name__}"
 
 
@@ -62,7 +66,7 @@ class ParameterLearner:
     def __post_init__(self) -> None:
         if self.name not in registry:
             raise ValueError(f"unknown trust model {self.name!r}{suggest(self.name, ['network', *registry.names()])}")
-        if not self.ranges:
+        if not self.ranges or not self._plays_in_rows():
             raise ValueError(f"trust model {self.name!r} has no number that can be learned")
 
     @cached_property
@@ -77,6 +81,17 @@ class ParameterLearner:
                     found[name] = span, float(parameter.default)
         return found
 
+    def _plays_in_rows(self) -> bool:
+        """Return whether many values of each number play side by side as alone; those that a branch asks for do not."""
+        vectors = np.stack([self.start(), 0.5 * self.start() + 0.2])
+        ratings = np.random.default_rng(0).random((3, 2, 2, 2)).astype(np.float32)
+        try:
+            both = _trust_after(self.models(vectors, 0.5), ratings)
+            alone = [_trust_after(self.models(vectors[[k]], 0.5), ratings[..., [k], :]) for k in range(2)]
+        except (TypeError, ValueError, IndexError):  # a formula that is for one value
+            return False
+        return bool(np.allclose(both, np.concatenate(alone, axis=1), atol=1e-5))
+
     def start(self) -> Floats:
         """Return the places of the defaults, shape (n,). See `Learner.start`."""
         return np.array([_place(*both) for both in self.ranges.values()])
@@ -90,10 +105,58 @@ class ParameterLearner:
         """See `Learner.spec`."""
         return f"{self.name}:{','.join(f'{name}={value}' for name, value in self.parameters(vector).items())}"
 
-    def model(self, vector: Floats, initial: float) -> TrustModel[Any]:
-        """See `Learner.model`."""
+    def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
+        """See `Learner.models`."""
         given = registry.accepted_parameters(self.name, {"initial": initial})
-        return make_trust_model(self.name, **given, **self.parameters(vector))
+        rows = [self.parameters(vector) for vector in vectors]
+        return SideBySide(
+            make_trust_model(self.name, **given, **rows[0]),
+            {name: np.array([[row[name]] for row in rows], np.float32) for name in self.ranges},
+        )
+
+
+class SideBySide:
+    """K models of one formula as one, for a batch of games of shape (K, G): the k-th plays in the k-th row.
+
+    A single game, in which a new task tries its model, is played by the model that the others are made of.
+
+    Args:
+        model: Model with all other parameters. Its formula must be one for arrays in the place of these numbers.
+        rows: Values of the numbers that differ, by name, each in a shape that broadcasts with (K, G).
+    """
+
+    def __init__(self, model: TrustModel[Any], rows: Mapping[str, np.ndarray[Any, Any]]) -> None:
+        self.rates_raters = model.rates_raters
+        self._alone, self._together = model, copy(model)
+        for name, values in rows.items():
+            object.__setattr__(self._together, name, values)  # the class is frozen, and checks single numbers
+
+    def start(self, like: Array) -> Any:
+        """Return the state before any rating. See `TrustModel.start`."""
+        return self._players(like).start(like)
+
+    def update(self, state: Any, ratings: Array, mask: Any) -> Any:
+        """Return the state after one more round. See `TrustModel.update`."""
+        return self._players(ratings).update(state, ratings, mask)
+
+    def rater_trust(self, state: Any) -> Array:
+        """Return the trust of each rater. See `TrustModel.rater_trust`."""
+        return self._alone.rater_trust(state)
+
+    def provider_trust(self, state: Any) -> Array:
+        """Return the trust of each provider. See `TrustModel.provider_trust`."""
+        return self._alone.provider_trust(state)
+
+    def _players(self, ratings: Array) -> TrustModel[Any]:
+        return self._together if ratings.ndim == _ROWS else self._alone
+
+
+def _trust_after(model: TrustModel[Any], ratings: Array) -> Array:
+    """Return both trusts after two rounds, (S + P, K, G)."""
+    state = model.start(ratings)
+    for now in (ratings, 1 - ratings):
+        state = model.update(state, now, now > 0.1)
+    return np.concatenate([model.rater_trust(state), model.provider_trust(state)])
 
 
 def _place(span: _Range, value: float) -> float:
@@ -127,9 +190,11 @@ class NetworkLearner:
         """See `Learner.spec`."""
         return f"{_NETWORK}:weights=[{','.join(map(str, self.weights(vector)))}]"
 
-    def model(self, vector: Floats, initial: float) -> TrustModel[Any]:
-        """See `Learner.model`."""
-        return RaterNetworkTrust(initial=initial, weights=self.weights(vector))
+    def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
+        """See `Learner.models`."""
+        rows = [self.weights(vector) for vector in vectors]
+        model = RaterNetworkTrust(initial=initial, weights=rows[0])
+        return SideBySide(model, {"weights": np.array(rows, np.float32)})
 
 
 def learner_of(name: str) -> Learner:
