@@ -22,6 +22,7 @@ UNITS = 8
 """Number of units of each layer."""
 
 _SCALE = 4.0  # of deviations, which are small
+_GAIN = 4.0  # of what the network says, so that small weights matter
 _OPEN = 3.0  # logit of the share of a rater's trust that a network without weights leaves
 
 
@@ -68,7 +69,7 @@ class RaterNetworkTrust(LeaveOneOut):
 
         u[i]   = mean over j of tanh(A y[i, j] + b1), weighted by e[i, j]
         m      = mean over i of u[i], weighted by the sum over j of e[i, j]
-        ToR[i] = a[i]^power sigmoid(3 + D tanh(B u[i] + C m + b2) + g (a[i] - 1) + b3)
+        ToR[i] = a[i]^power sigmoid(3 + 4 (D tanh(B u[i] + C m + b2) + g (a[i] - 1) + b3))
 
     All raters and all providers are treated alike, so it plays with any number of them, on grids and on lists of
     ratings. Everything else is as in `LeaveOneOut`, with its parameters.
@@ -109,9 +110,9 @@ class RaterNetworkTrust(LeaveOneOut):
         mean = (pooled * mass).sum(axis=1) / (mass.sum(axis=0) + TINY)
         rater = _layer(own["rater.weight"], pooled) + _layer(own["rater.mean"], mean)[:, None, ...]
         rater = xp.tanh(rater + _column(own["rater.bias"], pooled))
-        logit = _layer(own["trust.weight"][..., None, :], rater)[0, ...]
-        logit = logit + own["trust.agreement"] * (compared.agreement - 1)
-        share = 0.5 + 0.5 * xp.tanh(0.5 * (_OPEN + own["trust.bias"] + logit))
+        said = _layer(own["trust.weight"][..., None, :], rater)[0, ...] + own["trust.bias"]
+        said = said + own["trust.agreement"] * (compared.agreement - 1)
+        share = 0.5 + 0.5 * xp.tanh(0.5 * (_OPEN + _GAIN * said))
         return super().believed(pairs, compared) * share
 
 

@@ -5,6 +5,7 @@ sizes and values are checked, and the JSON holds a digest of the weights. Invali
 """
 
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -18,9 +19,14 @@ from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted, read_limited
+from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 MAX_JSON, MAX_SAFETENSORS = 100_000, 8 * SIZE + 10_000
 """Largest sizes of the two files, in bytes."""
+
+
+_PARAMETERS = tuple(field.name for field in fields(LeaveOneOut) if field.name != "initial")
+"""Parameters of a saved model. Trust before any rating is the scenario's."""
 
 
 class DefenceCard(UntrustedModel):
@@ -34,6 +40,8 @@ class DefenceCard(UntrustedModel):
     """Number of units of each layer."""
     features: Annotated[tuple[Text, ...], Field(max_length=100)] = FEATURES
     """Names of the features of a pair."""
+    parameters: Annotated[dict[Name, float], Field(max_length=100, default_factory=dict)]
+    """Parameters of the model besides its weights; those that are missing have their defaults."""
     conditions: Annotated[tuple[Text, ...], Field(max_length=100)]
     """Conditions of the training."""
     iteration: Count
@@ -47,6 +55,8 @@ class DefenceCard(UntrustedModel):
     def _check(self) -> Self:
         if (self.units, self.features) != (UNITS, FEATURES):
             raise ValueError("the features and units are not those of this version of the package")
+        if unknown := sorted(set(self.parameters) - set(_PARAMETERS)):
+            raise ValueError(f"there is no parameter {unknown[0]!r}; the parameters are {', '.join(_PARAMETERS)}")
         return self
 
 
@@ -121,7 +131,7 @@ def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:
 
 @checked_dataclass
 class SavedTrust(RaterNetworkTrust):
-    """A trained `RaterNetworkTrust`, read from its files.
+    """A trained `RaterNetworkTrust`, read from its files, with all of its parameters but `initial`.
 
     Attributes:
         path: Path of either file, or without a suffix.
@@ -134,5 +144,8 @@ class SavedTrust(RaterNetworkTrust):
     weights: tuple[float, ...] = Field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        """Read the weights."""
-        object.__setattr__(self, "weights", tuple(load_defence(self.path)[1].tolist()))  # the class is frozen
+        """Read the weights and the parameters."""
+        card, vector = load_defence(self.path)
+        made = RaterNetworkTrust(initial=self.initial, weights=tuple(vector.tolist()), **card.parameters)
+        for name in (*card.parameters, "weights"):
+            object.__setattr__(self, name, getattr(made, name))  # the class is frozen

@@ -1,7 +1,7 @@
 """What a defence learns: the parameters of a registered trust model, or the network of `RaterNetworkTrust`."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from roletrust_agents.learned.rater_network import RaterNetworkTrust, start_weights
+from roletrust_agents.learned.rater_network import SIZE, RaterNetworkTrust, start_weights
 from roletrust_agents.training.defence import Floats, Learner
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
@@ -111,8 +111,13 @@ class ParameterLearner:
         rows = [self.parameters(vector) for vector in vectors]
         return SideBySide(
             make_trust_model(self.name, **given, **rows[0]),
-            {name: np.array([[row[name]] for row in rows], np.float32) for name in self.ranges},
+            _columns(rows),
         )
+
+
+def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    """Return the values of each parameter in the rows, shape (K, 1)."""
+    return {name: np.array([[row[name]] for row in rows], np.float32) for name in rows[0]}
 
 
 class SideBySide:
@@ -174,27 +179,36 @@ def _value(span: _Range, place: float) -> float:
 
 @dataclass(frozen=True)
 class NetworkLearner:
-    """The weights of `RaterNetworkTrust`, to five digits. Its other parameters stay at their defaults."""
+    """The weights of `RaterNetworkTrust`, to five digits, behind the numbers of leave-one-out trust in it."""
 
     name: str = "network"
 
+    @property
+    def _numbers(self) -> ParameterLearner:
+        return ParameterLearner("leave-one-out")
+
     def start(self) -> Floats:
-        """Return the weights with which leave-one-out trust is left as it is. See `Learner.start`."""
-        return start_weights()
+        """Return the numbers and weights with which leave-one-out trust is left as it is. See `Learner.start`."""
+        return np.concatenate([self._numbers.start(), start_weights()])
+
+    def parameters(self, vector: Floats) -> dict[str, float]:
+        """Return the numbers of leave-one-out trust in a vector."""
+        return self._numbers.parameters(vector[:-SIZE])
 
     def weights(self, vector: Floats) -> tuple[float, ...]:
         """Return the weights of a vector as they are in the model."""
-        return tuple(float(f"{weight:.5g}") for weight in vector)
+        return tuple(float(f"{weight:.5g}") for weight in vector[-SIZE:])
 
     def spec(self, vector: Floats) -> str:
         """See `Learner.spec`."""
-        return f"{_NETWORK}:weights=[{','.join(map(str, self.weights(vector)))}]"
+        numbers = ",".join(f"{name}={value}" for name, value in self.parameters(vector).items())
+        return f"{_NETWORK}:{numbers},weights=[{','.join(map(str, self.weights(vector)))}]"
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
         """See `Learner.models`."""
-        rows = [self.weights(vector) for vector in vectors]
-        model = RaterNetworkTrust(initial=initial, weights=rows[0])
-        return SideBySide(model, {"weights": np.array(rows, np.float32)})
+        rows, weights = [self.parameters(vector) for vector in vectors], [self.weights(vector) for vector in vectors]
+        model = RaterNetworkTrust(initial=initial, weights=weights[0], **rows[0])
+        return SideBySide(model, {**_columns(rows), "weights": np.array(weights, np.float32)})
 
 
 def learner_of(name: str) -> Learner:

@@ -210,10 +210,11 @@ def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list
     name, setup = NetworkLearner.name, game.setup
     if name not in learned:
         return []
-    run = game.runs[f"defence|{learned[name]}|{name}"]
-    weights = np.array(NetworkLearner().weights(np.array(run["vector"])))
+    vector, learner = np.array(game.runs[f"defence|{learned[name]}|{name}"]["vector"]), NetworkLearner()
+    weights = np.array(learner.weights(vector))
     card = DefenceCard(
         package_version=__version__,
+        parameters=learner.parameters(vector),
         conditions=tuple(str(front.condition) for front in game.fronts),
         iteration=learned[name] + 1,
         seed=setup.seed,

@@ -63,8 +63,8 @@ def one_round(ratings, mask, vector):
         near = sum(evidence[i, j] * (1 - distance[i, j] / 4) for j in providers if (i, j) in pair)
         agreement = (doubt + near) / (1 + mass[i])
         hidden = np.tanh(w["rater.weight"] @ own[i] + w["rater.mean"] @ mean + w["rater.bias"])
-        logit = 3 + w["trust.weight"] @ hidden + w["trust.agreement"][0] * (agreement - 1) + w["trust.bias"][0]
-        found.append(agreement**power / (1 + math.exp(-logit)))
+        said = w["trust.weight"] @ hidden + w["trust.agreement"][0] * (agreement - 1) + w["trust.bias"][0]
+        found.append(agreement**power / (1 + math.exp(-3 - 4 * said)))
     return found
 
 
@@ -104,6 +104,7 @@ def test_other_weights_are_refused(wrong):
 
 def card_of(vector, **changes):
     fields = {"package_version": "0", "conditions": ("crowd",), "iteration": 1, "seed": 0, "settings": {"steps": 2}}
+    fields["parameters"] = {"power": 3.0}
     return DefenceCard(**{**fields, "weights_sha256": digest(weights_bytes(vector)), **changes})
 
 
@@ -121,7 +122,14 @@ def test_what_is_saved_plays_again(saved):
     assert np.array_equal(again, vector)
     for written in (path, path.with_suffix(".json"), path.with_suffix(".safetensors")):
         model = SavedTrust(path=str(written), initial=0.3)
-        assert (model.weights, model.initial) == (tuple(vector.tolist()), 0.3)
+        assert (model.weights, model.initial, model.power) == (tuple(vector.tolist()), 0.3, 3.0)
+
+
+def test_a_parameter_outside_its_range_is_refused(saved):
+    path, _ = saved
+    rewrite(path, parameters={"power": 99.0})
+    with pytest.raises(ValueError, match="power"):
+        SavedTrust(path=str(path))
 
 
 def test_other_weights_than_those_of_the_card_are_not_written(tmp_path):
@@ -155,6 +163,7 @@ def replace_weights(path, **changes):
         (lambda path: rewrite(path, extra=1), "extra"),
         (lambda path: rewrite(path, units=9), "units"),
         (lambda path: rewrite(path, features=["level"]), "features"),
+        (lambda path: rewrite(path, parameters={"pwer": 1.0}), "no parameter 'pwer'"),
         (lambda path: replace_weights(path, more=np.zeros(1)), "the architecture has"),
         (lambda path: replace_weights(path, **{"pair.bias": None}), "the architecture has"),
         (lambda path: replace_weights(path, **{"pair.bias": np.zeros(3)}), "pair.bias"),
