@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs live-load better-model \
-	leave-one-out leave-one-out-logs real equilibrium \
+	leave-one-out leave-one-out-logs real equilibrium defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo clean
 
 run: setup
@@ -143,6 +143,14 @@ equilibrium: setup
 	$(BIN)/roletrust equilibrium $(OUT)/standard-4/results.sqlite --out $(OUT)/equilibrium
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
+
+# Trust models and attackers that are trained against each other; about a quarter of an hour of one core, and a repeat
+# continues.
+defence: setup
+	$(BIN)/roletrust defend --beside beta-filtered --beside median --beside own-experience --beside travos --out $(OUT)/defence
+	mkdir -p docs/defence
+	cp $(OUT)/defence/defence.md $(OUT)/defence/defence.png $(OUT)/defence/iterations.csv $(OUT)/defence/comparison.csv \
+	  $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup

@@ -131,6 +131,7 @@ def defend(
     from roletrust_experiments.defence.double_oracle import Game, Setup
     from roletrust_experiments.defence.fronts import Front
     from roletrust_experiments.defence.progress import iterations as progress_of
+    from roletrust_experiments.defence.response import least_budget
 
     learners = tuple(dict.fromkeys(learner or _LEARNERS))
     fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
@@ -143,6 +144,8 @@ def defend(
         learner_of(name)
     for one in (*fronts, *worlds):
         one.condition.check([*fixed, *further])
+    if budget < (least := max(least_budget(one.length) for one in fronts)):
+        raise ValueError(f"--budget is {budget} rounds; the training of an attacker needs {least} or more")
     setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed)
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
     settings = {"command": "roletrust defend", **setup.plain(), "conditions": conditions, **software()}

@@ -64,6 +64,11 @@ class Front(NamedTuple):
             raise ValueError(f"a front is SCENARIO/TRACK/SHARE, such as crowd/raters/0.3, not {name!r}") from None
         return cls(Condition.of(suite, scenario, track, number), name)
 
+    @property
+    def length(self) -> int:
+        """Number of rounds of a game."""
+        return self.condition.suite.scenarios[self.condition.scenario].scenario().max_cycles
+
     def arguments(self, model: str) -> Mapping[str, Any]:
         """Return the arguments of the attack task against a trust model, given by its spec."""
         return self.condition.arguments(model)

@@ -14,6 +14,13 @@ from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.make_task import make_task
 
 _LEAST = 0.02  # share of a model below which a training leaves it out
+_STEPS = 4  # fewer are no training
+
+
+def least_budget(length: int) -> int:
+    """Return the number of rounds below which no training of an attacker can be made, in games of some length."""
+    settings = StrategySettings()
+    return _STEPS * (settings.step_games + settings.validation) * length
 
 
 def respond_by_attack(
@@ -36,7 +43,7 @@ def respond_by_attack(
         The coalition and the number of rounds that were played.
 
     Raises:
-        ValueError: The budget allows no step.
+        ValueError: The budget allows no step against so many models.
     """
     many = {model: share for model, share in shares.items() if share >= _LEAST}
     tasks = [make_task(**arguments[model]) for model in many]
