@@ -150,7 +150,14 @@ defence: setup
 	$(BIN)/roletrust defend --beside beta-filtered --beside median --beside own-experience --beside travos --out $(OUT)/defence
 	mkdir -p docs/defence
 	cp $(OUT)/defence/defence.md $(OUT)/defence/defence.png $(OUT)/defence/iterations.csv $(OUT)/defence/comparison.csv \
-	  $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
+	  $(OUT)/defence/leave-one-out.txt $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
+
+# The learned models on logs of real ratings, which are yours: `make defence-logs LOGS=...`; a minute.
+defence-logs: setup
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out --model "$$(cat docs/defence/leave-one-out.txt)" \
+		--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network \
+		$(OTHERS:%=--model %) --out $(OUT)/defence-logs
+	cp $(OUT)/defence-logs/real.csv docs/defence/logs.csv
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup

@@ -110,8 +110,8 @@ def defend(
 
     Each step is saved when it is finished, so that an interrupted command continues when it is given again.
 
-    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the network as
-    [green]network.safetensors network.json[/].
+    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the best model of each learner
+    as [green]LEARNER.txt[/], the text that `--model` takes, and a network as [green]network.safetensors network.json[/].
 
     [bold]Examples[/]
 
@@ -161,7 +161,7 @@ def defend(
     _watch("Game", game.stages, game.play())
     comparison = Comparison(game, further, worlds)
     _watch("Comparison", comparison.stages, comparison.play())
-    saved = _save_network(out, game, comparison.learned)
+    saved = [*_save_specs(out, game, comparison.learned), *_save_network(out, game, comparison.learned)]
     found, rows = progress_of(game), comparison.rows()
     command = shlex.join(
         [
@@ -202,6 +202,16 @@ def _watch(what: str, total: int, stages: Iterator[str]) -> None:
         except KeyboardInterrupt:
             errors.print("Stopped. Finished steps are saved; repeat the command without --force.", soft_wrap=True)
             raise typer.Exit(130) from None
+
+
+def _save_specs(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
+    """Write the spec of the best model of each learner but the network, and return the names of the files."""
+    from roletrust_agents.training.defence_learners import NetworkLearner
+
+    names = [name for name in learned if name != NetworkLearner.name]
+    for name in names:
+        write_text(out / f"{name}.txt", game.runs[f"defence|{learned[name]}|{name}"]["spec"] + "\n")
+    return [f"{name}.txt" for name in names]
 
 
 def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:

@@ -15,6 +15,7 @@ from roletrust_agents.learned.rater_network import SHAPES, SIZE, UNITS, RaterNet
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.saved_defence import DefenceCard, SavedTrust, load_defence, save_defence, weights_bytes
 from roletrust_env.testing import check_trust_model
+from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 
@@ -81,6 +82,19 @@ def test_a_round_is_that_of_the_formulas(seed, raters, providers):
 
 def test_it_keeps_the_rules_of_trust_models():
     check_trust_model(model_of(some_weights()))
+
+
+def test_it_plays_a_list_of_ratings_as_a_grid():
+    rng, model = np.random.default_rng(3), model_of(some_weights(3))
+    shape, ledger = (9, 5), Ledger(model)
+    ledger.join(*shape)
+    state = model.start(np.zeros(shape))
+    for _ in range(4):
+        ratings, mask = rng.random(shape), rng.random(shape) < 0.4
+        state = model.update(state, ratings, mask)
+        ledger.play(*np.nonzero(mask), ratings[mask])
+        np.testing.assert_allclose(ledger.rater_trust, model.rater_trust(state), rtol=1e-9)
+        np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state), rtol=1e-9)
 
 
 def test_it_begins_as_leave_one_out():

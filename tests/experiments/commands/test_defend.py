@@ -68,6 +68,14 @@ def test_the_network_is_saved_as_it_played(played):
     assert SavedTrust(path=str(folder / "out" / "network.json")).power == card.parameters["power"]
 
 
+def test_a_model_is_saved_as_model_takes_it(tmp_path):
+    assert run(tmp_path, "--learner", "beta")[0] == 0
+    spec = (tmp_path / "out" / "beta.txt").read_text().strip()
+    assert spec.startswith("beta:keep=")
+    runs = json.loads((tmp_path / "out" / "defence.json").read_text())["runs"]
+    assert spec == runs["defence|0|beta"]["spec"]
+
+
 def test_a_repeat_says_the_same(played):
     folder, _ = played
     before = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"}
