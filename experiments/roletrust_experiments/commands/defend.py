@@ -110,8 +110,9 @@ def defend(
 
     Each step is saved when it is finished, so that an interrupted command continues when it is given again.
 
-    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the best model of each learner
-    as [green]LEARNER.txt[/], the text that `--model` takes, and a network as [green]network.safetensors network.json[/].
+    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the best model of each
+    learner as the text that `--model` takes, [green]LEARNER.txt[/], or as
+    [green]network.safetensors network.json[/].
 
     [bold]Examples[/]
 
