@@ -90,6 +90,7 @@ def defend(
     ] = 60_000,
     steps: Annotated[int, typer.Option(min=1, help="Steps of the training of a defence.")] = 20,
     games: Annotated[int, typer.Option(min=2, help="Games that choose, and as many others that measure.")] = 24,
+    fresh: Annotated[int, typer.Option(min=2, help="The same for the comparison, in fresh games.")] = 96,
     explored: Annotated[
         float,
         typer.Option(min=0, max=1, help="Share of all known attackers alike in what a defence is trained against."),
@@ -149,7 +150,7 @@ def defend(
         raise ValueError(f"--budget is {budget} rounds; the training of an attacker needs {least} or more")
     setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed)
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
-    settings = {"command": "roletrust defend", **setup.plain(), "conditions": conditions, **software()}
+    settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions, **software()}
     path = out / "defence.json"
     kept = {} if force else read_runs(path, settings)
     prepare_folder(out)
@@ -160,7 +161,7 @@ def defend(
 
     game = Game(fronts, setup, kept, keep)
     _watch("Game", game.stages, game.play())
-    comparison = Comparison(game, further, worlds)
+    comparison = Comparison(game, further, worlds, fresh)
     _watch("Comparison", comparison.stages, comparison.play())
     saved = [*_save_specs(out, game, comparison.learned), *_save_network(out, game, comparison.learned)]
     found, rows = progress_of(game), comparison.rows()
@@ -178,6 +179,7 @@ def defend(
             *option("--budget", budget, 60_000),
             *option("--steps", steps, 20),
             *option("--games", games, 24),
+            *option("--fresh", fresh, 96),
             *option("--explored", explored, 0.25),
             *option("--seed", seed, 0),
         ]

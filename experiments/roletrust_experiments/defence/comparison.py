@@ -44,14 +44,15 @@ class Comparison:
         game: Game that is played to its end.
         beside: Specs of further trust models.
         worlds: Conditions that no training has met.
+        games: Number of games that choose the worst attacker, and of others that measure.
 
     Attributes:
         models: Spec of each trust model by its name.
         learned: Iteration, from 0, of the best model of each learner.
     """
 
-    def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front]) -> None:
-        self._game, self._worlds = game, tuple(worlds)
+    def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front], games: int) -> None:
+        self._game, self._worlds, self._games = game, tuple(worlds), games
         last = game.setup.iterations
         self.learned = {name: best_trained(game, name) for name in game.setup.learners}
         known = game.known(last).defences
@@ -105,11 +106,11 @@ class Comparison:
         self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
 
     def _met(self, front: Front, spec: str, attackers: Sequence[KnownAttack]) -> Run:
-        found = front.skills(spec, attackers, self._game.seed(_OWN), self._game.setup.games)
+        found = front.skills(spec, attackers, self._game.seed(_OWN), self._games)
         return {attack: [part.tolist() for part in skills] for attack, skills in found.items()}
 
     def _clean(self, front: Front, spec: str) -> Run:
-        return {"skill": front.clean(spec, self._game.seed(_OWN), self._game.setup.games).tolist()}
+        return {"skill": front.clean(spec, self._game.seed(_OWN), self._games).tolist()}
 
     def _clean_skill(self, front: Front, name: str) -> Floats:
         return np.array(self._game.runs[f"clean|{front.name}|{name}"]["skill"])

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
 from roletrust_experiments.cli import app
 
-SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3"]
+SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3", "--fresh", "3"]
 MODELS = ["--model", "mean", "--model", "role-trust", "--learner", "network"]
 
 

@@ -125,7 +125,7 @@ def test_a_repeat_plays_nothing_and_more_iterations_continue(fronts, game, monke
 
 
 def test_models_stand_beside_each_other(game, fronts):
-    comparison = Comparison(game, ("median",), fronts[:1])
+    comparison = Comparison(game, ("median",), fronts[:1], 5)
     assert len(list(comparison.play())) == comparison.stages
     rows = {row.name: row for row in comparison.rows()}
     learned = label("leave-one-out", best_trained(game, "leave-one-out"))
@@ -136,6 +136,7 @@ def test_models_stand_beside_each_other(game, fronts):
             met = game.runs[f"seen|{front.name}|{name}"]
             assert "trained against it alone" in met
             worst.append(min(met.values(), key=lambda halves: np.mean(halves[0]))[1])
+        assert all(len(half) == 5 for half in worst)
         assert row.worst.value == pytest.approx(np.mean(worst))
         assert row.clean.value == pytest.approx(
             np.mean([game.runs[f"clean|{front.name}|{name}"]["skill"] for front in fronts])
