@@ -147,7 +147,7 @@ equilibrium: setup
 # Trust models and attackers that are trained against each other; about a quarter of an hour of one core, and a repeat
 # continues.
 defence: setup
-	$(BIN)/roletrust defend --beside beta-filtered --beside median --beside own-experience --beside travos --out $(OUT)/defence
+	$(BIN)/roletrust defend --out $(OUT)/defence
 	mkdir -p docs/defence
 	cp $(OUT)/defence/defence.md $(OUT)/defence/defence.png $(OUT)/defence/iterations.csv $(OUT)/defence/comparison.csv \
 	  $(OUT)/defence/leave-one-out.txt $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
