@@ -144,8 +144,7 @@ equilibrium: setup
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
-# Trust models and attackers that are trained against each other; about a quarter of an hour of one core, and a repeat
-# continues.
+# Trust models and attackers that are trained against each other; five to twenty minutes of one core, and a repeat continues.
 defence: setup
 	$(BIN)/roletrust defend --out $(OUT)/defence
 	mkdir -p docs/defence

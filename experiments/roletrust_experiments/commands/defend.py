@@ -90,7 +90,7 @@ def defend(
     ] = 60_000,
     steps: Annotated[int, typer.Option(min=1, help="Steps of the training of a defence.")] = 20,
     games: Annotated[int, typer.Option(min=2, help="Games that choose, and as many others that measure.")] = 24,
-    fresh: Annotated[int, typer.Option(min=2, help="The same for the comparison, in fresh games.")] = 48,
+    fresh: Annotated[int, typer.Option(min=2, help="The same for the comparison, in fresh games.")] = 24,
     explored: Annotated[
         float,
         typer.Option(min=0, max=1, help="Share of all known attackers alike in what a defence is trained against."),
@@ -179,7 +179,7 @@ def defend(
             *option("--budget", budget, 60_000),
             *option("--steps", steps, 20),
             *option("--games", games, 24),
-            *option("--fresh", fresh, 48),
+            *option("--fresh", fresh, 24),
             *option("--explored", explored, 0.25),
             *option("--seed", seed, 0),
         ]
