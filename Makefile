@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs edge-costs live-load better-model \
-	leave-one-out leave-one-out-logs real equilibrium strategic \
+	leave-one-out leave-one-out-logs real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
 run: setup
@@ -155,6 +155,20 @@ strategic: setup
 	$(BIN)/roletrust strategic --workers 1 --out $(OUT)/strategic
 	mkdir -p docs/strategic
 	for kind in png md csv; do cp $(OUT)/strategic/strategic.$$kind docs/strategic/; done
+
+# Trust models and attackers that are trained against each other; five to twenty minutes of one core, and a repeat continues.
+defence: setup
+	$(BIN)/roletrust defend --out $(OUT)/defence
+	mkdir -p docs/defence
+	cp $(OUT)/defence/defence.md $(OUT)/defence/defence.png $(OUT)/defence/iterations.csv $(OUT)/defence/comparison.csv \
+	  $(OUT)/defence/leave-one-out.txt $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
+
+# The learned models on logs of real ratings, which are yours: `make defence-logs LOGS=...`; a minute.
+defence-logs: setup
+	$(BIN)/roletrust real $(LOGS) --model leave-one-out --model "$$(cat docs/defence/leave-one-out.txt)" \
+		--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network \
+		$(OTHERS:%=--model %) --out $(OUT)/defence-logs
+	cp $(OUT)/defence-logs/real.csv docs/defence/logs.csv
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup

@@ -22,7 +22,7 @@ WRITTEN = [HOUSE / "README.md", HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "doc
 WRITTEN += [*sorted((HOUSE / "docs/how").glob("*.md")), *sorted((HOUSE / "docs/guide").glob("*.md")), *TUTORIALS]
 
 _SHELL = ("pip", "python", "make", "ruff", "mypy", "lint-imports", "pytest", "cat", "ls", "source")
-_OWN = re.compile(r"\w+:[A-Z]\w*")  # a class of the reader's own
+_OWN = re.compile(r"[\w.]+:[A-Z]\w*")  # a class of the reader's own
 
 
 def blocks(page: Path, *languages: str) -> list[str]:

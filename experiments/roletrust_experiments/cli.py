@@ -15,6 +15,7 @@ from roletrust_experiments.commands.benchmark import benchmark
 from roletrust_experiments.commands.budget import budget
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.costs import costs
+from roletrust_experiments.commands.defend import defend
 from roletrust_experiments.commands.equilibrium import equilibrium
 from roletrust_experiments.commands.figures import figures
 from roletrust_experiments.commands.findings import findings
@@ -131,6 +132,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "reruns": reruns,
     "equilibrium": equilibrium,
     "strategic": strategic,
+    "defend": defend,
     "serve": serve,
     "submit": submit,
     "verify": verify,

@@ -70,12 +70,9 @@ class CoalitionSearch(ABC):
         training = self._training([task], settings, seed, limit, known)
         if training.best is not None:  # a known network
             progress.append((training.rounds, training.best.score))
-        while training.rounds + training.most_rounds <= limit:
-            training.step()
-            if training.due() or training.rounds + training.most_rounds > limit:
-                training.validate()
-                if training.best is not None:
-                    progress.append((training.rounds, training.best.score))
+        for judged in training.within(limit):
+            if judged and training.best is not None:
+                progress.append((training.rounds, training.best.score))
             budget.spend(training.rounds - spent)
             spent = training.rounds
         attacker, words = CoalitionAttacker(training.network), f"coalition, {self._words(training)}"

@@ -1,7 +1,7 @@
 """What trainings of the network of a coalition have in common: tasks, the start, validation, and the best network."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Generic, NamedTuple
 
 import numpy as np
@@ -19,6 +19,8 @@ Floats = npt.NDArray[np.float64]
 _VALIDATION, _START = 1_000_000_000, 1_000_000_001
 """Places of the games for validation and of those that choose the start, beside the numbers of the steps."""
 
+_DRAW = 1  # random numbers of the tasks of a step, beside those of its candidates
+
 _START_GAMES = 4  # but no more than a validation has
 _KNOWN = 4  # known networks that are validated at the beginning, as far as a tenth of the rounds allows
 _TASKS_AT_ONCE = 2
@@ -35,7 +37,9 @@ class Validated(NamedTuple):
 class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     """A training in progress: steps that improve weights, and validations that keep the best ones.
 
-    With several tasks a step plays two of them in turn; the result is an attacker for all.
+    With several tasks a step plays two of them in turn; the result is an attacker for all. With shares the tasks are a
+    mixture, such as that of a defender who draws a trust model for each game: a step draws its tasks, and scores are
+    weighted.
 
     Args:
         tasks: Tasks with the same reward, one or more.
@@ -43,6 +47,7 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         seed: Random seed.
         budget: Number of rounds that the whole training may play.
         known: Weights of known networks to start from, shape (n,) each, besides the random ones.
+        shares: Probability of each task; None counts all alike.
 
     Attributes:
         settings: Settings.
@@ -60,7 +65,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         seed: int,
         budget: int,
         known: Sequence[Floats] = (),
+        shares: Sequence[float] | None = None,
     ) -> None:
+        self._shares = shares
         self.tasks, self.settings, self.seed, self.budget = tuple(tasks), settings, seed, budget
         self.architecture = DeepSetArchitecture(units=settings.units)
         self.steps = self.rounds = 0
@@ -111,6 +118,9 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     def turn(self) -> list[int]:
         """Indices of the tasks of the next step."""
         many = len(self.tasks)
+        if self._shares is not None:
+            drawn = np.random.default_rng((self.seed, self.steps, _DRAW)).choice(many, _TASKS_AT_ONCE, p=self._shares)
+            return list(dict.fromkeys(drawn.tolist()))
         return [(_TASKS_AT_ONCE * self.steps + k) % many for k in range(min(_TASKS_AT_ONCE, many))]
 
     @property
@@ -123,6 +133,22 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         """Share of the budget that is played."""
         return min(1.0, self.rounds / self.budget)
 
+    def within(self, rounds: int) -> Iterator[bool]:
+        """Step while a number of rounds allows a further step, and validate when it is due and at the end.
+
+        Args:
+            rounds: Number of rounds, those so far included.
+
+        Yields:
+            Whether the step was validated.
+        """
+        while self.rounds + self.most_rounds <= rounds:
+            self.step()
+            judged = self.due() or self.rounds + self.most_rounds > rounds
+            if judged:
+                self.validate()
+            yield judged
+
     def due(self) -> bool:
         """Return whether a validation is due."""
         return self.steps % self.settings.validate_every == 0
@@ -134,7 +160,8 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
     def _validate(self, weights: Floats) -> Mean:
         games = self.settings.validation
         network = self.networks(weights[None, :])
-        score = over_games(np.mean([self.play(task, network, games, _VALIDATION)[0] for task in self.tasks], axis=0))
+        played = [self.play(task, network, games, _VALIDATION)[0] for task in self.tasks]
+        score = over_games(np.average(played, axis=0, weights=self._shares))
         self.rounds += games * len(self.tasks) * self.length
         if self.best is None or score.mean > self.best.score:
             self.best = Validated(weights, float(score.mean))
@@ -175,6 +202,10 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         if len(candidates) == 1:
             return candidates
         networks, k = self.networks(np.stack(candidates)), len(candidates)
-        scores = np.mean([self.play(task, networks, games, _START) for task in self.tasks], axis=(0, 2))
+        played = [self.play(task, networks, games, _START) for task in self.tasks]
+        if self._shares is None:
+            scores = np.mean(played, axis=(0, 2))
+        else:
+            scores = np.average(np.mean(played, axis=2), axis=0, weights=self._shares)
         self.rounds += k * each
         return [candidates[k] for k in np.argsort(-scores, kind="stable")]

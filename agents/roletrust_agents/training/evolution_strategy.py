@@ -27,22 +27,23 @@ class EvolutionStrategy(AdamTraining[StrategySettings]):
 
     def step(self) -> None:
         """Play the candidates of a step, and follow the slope. See `CoalitionTraining.step`."""
-        import torch
-
         settings = self.settings
         noise = np.random.default_rng((self.seed, self.steps)).standard_normal((settings.pairs, self.architecture.size))
         moves = settings.spread * np.concatenate([noise, -noise])
         networks, tasks = self.networks(self.weights + moves), [self.tasks[k] for k in self.turn]
-        rate = settings.learning_rate * (1 - (1 - _LAST_RATE) * self.done)
+        rate = falling_rate(settings.learning_rate, self.done)
         self.rounds += self.step_games * len(tasks) * self.length
         played = [self.play(task, networks, settings.games, self.steps) for task in tasks]
-        slope = _slope(np.mean(played, axis=(0, 2)), noise, settings.spread)
-        self._vector.grad = torch.tensor(-slope, dtype=torch.float32)
-        self._follow(rate)
+        self._adam.climb(slope_of(np.mean(played, axis=(0, 2)), noise, settings.spread), rate)
         self.steps += 1
 
 
-def _slope(scores: Floats, noise: Floats, spread: float) -> Floats:
+def falling_rate(first: float, done: float) -> float:
+    """Return the learning rate when a share of the training is done: it falls linearly to a tenth of the first."""
+    return first * (1 - (1 - _LAST_RATE) * done)
+
+
+def slope_of(scores: Floats, noise: Floats, spread: float) -> Floats:
     """Return the slope at the weights, shape (m,).
 
     Args:

@@ -54,19 +54,19 @@ class GradientAscent(AdamTraining[GradientSettings]):
 
         settings = self.settings
         rate = settings.learning_rate * 0.5**self.given_up * 0.5 * (1 + math.cos(math.pi * self.done))
-        self._adam.zero_grad()
+        self._adam.optimiser.zero_grad()
         with one_thread():
             with flat_roots():
-                score = self.smooth_score(self._vector)
+                score = self.smooth_score(self._adam.vector)
             if not score.requires_grad:
                 model = type(self.tasks[0].game.model).__name__
                 raise UnsuitableError(
                     f"nothing that the coalition decides has a slope under {model}, so gradients cannot train it"
                 )
             (-score).backward()
-            norm = torch.nn.utils.clip_grad_norm_([self._vector], settings.clip)
+            norm = torch.nn.utils.clip_grad_norm_([self._adam.vector], settings.clip)
             if bool(norm.isfinite()):
-                self._follow(rate)
+                self._adam.descend(rate)
             else:
                 self.skipped += 1
         self.rounds += self.step_games * len(self.turn) * self.length
@@ -91,8 +91,8 @@ class GradientAscent(AdamTraining[GradientSettings]):
         assert self.best is not None  # it has just been validated
         if score.mean < self.best.score - _LOST:
             with torch.no_grad():
-                self._vector.copy_(torch.tensor(self.best.weights))
-            self._adam.state.clear()
+                self._adam.vector.copy_(torch.tensor(self.best.weights))
+            self._adam.optimiser.state.clear()
             self.given_up += 1
         return score
 

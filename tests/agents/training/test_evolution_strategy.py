@@ -5,7 +5,7 @@ import pytest
 
 from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy, _slope
+from roletrust_agents.training.evolution_strategy import EvolutionStrategy, slope_of
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_env.evaluation.records import record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
@@ -41,18 +41,18 @@ def test_the_slope_is_that_of_the_formula():
     expected = np.zeros(5)
     for k in range(3):
         expected += (ranks[scores[k]] - ranks[scores[k + 3]]) * noise[k] / (6 * 0.2)
-    np.testing.assert_allclose(_slope(scores, noise, 0.2), expected)
+    np.testing.assert_allclose(slope_of(scores, noise, 0.2), expected)
 
 
 def test_the_slope_points_up_a_plane():
     up, noise = np.arange(1.0, 6.0), np.random.default_rng(1).standard_normal((2_000, 5))
-    slope = _slope(np.concatenate([noise @ up, -noise @ up]), noise, 1.0)
+    slope = slope_of(np.concatenate([noise @ up, -noise @ up]), noise, 1.0)
     assert slope @ up / np.linalg.norm(slope) / np.linalg.norm(up) > 0.99
 
 
-def test_equal_scores_have_no_slope():
+def test_equal_scores_have_noslope_of():
     noise = np.random.default_rng(0).standard_normal((3, 5))
-    assert not _slope(np.ones(6), noise, 1.0).any()
+    assert not slope_of(np.ones(6), noise, 1.0).any()
 
 
 def test_it_learns():

@@ -102,7 +102,7 @@ def test_a_network_that_is_lost_is_given_up():
     ascent = run(begun(), 4)
     best = ascent.best.weights
     with torch.no_grad():
-        ascent._vector.zero_()
+        ascent._adam.vector.zero_()
     ascent.validate()
     assert ascent.given_up == 1
     assert np.array_equal(ascent.weights, best)

@@ -27,6 +27,26 @@ class LeaveOneOutState(NamedTuple):
     counts: PerPair
 
 
+class Compared(NamedTuple):
+    """The comparison of each rater with the others, in one round. Ratings are means of a pair, less `initial`.
+
+    Attributes:
+        above: Mean rating x of each pair, shape (S, P, ...).
+        apart: The same less the prior of its provider.
+        view: View c that the others have of the provider, less its prior.
+        voice: Voice v of each pair.
+        evidence: Evidence e of each pair.
+        agreement: Agreement of each rater with the others, in [0, 1], shape (S, ...).
+    """
+
+    above: Array
+    apart: Array
+    view: Array
+    voice: Array
+    evidence: Array
+    agreement: Array
+
+
 @checked_dataclass
 class LeaveOneOut(Central):
     """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as trusted raters say.
@@ -99,8 +119,13 @@ class LeaveOneOut(Central):
         evidence = voice * heard / (heard + self.prior)
         agreed = self.doubt + pairs.sum_over_providers(evidence * (1 - abs(apart - view)))
         agreement = xp.clip(agreed / (1 + pairs.sum_over_providers(evidence)), 0.0, 1.0)
-        tor = xp.where(ratings.given > 0, agreement**self.power, state.tor)
+        compared = Compared(above, apart, view, voice, evidence, agreement)
+        tor = xp.where(ratings.given > 0, self.believed(pairs, compared), state.tor)
         return LeaveOneOutState(tor, self._trust(pairs, above, voice, voice * pairs.of_raters(tor)), sums, counts)
+
+    def believed(self, pairs: Cells, compared: Compared) -> Array:
+        """Return the trust of each rater of the round from its comparison with the others, shape (S, ...)."""
+        return compared.agreement**self.power
 
     def _base(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""

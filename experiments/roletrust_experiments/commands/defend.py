@@ -1,0 +1,331 @@
+"""`roletrust defend`: defences that learn against attackers that learn, and what they are worth beside fixed models."""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.markup import escape
+
+from roletrust_agents.training.runs import write_bytes
+from roletrust_env import __version__
+from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.provenance import software
+from roletrust_experiments.attackers.runs import Run, read_runs, write_runs
+from roletrust_experiments.commands import completion
+from roletrust_experiments.commands.console import console, errors, number_table, option, print_next, progress_bar
+from roletrust_experiments.commands.extras import require
+from roletrust_experiments.commands.options import NAMED, Again, ConditionSuite, Out, Seed
+from roletrust_experiments.commands.played import markdown_table
+
+if TYPE_CHECKING:
+    from roletrust_experiments.defence.comparison import Row
+    from roletrust_experiments.defence.double_oracle import Game
+    from roletrust_experiments.defence.progress import Iteration
+
+_FRONT = "SCENARIO/TRACK/SHARE"
+_LEARNERS = ("leave-one-out", "network")
+_MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
+_FRONTS = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
+_WORLDS = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
+_NUMBERS = ("value", "attack", "defence", "nash_conv", "worst", "single")
+_COLUMNS = ("clean", "worst", "strangers", "worlds")
+_LONGEST = 300  # letters of a model with its numbers
+_SHOWN = 0.005  # least probability of a model in the text
+
+
+def defend(
+    learner: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="What the defence trains: the numbers of a trust model, by its name, or a network; repeat for more. "
+            f"By default {', '.join(_LEARNERS)}.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=NAMED,
+            help=f"Fixed trust model that the defence has at the beginning; repeat for more. By default "
+            f"{', '.join(_MODELS)}.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=NAMED,
+            help="Further trust model for the comparison at the end; repeat for more.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
+    suite: ConditionSuite = "standard-4",
+    front: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=_FRONT,
+            help=f"Condition of the suite to train in; repeat for more. By default {', '.join(_FRONTS)}.",
+            show_default=False,
+        ),
+    ] = None,
+    world: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=_FRONT,
+            help=f"Condition that is kept for the comparison; repeat for more. By default {', '.join(_WORLDS)}.",
+            show_default=False,
+        ),
+    ] = None,
+    iterations: Annotated[int, typer.Option(min=1, help="Number of times that both sides respond.")] = 4,
+    budget: Annotated[
+        int, typer.Option(min=1, help="Rounds x games of the training of an attacker in one condition.")
+    ] = 60_000,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of the training of a defence.")] = 20,
+    games: Annotated[int, typer.Option(min=2, help="Games that choose, and as many others that measure.")] = 24,
+    fresh: Annotated[int, typer.Option(min=2, help="The same for the comparison, in fresh games.")] = 24,
+    explored: Annotated[
+        float,
+        typer.Option(min=0, max=1, help="Share of all known attackers alike in what a defence is trained against."),
+    ] = 0.25,
+    seed: Seed = 0,
+    force: Again = False,
+    out: Out = Path("results/defence"),
+) -> None:
+    """Train [bold]trust models against a population of attackers, and attackers against the models[/], in turn.
+
+    The payoffs of all known models against all known attackers are a matrix, whose equilibrium is solved. Then an
+    attacker is trained in each condition against the models' mixture, and each learner against the attackers' mixture,
+    and all join the matrix. What the best responses win in other games is a lower bound of the NashConv.
+
+    At the end, the learned models stand beside the fixed ones: under the attackers that were found, one that is trained
+    against each model alone with the same budget, and attackers and worlds that no training has met. The number is
+    skill: 1 for the best choice of a consumer, 0 for a blind one.
+
+    Each step is saved when it is finished, so that an interrupted command continues when it is given again.
+
+    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the best model of each
+    learner as the text that `--model` takes, [green]LEARNER.txt[/], or as
+    [green]network.safetensors network.json[/].
+
+    [bold]Examples[/]
+
+    [dim]# the game of the documentation[/]
+    [cyan]roletrust defend[/]
+
+    [dim]# a short one in one condition[/]
+    [cyan]roletrust defend --front crowd/raters/0.3 --world market/raters/0.2 --iterations 1 --steps 5[/]
+
+    [dim]# another model's numbers[/]
+    [cyan]roletrust defend --learner wary-role-trust[/]
+    """
+    require("learned defence", "train", "scipy", "cma", "torch", "safetensors")
+    from roletrust_agents.training.defence import Climb
+    from roletrust_agents.training.defence_learners import learner_of
+    from roletrust_experiments.defence.comparison import Comparison
+    from roletrust_experiments.defence.double_oracle import Game, Setup
+    from roletrust_experiments.defence.fronts import Front
+    from roletrust_experiments.defence.progress import iterations as progress_of
+    from roletrust_experiments.defence.response import least_budget
+
+    learners = tuple(dict.fromkeys(learner or _LEARNERS))
+    fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
+    fronts = [Front.of(suite, name) for name in dict.fromkeys(front or _FRONTS)]
+    if both := sorted(set(front or ()) & set(world or ())):
+        raise ValueError(f"{both[0]} is a condition of the training; --world is for others")
+    kept_apart = world or [name for name in _WORLDS if name not in (front or ())]
+    worlds = [Front.of(suite, name) for name in dict.fromkeys(kept_apart)]
+    for name in learners:
+        learner_of(name)
+    for one in (*fronts, *worlds):
+        one.condition.check([*fixed, *further])
+    if budget < (least := max(least_budget(one.length) for one in fronts)):
+        raise ValueError(f"--budget is {budget} rounds; the training of an attacker needs {least} or more")
+    setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed)
+    conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
+    settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions, **software()}
+    path = out / "defence.json"
+    kept = {} if force else read_runs(path, settings)
+    prepare_folder(out)
+
+    def keep(key: str, run: Run) -> None:
+        kept[key] = run
+        write_runs(path, settings, kept)
+
+    game = Game(fronts, setup, kept, keep)
+    _watch("Game", game.stages, game.play())
+    comparison = Comparison(game, further, worlds, fresh)
+    _watch("Comparison", comparison.stages, comparison.play())
+    saved = [*_save_specs(out, game, comparison.learned), *_save_network(out, game, comparison.learned)]
+    found, rows = progress_of(game), comparison.rows()
+    command = shlex.join(
+        [
+            "roletrust",
+            "defend",
+            *option("--learner", learner),
+            *option("--model", model),
+            *option("--beside", beside),
+            *option("--suite", suite, "standard-4"),
+            *option("--front", front),
+            *option("--world", world),
+            *option("--iterations", iterations, 4),
+            *option("--budget", budget, 60_000),
+            *option("--steps", steps, 20),
+            *option("--games", games, 24),
+            *option("--fresh", fresh, 24),
+            *option("--explored", explored, 0.25),
+            *option("--seed", seed, 0),
+        ]
+    )
+    _write(out, game, found, rows, command)
+    _print(found, rows)
+    files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "defence.json", *saved]
+    console.print(escape(f"Written to {out}: {', '.join(files)}"), soft_wrap=True)
+    print_next("equilibrium", "results/standard-4/results.sqlite")
+
+
+def _watch(what: str, total: int, stages: Iterator[str]) -> None:
+    """Play stages with a progress bar.
+
+    Raises:
+        typer.Exit: The user interrupted the command.
+    """
+    with progress_bar() as progress:
+        bar = progress.add_task(what, total=total)
+        try:
+            for words in stages:
+                progress.update(bar, advance=1, description=escape(words))
+        except KeyboardInterrupt:
+            errors.print("Stopped. Finished steps are saved; repeat the command without --force.", soft_wrap=True)
+            raise typer.Exit(130) from None
+
+
+def _save_specs(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
+    """Write the spec of the best model of each learner but the network, and return the names of the files."""
+    from roletrust_agents.training.defence_learners import NetworkLearner
+
+    names = [name for name in learned if name != NetworkLearner.name]
+    for name in names:
+        write_text(out / f"{name}.txt", game.runs[f"defence|{learned[name]}|{name}"]["spec"] + "\n")
+    return [f"{name}.txt" for name in names]
+
+
+def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
+    """Save the network of a game, if it trained one, and return the names of the files."""
+    from roletrust_agents.learned.saved import digest
+    from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
+    from roletrust_agents.training.defence_learners import NetworkLearner
+
+    name, setup = NetworkLearner.name, game.setup
+    if name not in learned:
+        return []
+    vector, learner = np.array(game.runs[f"defence|{learned[name]}|{name}"]["vector"]), NetworkLearner()
+    weights = np.array(learner.weights(vector))
+    card = DefenceCard(
+        package_version=__version__,
+        parameters=learner.parameters(vector),
+        conditions=tuple(str(front.condition) for front in game.fronts),
+        iteration=learned[name] + 1,
+        seed=setup.seed,
+        settings={"steps": setup.climb.steps, "budget": setup.budget, "explored": setup.explored},
+        weights_sha256=digest(weights_bytes(weights)),
+    )
+    save_defence(weights, card, out / name, write_bytes)
+    return [f"{name}.safetensors", f"{name}.json"]
+
+
+def _write(out: Path, game: "Game", found: "Sequence[Iteration]", rows: "Sequence[Row]", command: str) -> None:
+    from roletrust_experiments.plots.figure_files import write_figure
+    from roletrust_experiments.plots.findings import Panel, Series, finding_figure
+
+    ends = ("", "_low", "_high")
+    header = ("iteration", *(f"{name}{end}" for name in _NUMBERS for end in ends))
+    lines = [[one.number, *(x for name in _NUMBERS for x in getattr(one, name))] for one in found]
+    write_csv(out / "iterations.csv", header, lines)
+    header = ("model", *(f"{name}{end}" for name in _COLUMNS for end in ends))
+    cells = [[row.name, *(x for name in _COLUMNS for x in getattr(row, name) or (None,) * 3)] for row in rows]
+    write_csv(out / "comparison.csv", header, cells)
+    at = [one.number + 1 for one in found]
+    wins = {"either side": "nash_conv", "attackers": "attack", "defence": "defence"}
+    skills = {"mixture, attackers respond": "worst", "best model alone": "single"}
+    names = [row.name for row in rows]
+    panels = [
+        Panel("what a best response wins", "iteration", "skill", _lines(at, found, wins)),
+        Panel("the defence", "iteration", "skill", _lines(at, found, skills)),
+        Panel("at the end: the worst attacker found", "", "skill", [Series("met", names, [row.worst for row in rows])]),
+        Panel("attackers that nobody has met", "", "skill", _strangers(names, rows)),
+    ]
+    note = f"{len(game.fronts)} conditions of {game.fronts[0].condition.suite.name}, 95% intervals over games"
+    question = "What do trust models and attackers reach when both are trained against each other?"
+    write_figure(out / "defence.png", finding_figure(question, panels, note), colours=256)
+    tables = [
+        markdown_table(["iteration", *_HEADINGS], [[str(one.number + 1), *_texts(one)] for one in found], names=1),
+        markdown_table(
+            ["model", "clean", "worst found", "strangers", "other worlds"],
+            [[f"`{row.name}`", *map(_text, (row.clean, row.worst, row.strangers, row.worlds))] for row in rows],
+            names=1,
+        ),
+        _mixture(game),
+        f"{note}. Made by `{command}`; `defence.json` has the settings, the software and every step.",
+    ]
+    write_text(out / "defence.md", "\n\n".join(tables) + "\n")
+
+
+_HEADINGS = ("value", "attackers win", "defence wins", "NashConv, at least", "mixture at worst", "best model alone")
+
+
+def _lines(at: Sequence[int], found: "Sequence[Iteration]", names: dict[str, str]) -> Any:
+    from roletrust_experiments.plots.findings import Series
+
+    return [Series(label, at, [getattr(one, name) for one in found]) for label, name in names.items()]
+
+
+def _strangers(names: Sequence[str], rows: "Sequence[Row]") -> Any:
+    from roletrust_experiments.plots.findings import Series
+
+    kinds = {"in the same worlds": "strangers", "in other worlds": "worlds"}
+    return [
+        Series(label, names, [getattr(row, kind) for row in rows])
+        for label, kind in kinds.items()
+        if all(getattr(row, kind) for row in rows)
+    ]
+
+
+def _mixture(game: "Game") -> str:
+    """Return the equilibrium at the end in words, with the numbers of the learned models in it."""
+    last = game.setup.iterations
+    models = game.known(last).defences
+    weights = zip(models.items(), game.solution(last).models, strict=True)
+    parts = [f"{_described(name, spec)}: {weight:.0%}" for (name, spec), weight in weights if weight >= _SHOWN]
+    return f"The defence's mixture at the end: {'; '.join(parts)}."
+
+
+def _described(name: str, spec: str) -> str:
+    """Return a model with its numbers; those of a network are too many."""
+    return name if len(spec) > _LONGEST or spec == name else f"{name} (`{spec}`)"
+
+
+def _texts(one: "Iteration") -> list[str]:
+    return [_text(getattr(one, name)) for name in _NUMBERS]
+
+
+def _text(value: Interval | None) -> str:
+    return "" if value is None else f"{value.value + 0.0:.3f} ± {(value.high - value.low) / 2:.3f}"
+
+
+def _print(found: "Sequence[Iteration]", rows: "Sequence[Row]") -> None:
+    table = number_table("Iterations", "", *_HEADINGS, name="iteration")
+    for one in found:
+        table.add_row(str(one.number + 1), *_texts(one))
+    console.print(table)
+    table = number_table("Trust models at the end", "", *_COLUMNS, name="model")
+    for row in rows:
+        table.add_row(escape(row.name), *map(_text, (row.clean, row.worst, row.strangers, row.worlds)))
+    console.print(table)

@@ -1,0 +1,122 @@
+"""Learned defences beside fixed trust models: the same attackers and budgets, and attackers that nobody has met."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_agents.training.defence import Floats
+from roletrust_env.benchmark.known_attacks import KnownAttack
+from roletrust_env.metrics.confidence import Interval
+from roletrust_experiments.attackers.runs import Run
+from roletrust_experiments.defence.double_oracle import Game, label
+from roletrust_experiments.defence.fronts import Front
+from roletrust_experiments.defence.progress import best_trained, interval
+from roletrust_experiments.defence.response import respond_by_attack
+
+_OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
+_SEEN, _HELD_OUT = "seen", "held out"
+
+
+class Row(NamedTuple):
+    """A trust model, as means of skill over conditions with 95% intervals over games.
+
+    Attributes:
+        name: Name of the trust model.
+        clean: Skill where nobody attacks, in the conditions of the training.
+        worst: Skill under the worst attacker that the game has found, or that is trained against this model alone
+            with the same budget, in the same conditions.
+        strangers: Skill under the worst attacker that no training has met, in the same conditions.
+        worlds: Skill under the worst attacker that no training has met, in other conditions; None without any.
+    """
+
+    name: str
+    clean: Interval
+    worst: Interval
+    strangers: Interval
+    worlds: Interval | None
+
+
+class Comparison:
+    """Models beside each other after a game.
+
+    Args:
+        game: Game that is played to its end.
+        beside: Specs of further trust models.
+        worlds: Conditions that no training has met.
+        games: Number of games that choose the worst attacker, and of others that measure.
+
+    Attributes:
+        models: Spec of each trust model by its name.
+        learned: Iteration, from 0, of the best model of each learner.
+    """
+
+    def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front], games: int) -> None:
+        self._game, self._worlds, self._games = game, tuple(worlds), games
+        last = game.setup.iterations
+        self.learned = {name: best_trained(game, name) for name in game.setup.learners}
+        known = game.known(last).defences
+        learned = {one: known[one] for one in (label(name, k) for name, k in self.learned.items())}
+        self.models = learned | {spec: spec for spec in (*game.setup.fixed, *beside)}
+
+    @property
+    def stages(self) -> int:
+        """Number of values of `play`."""
+        return len(self.models) * (len(self._game.fronts) + len(self._worlds))
+
+    def play(self) -> Iterator[str]:
+        """Play what is missing, and yield a few words after each stage."""
+        population = self._game.known(self._game.setup.iterations).attackers
+        for name, spec in self.models.items():
+            for c, (front, attackers) in enumerate(zip(self._game.fronts, population, strict=True)):
+                own = f"own|{front.name}|{name}"
+                self._game.once(own, self._own, c, name, spec)
+                met = [*attackers, KnownAttack(**self._game.runs[own]["attacker"])]
+                self._meet(_SEEN, front, name, spec, met)
+                self._meet(_HELD_OUT, front, name, spec, front.strangers(attackers))
+                self._game.once(f"clean|{front.name}|{name}", self._clean, front, spec)
+                yield f"{name} in {front.name}"
+            for front in self._worlds:
+                self._meet(_HELD_OUT, front, name, spec, front.strangers(()))
+                yield f"{name} in {front.name}"
+
+    def rows(self) -> list[Row]:
+        """Return the models, the best worst case first."""
+        found = [
+            Row(
+                name,
+                interval(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)),
+                self._worst(_SEEN, self._game.fronts, name),
+                self._worst(_HELD_OUT, self._game.fronts, name),
+                self._worst(_HELD_OUT, self._worlds, name) if self._worlds else None,
+            )
+            for name in self.models
+        ]
+        return sorted(found, key=lambda row: -row.worst.value)
+
+    def _own(self, c: int, name: str, spec: str) -> Run:
+        """Train an attacker against one model, with the budget of an attacker in the game."""
+        game = self._game
+        front, known = game.fronts[c], game.known(game.setup.iterations).attackers[c]
+        seed = game.seed(_OWN, c)
+        attacker, rounds = respond_by_attack({name: front.arguments(spec)}, {name: 1.0}, known, game.setup.budget, seed)
+        return {"attacker": front.known("trained against it alone", attacker).model_dump(), "rounds": rounds}
+
+    def _meet(self, kind: str, front: Front, name: str, spec: str, attackers: Sequence[KnownAttack]) -> None:
+        self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
+
+    def _met(self, front: Front, spec: str, attackers: Sequence[KnownAttack]) -> Run:
+        found = front.skills(spec, attackers, self._game.seed(_OWN), self._games)
+        return {attack: [part.tolist() for part in skills] for attack, skills in found.items()}
+
+    def _clean(self, front: Front, spec: str) -> Run:
+        return {"skill": front.clean(spec, self._game.seed(_OWN), self._games).tolist()}
+
+    def _clean_skill(self, front: Front, name: str) -> Floats:
+        return np.array(self._game.runs[f"clean|{front.name}|{name}"]["skill"])
+
+    def _worst(self, kind: str, fronts: Sequence[Front], name: str) -> Interval:
+        """Return the skill in the games that measure, each condition under the attack that is worst in the others."""
+        met = [self._game.runs[f"{kind}|{front.name}|{name}"].values() for front in fronts]
+        worst = [min(attacks, key=lambda halves: float(np.mean(halves[0])))[1] for attacks in met]
+        return interval(np.mean(worst, axis=0))

@@ -1,0 +1,106 @@
+"""`roletrust defend`: its files, its resume, its saved network, and what it refuses."""
+
+import csv
+import json
+
+import pytest
+
+pytest.importorskip("cma")
+pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from attackers_suite import SUITE
+from typer.testing import CliRunner
+
+from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
+from roletrust_experiments.cli import app
+
+SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3", "--fresh", "3"]
+MODELS = ["--model", "mean", "--model", "role-trust", "--learner", "network"]
+
+
+def run(folder, *arguments):
+    suite = folder / "tiny.toml"
+    suite.write_text(SUITE.replace("shares = [0.5]", "shares = [0.25, 0.5]"))
+    where = ["--suite", str(suite), "--front", "small/raters/0.5", "--world", "small/raters/0.25"]
+    options = ["defend", *where, *SHORT, *MODELS, "--out", str(folder / "out"), *arguments]
+    result = CliRunner().invoke(app, options, env={"COLUMNS": "400"})
+    return result.exit_code, " ".join(result.output.split())
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("defend")
+    code, printed = run(folder)
+    assert code == 0, printed
+    return folder, printed
+
+
+def rows(folder, name):
+    with (folder / "out" / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_its_files_say_the_same(played):
+    folder, printed = played
+    (iteration,) = rows(folder, "iterations.csv")
+    page = (folder / "out" / "defence.md").read_text()
+    assert f"{float(iteration['nash_conv']):.3f} ± " in page
+    assert f"{float(iteration['nash_conv']):.3f} ± " in printed
+    models = rows(folder, "comparison.csv")
+    assert {row["model"] for row in models} == {"network, trained 1", "mean", "role-trust"}
+    for row in models:
+        assert f"| `{row['model']}` | {float(row['clean']):.3f} ± " in page
+    assert "Made by `roletrust defend --learner network --model mean --model role-trust --suite " in page
+    assert (folder / "out" / "defence.png").stat().st_size > 10_000
+    kept = json.loads((folder / "out" / "defence.json").read_text())
+    assert kept["made_with"]["package"]["name"] == "roletrust-env"
+    assert kept["made_with"]["conditions"]["small/raters/0.5"]["compromised"] == ["sr_2", "sr_3"]
+
+
+def test_the_network_is_saved_as_it_played(played):
+    folder, _ = played
+    card, weights = load_defence(folder / "out" / "network")
+    spec = json.loads((folder / "out" / "defence.json").read_text())["runs"]["defence|0|network"]["spec"]
+    numbers, _, listed = spec.partition("weights=")
+    assert json.loads(listed) == weights.tolist()
+    assert all(f"{name}={value}" in numbers for name, value in card.parameters.items())
+    assert SavedTrust(path=str(folder / "out" / "network.json")).power == card.parameters["power"]
+
+
+def test_a_model_is_saved_as_model_takes_it(tmp_path):
+    assert run(tmp_path, "--learner", "beta")[0] == 0
+    spec = (tmp_path / "out" / "beta.txt").read_text().strip()
+    assert spec.startswith("beta:keep=")
+    runs = json.loads((tmp_path / "out" / "defence.json").read_text())["runs"]
+    assert spec == runs["defence|0|beta"]["spec"]
+
+
+def test_a_repeat_says_the_same(played):
+    folder, _ = played
+    before = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"}
+    assert run(folder)[0] == 0
+    assert {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"} == before
+
+
+def test_other_settings_are_not_mixed(played):
+    folder, _ = played
+    code, printed = run(folder, "--seed", "1")
+    assert (code, "another seed; give --force" in printed) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--learner", "constant"], "has no number that can be learned"),
+        (["--learner", "netwrk"], "did you mean 'network'"),
+        (["--world", "small/raters/0.5"], "is a condition of the training"),
+        (["--front", "small/raters"], "a front is SCENARIO/TRACK/SHARE"),
+        (["--model", "bta"], "did you mean 'beta'"),
+        (["--budget", "10"], "an attacker needs 3072 or more"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_anything_is_written(tmp_path, arguments, message):
+    code, printed = run(tmp_path, *arguments)
+    assert (code, message in printed) == (2, True), printed
+    assert not (tmp_path / "out").exists()

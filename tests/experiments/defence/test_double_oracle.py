@@ -1,0 +1,167 @@
+"""The game that both sides play: its matrix, its mixtures, its numbers by iteration, and what a repeat plays."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cma")
+pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from attackers_suite import SUITE
+
+from roletrust_agents.training.defence import Climb
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.measurement import measure
+from roletrust_env.evaluation.records import read_record
+from roletrust_env.metrics.consumers import skill
+from roletrust_experiments.defence.comparison import Comparison
+from roletrust_experiments.defence.double_oracle import Game, Setup, label
+from roletrust_experiments.defence.fronts import Front
+from roletrust_experiments.defence.progress import best_trained, iterations
+
+SETUP = Setup(
+    learners=("leave-one-out",),
+    fixed=("mean", "role-trust"),
+    iterations=2,
+    budget=8_000,
+    climb=Climb(steps=2, pairs=2, games=2, attackers=2, validation=2, validate_every=1),
+    games=4,
+    explored=0.25,
+    seed=0,
+)
+
+
+def fronts_in(folder):
+    path = folder / "tiny.toml"
+    path.write_text(SUITE.replace("shares = [0.5]", "shares = [0.25, 0.5]"))
+    return [Front.of(str(path), f"small/raters/{share}") for share in (0.25, 0.5)]
+
+
+def play(fronts, runs=(), setup=SETUP, stop=None):
+    kept = dict(runs)
+    game = Game(fronts, setup, kept, kept.__setitem__)
+    for k, _ in enumerate(game.play()):
+        if k == stop:
+            break
+    return game, kept
+
+
+@pytest.fixture(scope="module")
+def fronts(tmp_path_factory):
+    return fronts_in(tmp_path_factory.mktemp("suite"))
+
+
+@pytest.fixture(scope="module")
+def game(fronts):
+    return play(fronts)[0]
+
+
+def test_both_sides_grow(game):
+    first, last = game.known(0), game.known(2)
+    assert list(first.defences) == ["mean", "role-trust"]
+    assert list(last.defences) == ["mean", "role-trust", "leave-one-out, trained 1", "leave-one-out, trained 2"]
+    for before, after in zip(first.attackers, last.attackers, strict=True):
+        names = [one.name for one in after]
+        assert names == [*(one.name for one in before), "learned in iteration 1", "learned in iteration 2"]
+        assert len(set(names)) == len(names)
+        assert {"bad-mouthing", "ballot-stuffing"} & set(names)
+
+
+def test_a_cell_is_the_skill_in_games_of_its_own(game):
+    payoffs, known = game.payoffs(2)[1], game.known(2)
+    attack = known.attackers[1][-1]
+    task = exact_task(game.fronts[1].arguments("role-trust"))
+    seen = measure(task, read_record(attack.record), game.seed(1), (1, 4))
+    for half, part in ((seen.chosen, payoffs.chosen), (seen.measured, payoffs.measured)):
+        expected = skill(half["utility"][0], half["blind"][0])
+        np.testing.assert_allclose(part[1, -1], expected, atol=1e-5)
+    assert payoffs.chosen.shape == (4, len(payoffs.attacks), 4)
+
+
+def test_the_numbers_of_an_iteration_are_those_of_the_formulas(game):
+    """Every mean is a loop over the matrix of what is known after the iteration."""
+    for one in iterations(game):
+        solution, after = game.solution(one.number), game.payoffs(one.number + 1)
+        x = list(solution.models) + [0.0] * (len(after[0].chosen) - len(solution.models))
+        value, worst, replies = [], [], np.zeros(len(x))
+        for payoffs, y in zip(after, solution.attacks, strict=True):
+            y = list(y / sum(y)) + [0.0] * (payoffs.chosen.shape[1] - len(y))
+            pairs = [(m, a) for m in range(len(x)) for a in range(len(y))]
+            value.append(sum(x[m] * y[a] * payoffs.measured[m, a].mean() for m, a in pairs))
+            mixed = [sum(x[m] * payoffs.chosen[m, a].mean() for m in range(len(x))) for a in range(len(y))]
+            reply = int(np.argmin(mixed))
+            worst.append(sum(x[m] * payoffs.measured[m, reply].mean() for m in range(len(x))))
+            replies += [sum(y[a] * payoffs.chosen[m, a].mean() for a in range(len(y))) for m in range(len(x))]
+        best = int(np.argmax(replies))
+        answered = np.mean(
+            [
+                sum((y / sum(y))[a] * payoffs.measured[best, a].mean() for a in range(len(y)))
+                for payoffs, y in zip(after, solution.attacks, strict=True)
+            ]
+        )
+        assert one.value.value == pytest.approx(np.mean(value))
+        assert one.worst.value == pytest.approx(np.mean(worst))
+        assert one.attack.value == pytest.approx(np.mean(value) - np.mean(worst))
+        assert one.defence.value == pytest.approx(answered - np.mean(value))
+        assert one.nash_conv.value == pytest.approx(one.attack.value + one.defence.value)
+        assert sum(one.weights.values()) == pytest.approx(1)
+        assert one.nash_conv.low < one.nash_conv.value < one.nash_conv.high
+
+
+def test_a_game_continues_where_it_stopped(fronts, game):
+    part, kept = play(fronts, stop=5)
+    assert 0 < len(kept) < len(game.runs)
+    again, _ = play(fronts, kept)
+    assert again.runs == game.runs
+    assert len(part.runs) == len(kept)
+
+
+def test_a_repeat_plays_nothing_and_more_iterations_continue(fronts, game, monkeypatch):
+    monkeypatch.setattr(Front, "skills", None)  # nothing may be played
+    assert play(fronts, game.runs)[0].runs == game.runs
+    short = SETUP.__class__(**{**SETUP.__dict__, "iterations": 1})
+    assert short.plain() == SETUP.plain()
+    assert play(fronts, game.runs, short)[0].known(1).defences == game.known(1).defences
+
+
+def test_models_stand_beside_each_other(game, fronts):
+    comparison = Comparison(game, ("median",), fronts[:1], 5)
+    assert len(list(comparison.play())) == comparison.stages
+    rows = {row.name: row for row in comparison.rows()}
+    learned = label("leave-one-out", best_trained(game, "leave-one-out"))
+    assert set(rows) == {learned, "mean", "role-trust", "median"}
+    for name, row in rows.items():
+        worst = []
+        for front in fronts:
+            met = game.runs[f"seen|{front.name}|{name}"]
+            assert "trained against it alone" in met
+            worst.append(min(met.values(), key=lambda halves: np.mean(halves[0]))[1])
+        assert all(len(half) == 5 for half in worst)
+        assert row.worst.value == pytest.approx(np.mean(worst))
+        assert row.clean.value == pytest.approx(
+            np.mean([game.runs[f"clean|{front.name}|{name}"]["skill"] for front in fronts])
+        )
+    assert list(rows) == sorted(rows, key=lambda name: -rows[name].worst.value)
+
+
+def test_strangers_are_attackers_that_no_training_has_met(fronts):
+    begun = fronts[0].beginners(["mean"], 0, 2)
+    strangers = fronts[0].strangers(begun)
+    assert strangers
+    assert not {one.name for one in strangers} & {one.name for one in begun}
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("small/raters", "a front is SCENARIO/TRACK/SHARE"),
+        ("small/raters/half", "a front is SCENARIO/TRACK/SHARE"),
+        ("large/raters/0.5", "no scenario 'large'"),
+        ("small/honest/0.5", "no track 'honest'"),
+        ("small/raters/2", "must lie between 0 and 1"),
+    ],
+)
+def test_a_condition_that_is_not_there_is_refused(fronts, tmp_path, name, message):
+    fronts_in(tmp_path)
+    with pytest.raises(ValueError, match=message):
+        Front.of(str(tmp_path / "tiny.toml"), name)
