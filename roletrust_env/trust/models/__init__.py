@@ -17,6 +17,7 @@ from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
 from roletrust_env.trust.models.personal.clustering import Clustering
 from roletrust_env.trust.models.personal.fire import Fire
+from roletrust_env.trust.models.personal.first_hand import FirstHand
 from roletrust_env.trust.models.personal.own_experience import OwnExperience
 from roletrust_env.trust.models.personal.peer_trust import PeerTrust
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
@@ -43,6 +44,7 @@ register_trust_model("wary-role-trust", WaryRoleTrust)
 
 register_trust_model("clustering", Clustering)
 register_trust_model("fire", Fire)
+register_trust_model("first-hand", FirstHand)
 register_trust_model("own-experience", OwnExperience)
 register_trust_model("peer-trust", PeerTrust)
 register_trust_model("qor", QualityOfRecommendation)

@@ -1,0 +1,98 @@
+"""First-hand trust: each judge goes by its own ratings first, and by others as far as they agree with these."""
+
+from typing import NamedTuple
+
+from roletrust_env.arrays import Array, namespace, total
+from roletrust_env.parameters import checked_dataclass
+from roletrust_env.ranges import Power, Ridge, Share
+from roletrust_env.trust.judges import (
+    Personal,
+    by_judges,
+    credence_sum,
+    credences,
+    mean,
+    others,
+    product,
+    published_raters,
+)
+from roletrust_env.trust.ratings import MaskedRatings
+
+
+class FirstHandState(NamedTuple):
+    """Memory of the judges.
+
+    Attributes:
+        sums: Sum of the ratings of each pair, faded, shape (S, P, ...).
+        counts: Number of these ratings, faded alike, shape (S, P, ...).
+        trust: Trust of each judge in each provider, shape (S, P, ...).
+        credence: Credence of each judge in each rater, shape (S, S, ...).
+    """
+
+    sums: Array
+    counts: Array
+    trust: Array
+    credence: Array
+
+
+@checked_dataclass
+class FirstHand(Personal):
+    """First-hand trust: what a judge has seen itself counts most, and agreement with it makes others count.
+
+        s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        only where i rated j
+        x[i, j]  = s[i, j] / n[i, j],   v[i, j] = n[i, j] / (1 + limit n[i, j])
+        C[i, k]  = ((doubt + sum over j of v[i, j] v[k, j] (1 - |x[i, j] - x[k, j]|))
+                    / (1 + sum over j of v[i, j] v[k, j]))^power
+        T[i, j]  = (prior initial + own n[i, j] x[i, j] + sum over k of C[i, k] v[k, j] x[k, j])
+                    / (prior + own n[i, j] + sum over k of C[i, k] v[k, j]),   k other than i
+
+    It is `leave-one-out` for a judge that has experience of its own: a liar that is the majority misleads nobody who
+    has met the provider, and who contradicts a judge in one place is not believed by it in others. Credence is
+    computed anew from all ratings, so a lie of long ago that the judge now sees through counts, too.
+
+    Attributes:
+        initial: Trust without any rating, in [0, 1].
+        keep: Share of a rating's weight that remains when its rater rates its provider again, in [0, 1].
+        prior: Number of voices that the prior counts, at least 0.001.
+        own: Number of voices that a rating of the judge's own counts, at least 0.001.
+        power: Exponent that turns agreement into credence, in [0, 8].
+        doubt: Agreement with a rater that has rated no provider of the judge's, in [0, 1]; it counts as one comparison.
+        limit: Inverse of the largest weight of a pair, in [0, 1].
+    """
+
+    initial: Share = 0.5
+    keep: Share = 1.0
+    prior: Ridge = 0.2
+    own: Ridge = 5.0
+    power: Power = 6.0
+    doubt: Share = 0.8
+    limit: Share = 0.3
+    rates_raters = True
+    cost = "S^2 P"
+
+    def start(self, like: Array) -> FirstHandState:
+        """Return the initial trust and credence of all judges. See `TrustModel.start`."""
+        none = namespace(like).zeros_like(like)
+        return FirstHandState(none, none, none + self.initial, credences(like, self.doubt**self.power))
+
+    def update(self, state: FirstHandState, ratings: Array, mask: Array) -> FirstHandState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        xp, new = namespace(ratings), MaskedRatings.of(ratings, mask)
+        kept = 1 - (1 - self.keep) * new.weights
+        sums, counts = kept * state.sums + new.values, kept * state.counts + new.weights
+        means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
+
+        def agree(some: slice) -> Array:
+            apart = abs(means[some, None] - means[None])
+            return total(voice[some, None] * voice[None] * (1 - apart), 2)
+
+        compared = product(voice, voice.swapaxes(0, 1))
+        agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)
+        credence = agreement**self.power
+        heard, own = others(voice) * credence, self.own * counts
+        said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
+        trust = said / (self.prior + own + credence_sum(heard, voice))
+        return FirstHandState(sums, counts, xp.clip(trust, 0.0, 1.0), credence)
+
+    def rater_trust(self, state: FirstHandState) -> Array:
+        """Return the other judges' mean credence in each rater, shape (S, ...)."""
+        return published_raters(state.credence)
