@@ -6,7 +6,7 @@ OUT := results
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 .PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs edge-costs live-load better-model \
-	leave-one-out leave-one-out-logs real equilibrium strategic defence defence-logs \
+	leave-one-out leave-one-out-logs first-hand real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
 run: setup
@@ -132,7 +132,14 @@ leave-one-out: setup
 	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
 	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
 
-# The same on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.
+# First-hand trust beside the best other models, with five trainings of each attacker; half an hour.
+first-hand: setup
+	$(BIN)/roletrust benchmark --suite first-hand --out $(OUT)/first-hand
+	$(BIN)/roletrust report $(OUT)/first-hand/results.sqlite --out $(OUT)/first-hand/report
+	mkdir -p docs/first-hand
+	cp $(OUT)/first-hand/leaderboard.csv $(OUT)/first-hand/report/worst_cases.csv docs/first-hand/
+
+# Leave-one-out on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.
 PARTS := own=1 limit=0 modesty=0 power=0 keep=1 prior=0.001
 OTHERS := wary-role-trust role-trust beta iterative-filtering two-way-mean fairness-goodness bias-deserve
 leave-one-out-logs: setup
