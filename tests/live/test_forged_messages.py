@@ -87,7 +87,7 @@ def named(team, reason, rater=VICTIM):
 
 
 def rated(team, first):
-    """Return the journal's rounds from a published one on, and check that all their ratings are those that were sent."""
+    """Return the journal's rounds from a published one on, and check that all their ratings are true."""
     entries = list(read_journal(team.journal))[team.heard[first][1].round :]
     for entry in entries:
         for name, row in entry.ratings.items():
@@ -134,7 +134,7 @@ def test_a_forged_manager_is_neither_displayed_nor_does_it_displace_one(team, pa
 
 
 def test_forged_ratings_cost_their_rater_no_round(team, forger, tmp_path):
-    """Ratings of another participant on the rater's topic: unsigned, altered, replayed, and signed by a key of its own."""
+    """They are unsigned, altered, replayed, or signed by a key of the forger's own."""
     make_keys(tmp_path, [VICTIM])
     voice = forger.writer(f"/{VICTIM}/ratings", messages.RATINGS)
     reader = forger.reader(f"/{VICTIM}/ratings", messages.RATINGS)

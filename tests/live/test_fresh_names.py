@@ -1,4 +1,4 @@
-"""A flood of fresh names without keys, on real middleware: the team loses no round, and the flood is named and cut off."""
+"""A flood of fresh names without keys on real middleware: it is named and cut off, and the team loses no round."""
 
 import time
 from collections import deque
@@ -39,7 +39,7 @@ def test_the_team_loses_no_round(seconds, tmp_path, keys):
     with Raters(keys) as raters:
         manager = managed(tmp_path, keys=None)
         raters.wait_for(4)
-        before, usual = measured(raters, manager, 20)
+        _, usual = measured(raters, manager, 20)
         stranger = process(fresh_names)
         until(lambda: flood(raters), "the flood is not named")
         first, during = measured(raters, manager, rounds)
