@@ -49,7 +49,7 @@ test-extras: setup
 test-live: setup
 	$(BIN)/pytest --reruns 2 -m live tests/live
 
-# Strangers around a team for minutes; the numbers are printed.
+# Minutes of a team: the longer of the demos, and strangers around it; the numbers are printed.
 test-soak: setup
 	$(BIN)/pytest --reruns 2 -s -m soak tests/live
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from loopback import Listener, managed, own_domain, process, until
-from test_strange_cameras import PERIOD, strange_cameras
+from test_strange_cameras import strange_cameras
 
 from roletrust_env import make_scenario
 from roletrust_env.live.admission import MAX_STRANGERS
@@ -20,7 +20,7 @@ __all__ = ["own_domain"]
 
 SCENARIO = make_scenario("paper-3x3").change(max_cycles=2000, perturbations=())
 TEAM = Team(Roster.of(SCENARIO).rater_names, Roster.of(SCENARIO).provider_names)
-MINUTE = 120  # rounds
+PERIOD, MINUTE = 500_000_000, 120  # nanoseconds, and rounds
 
 
 def test_unknown_cameras_make_no_rating_late(tmp_path):
@@ -41,7 +41,7 @@ def test_unknown_cameras_make_no_rating_late(tmp_path):
         until(lambda: listener.heard and not listener.heard[-1][1].missing, "the team does not find each other")
         measure("before", MINUTE // 2)
         for count in (12, 200):
-            stranger = process(strange_cameras, count=count)
+            stranger = process(strange_cameras, count=count, period=PERIOD)
             measure(f"{count} cameras", MINUTE)
             stranger.kill()
             stranger.join()
