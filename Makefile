@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-all test-slow test-site test-extras test-live test-ros2 test-clients setup format pictures costs edge-costs live-load better-model \
+.PHONY: run docs test test-all test-slow test-site test-extras test-live test-soak test-ros2 test-clients setup format pictures costs edge-costs live-load better-model \
 	leave-one-out leave-one-out-logs first-hand real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
@@ -30,6 +30,7 @@ test-all: setup
 	$(MAKE) test-site
 	$(MAKE) test-extras
 	$(MAKE) test-live
+	$(MAKE) test-soak
 	$(MAKE) test-ros2
 
 # Compilation, kill and resume, long trainings, and the site built quickly.
@@ -47,6 +48,10 @@ test-extras: setup
 # Teams of processes on DDS, one after the other. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
 	$(BIN)/pytest --reruns 2 -m live tests/live
+
+# Minutes of a team: the longer of the demos, and strangers around it; the numbers are printed.
+test-soak: setup
+	$(BIN)/pytest --reruns 2 -s -m soak tests/live
 
 # A peer of ROS 2 in an environment of its own, which is made first.
 test-ros2: setup

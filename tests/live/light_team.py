@@ -1,6 +1,5 @@
 """Robots with little load: cameras with pictures of one colour, and raters that do not look at them."""
 
-import multiprocessing
 import time
 
 import cv2
@@ -29,10 +28,3 @@ def run_robots(places, providers, keys, period):
                 cameras[k].write(signed_picture(stamp, f"sp_{k}", jpeg, Signer(keys, f"sp_{k}")))
                 ratings = {name: float(random.uniform(0.3, 1)) for name in providers}
                 raters[k].write(sign(messages.ratings_message(f"sr_{k}", stamp, ratings), signers[k]))
-
-
-def started(run, *args, **kwargs):
-    """Start a function in a new process."""
-    process = multiprocessing.get_context("spawn").Process(target=run, args=args, kwargs=kwargs, daemon=True)
-    process.start()
-    return process

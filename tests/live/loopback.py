@@ -33,22 +33,46 @@ SPAWN.set_forkserver_preload(
 _started = []
 
 
+@contextlib.contextmanager
+def domain():
+    """Use a DDS domain of this process, and stop all nodes at the end."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
+        patch.delenv("CYCLONEDDS_URI", raising=False)
+        yield
+        while _started:
+            left = _started.pop()
+            left.kill()
+            left.join()
+
+
 @pytest.fixture(autouse=True)
-def own_domain(monkeypatch):
-    """Use a DDS domain of the test's own, and stop all processes after it."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
-    yield
-    while _started:
-        left = _started.pop()
-        left.kill()
-        left.join()
+def own_domain():
+    with domain():
+        yield
 
 
 @pytest.fixture
 def keys(tmp_path):
-    make_keys(tmp_path / "keys", [MANAGER, *TEAM.raters, *TEAM.providers])
-    return tmp_path / "keys"
+    return made_keys(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def team(tmp_path_factory):
+    """Start raters and a manager for all tests of a module, and wait for the first rounds."""
+    folder = tmp_path_factory.mktemp("team")
+    with domain(), Raters(made_keys(folder)) as raters:
+        raters.journal, raters.manager = folder / "journal", managed(folder)
+        raters.wait_for(4)
+        yield raters
+        raters.manager.terminate()
+        raters.manager.join()
+
+
+def made_keys(folder):
+    """Make the keys of the team, and return their folder."""
+    make_keys(folder / "keys", [MANAGER, *TEAM.raters, *TEAM.providers])
+    return folder / "keys"
 
 
 def process(run, **arguments):
@@ -119,15 +143,17 @@ class Raters(Listener):
         off: Error of each rater's clock, nanoseconds.
         lost: Probability that a message is lost.
         late: Probability that a message is up to a period late.
+        keys: Folder of their keys.
         sent: Delay of each message by (rater, stamp), seconds; None if it was lost.
+        values: Ratings of each message by (rater, stamp), in the order of the providers.
         overdue: Times at which a message was due that a busy machine kept back for half the manager's deadline.
     """
 
     def __init__(self, keys):
         super().__init__()
-        self.silent, self.flooded, self.off = set(), set(), {}
+        self.keys, self.silent, self.flooded, self.off = keys, set(), set(), {}
         self.lost = self.late = 0.0
-        self.sent, self.overdue = {}, set()
+        self.sent, self.values, self.overdue = {}, {}, set()
         self._signers = {name: Signer(keys, name) for name in TEAM.raters}
         self._voices = {name: self.node.writer(f"/{name}/ratings", messages.RATINGS) for name in TEAM.raters}
         self._random = np.random.default_rng(0)
@@ -166,8 +192,10 @@ class Raters(Listener):
                     yield name, delay
 
     def _message(self, name, stamp):
-        ratings = dict(zip(TEAM.providers, self._random.random(3).tolist(), strict=True))
+        values = self._random.random(3).tolist()
+        ratings = dict(zip(TEAM.providers, values, strict=True))
         stamp += self.off.get(name, 0)
+        self.values[name, stamp] = values
         return sign(messages.ratings_message(name, stamp, ratings), self._signers[name])
 
     def _flood(self):

@@ -59,6 +59,7 @@ def test_a_topic_whose_writers_have_gone_is_dropped_and_read_again_when_they_ret
     wire = FakeWire()
     made = readers(wire)
     made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0", "sp_1"))
+    wire.announced.clear()
     wire.readers[f"/sp_0{IMAGES}"].writers = 0
     for clock.now in (2.0, 4.0, 5.5, 7.5):
         made.update([])
@@ -66,6 +67,18 @@ def test_a_topic_whose_writers_have_gone_is_dropped_and_read_again_when_they_ret
     assert wire.dropped == [f"/sp_0{IMAGES}"]
     made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
     assert names(made) == ["sp_1", "sp_0"]
+
+
+def test_a_writer_that_connects_late_is_read(clock):
+    """Another middleware may take more than five seconds to connect on a busy machine; it is announced all the time."""
+    wire = FakeWire()
+    made = readers(wire)
+    made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
+    wire.readers[f"/sp_0{IMAGES}"].writers = 0
+    for clock.now in (2.0, 8.0):
+        made.update([])
+    assert wire.dropped == [f"/sp_0{IMAGES}"]
+    assert names(made) == ["sp_0"]
 
 
 def test_a_stranger_that_leaves_has_its_place_taken_by_another(clock):

@@ -16,8 +16,6 @@ from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
 from roletrust_experiments.cli import app
 
-pytestmark = pytest.mark.live
-
 HEADROOM = 2.5  # ratio of a round to the longest time that three raters take for three pictures each
 
 
@@ -35,7 +33,13 @@ def speed():
     return min(4.0, max(0.2, 0.5 / (HEADROOM * max(taken_s[1:]))))
 
 
-@pytest.mark.parametrize(("attack", "figure", "seconds"), [("bad-mouthing", 4, 42), ("on-off", 3, 70)])
+@pytest.mark.parametrize(
+    ("attack", "figure", "seconds"),
+    [
+        pytest.param("bad-mouthing", 4, 42, marks=pytest.mark.live),
+        pytest.param("on-off", 3, 70, marks=pytest.mark.soak),
+    ],
+)
 def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
     attack, figure, seconds, speed, tmp_path, monkeypatch
 ):

@@ -24,13 +24,13 @@ SHADE = cv2.imencode(".jpg", np.zeros((96, 128, 3), np.uint8))[1].tobytes()
 PICTURE = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8))[1].tobytes()
 
 
-def strange_cameras(count):
+def strange_cameras(count, period):
     """Run cameras of one participant without keys until a signal ends the process."""
     node = Node("stranger", "/strange")
     writers = {f"z{k}": node.writer(f"/z{k}/image_raw/compressed", messages.IMAGE) for k in range(count)}
     with run_until_signal() as active:
         while active:
-            stamp = (time.time_ns() // PERIOD + 1) * PERIOD
+            stamp = (time.time_ns() // period + 1) * period
             active.sleep_until(stamp)
             for name, writer in writers.items():
                 writer.write(signed_picture(stamp, name, SHADE, None))
@@ -85,27 +85,24 @@ def measured(cameras, one, rounds=8):
     return len(delays), max(delays), cpu_s(one.pid) - before
 
 
-@pytest.mark.parametrize(("counts", "signed"), [((12, 200), False), ((200,), True)])
-def test_unknown_cameras_cost_a_rater_nothing(counts, signed, keys):
+@pytest.mark.parametrize("signed", [False, True])
+def test_unknown_cameras_cost_a_rater_nothing(signed, keys):
     folder = keys if signed else None
     cameras, one = Cameras(folder), rater(folder)
     until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")
     _, _, usual = measured(cameras, one)
-    print(f"{usual / 8:.4f} s of CPU time a round before")
-    for count in counts:
-        stranger = process(strange_cameras, count=count)
-        cameras.send(4)
-        complete, longest, during = measured(cameras, one)
-        print(f"{during / 8:.4f} s during {count} cameras")
-        assert complete == 8
-        assert longest < 0.7 * PERIOD / 1e9
-        assert during < 1.3 * usual + 0.1
-        if not signed:  # on a busy machine, the rater seldom has time for strangers
-            until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
-        stranger.kill()
-        stranger.join()
+    stranger = process(strange_cameras, count=200, period=PERIOD)
+    cameras.send(4)
+    complete, longest, during = measured(cameras, one)
+    assert complete == 8
+    assert longest < 0.7 * PERIOD / 1e9
+    assert during < 1.3 * usual + 0.1
+    if not signed:  # on a busy machine, the rater seldom has time for strangers
+        until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
+    stranger.kill()
+    stranger.join()
     complete, _, after = measured(cameras, one)
-    print(f"{after / 8:.4f} s after")
+    print(f"CPU time a round: {usual / 8:.4f} s before, {during / 8:.4f} s during, {after / 8:.4f} s after")
     assert complete == 8
     assert after < 1.3 * usual + 0.1
     assert (cameras.rated == {"sp_0", "sp_1", "sp_2"}) is signed

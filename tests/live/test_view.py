@@ -10,7 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
-from light_team import run_robots, started
+from light_team import run_robots
+from loopback import SPAWN
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.message_validation import MANAGER
@@ -29,6 +30,13 @@ PERIOD = 500_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 PATIENCE_MS = 240_000  # far more than a busy machine takes
 VIEWERS = 20
+
+
+def started(run, *args, **kwargs):
+    """Start a function in a new process."""
+    process = SPAWN.Process(target=run, args=args, kwargs=kwargs, daemon=True)
+    process.start()
+    return process
 
 
 class Stage:

@@ -106,7 +106,7 @@ def measure_load(
             node.wait(_LOOK_S)
             now = time.time_ns()
             advance(spent)
-            memory.append(_memory_mb(manager))
+            memory.append(memory_mb(manager))
             for message in _received(trust):
                 delays.append((now - messages.stamp_of(message)) / 1e6)
                 complete += not len(message.missing)
@@ -174,7 +174,7 @@ def cpu_s(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _memory_mb(process: int) -> float:
+def memory_mb(process: int) -> float:
     """Return the memory of a process in megabytes."""
     pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -80,7 +80,7 @@ class AgentReaders:
         self, node: Node, ending: str, kind: str, known: Container[str], *, strangers: bool, make: Make | None = None
     ) -> None:
         self._node, self._ending, self._kind, self._known, self._strangers = node, ending, kind, known, strangers
-        self._readers, self._crowded = TopicReaders(node, make or node.reader), False
+        self._readers = TopicReaders(node, make or node.reader)
         self.turned_away: Counter[str] = Counter()
 
     def __iter__(self) -> Iterator[tuple[str, Reader]]:
@@ -97,8 +97,7 @@ class AgentReaders:
                     self._readers.add(one.topic, one.kind)
                 else:
                     self._turn_away(one.participant)
-        if self._readers.drop_silent() and self._crowded:
-            self._crowded = False
+        if self._readers.drop_silent():  # some have a place now, and a slow writer may not have been connected yet
             self.update(self._node.publications())
 
     def _has_place(self) -> bool:
@@ -107,6 +106,5 @@ class AgentReaders:
 
     def _turn_away(self, participant: str) -> None:
         """Count a topic that is not read."""
-        self._crowded = self._strangers
         named = participant in self.turned_away or len(self.turned_away) < _COUNTED
         self.turned_away[participant if named else "others"] += 1

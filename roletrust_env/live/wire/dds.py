@@ -154,6 +154,8 @@ class Node:
         self._participant = _participant(network)
         self._name, self._namespace = name, namespace
         self._builtin_reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self._known: dict[str, Publication] = {}  # publications at the moment, by the GUIDs of their writers
+        self._new: list[Publication] = []  # those that `discover` has not returned yet
         self._waitset = WaitSet(self._participant)
         self._conditions: dict[str, ReadCondition] = {}
         self._attach(self._builtin_reader)
@@ -206,16 +208,28 @@ class Node:
 
     def writers_of(self, topic: str) -> list[str]:
         """Return the GUIDs of all known writers of a topic, including those of this node, in ascending order."""
-        known = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication).read(_AT_ONCE)
-        return sorted(str(sample.key) for sample in known if sample.topic_name == "rt" + topic)
+        self._look()
+        return sorted(guid for guid, one in self._known.items() if one.topic == topic)
 
     def discover(self) -> list[Publication]:
         """Return the publications since the last call, including those of this node; a topic may be listed again."""
-        return _publications(self._builtin_reader.take(_AT_ONCE))
+        self._look()
+        new, self._new = self._new, []
+        return new
 
     def publications(self) -> list[Publication]:
         """Return the publications at the moment, including those of this node."""
-        return _publications(BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication).read(_AT_ONCE))
+        self._look()
+        return list(self._known.values())
+
+    def _look(self) -> None:
+        """Note the publications that began or ended. The middleware never frees a reader of them, so there is one."""
+        for sample in self._builtin_reader.take(_AT_ONCE):
+            if sample.topic_name is None:
+                self._known.pop(str(sample.key), None)
+            elif one := _publication(sample):
+                self._known[str(sample.key)] = one
+                self._new.append(one)
 
     def _topic(self, name: str, kind: str) -> tuple[Any, type[Any]]:
         carrier = _carrier(kind)
@@ -240,15 +254,12 @@ class Node:
         )
 
 
-def _publications(samples: list[Any]) -> list[Publication]:
-    """Return the publications that some samples of discovery announce, without ended ones."""
-    publications = []
-    for sample in samples:
-        topic, kind = sample.topic_name, sample.type_name
-        if topic is not None and _TOPIC.fullmatch(topic):  # None if the publication ended
-            parts = kind.replace("::dds_::", "::").removesuffix("_").split("::")
-            publications.append(Publication(topic.removeprefix("rt"), "/".join(parts), str(sample.participant_key)))
-    return publications
+def _publication(sample: Any) -> Publication | None:
+    """Return the publication that a sample of discovery announces; None if ROS 2 allows no topic of that name."""
+    if not _TOPIC.fullmatch(sample.topic_name):
+        return None
+    parts = sample.type_name.replace("::dds_::", "::").removesuffix("_").split("::")
+    return Publication(sample.topic_name.removeprefix("rt"), "/".join(parts), str(sample.participant_key))
 
 
 def _participant(network: bool) -> Any:

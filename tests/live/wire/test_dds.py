@@ -10,6 +10,7 @@ from cyclonedds.sub import DataReader
 
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader
+from roletrust_experiments.timing.live_load import memory_mb
 
 PATIENCE_S = 120.0  # far more than a busy machine takes
 
@@ -120,9 +121,21 @@ def test_an_empty_variable_does_not_open_the_network(monkeypatch):
 def test_topic_names_that_ros_does_not_allow_are_ignored(topic, monkeypatch):
     looks = Node("looks")
     samples = {"type_name": "a::msg::dds_::B_", "participant_key": 7}
-    found = [SimpleNamespace(topic_name=name, **samples) for name in (topic, "rt/sr_0/ratings")]
+    found = [SimpleNamespace(topic_name=name, key=name, **samples) for name in (topic, "rt/sr_0/ratings")]
     monkeypatch.setattr(looks, "_builtin_reader", SimpleNamespace(take=lambda _: found))
     assert looks.discover() == [Publication("/sr_0/ratings", "a/msg/B", "7")]
+
+
+def test_looking_for_writers_again_and_again_takes_no_memory():
+    """A manager does it once a second. 200 looks took 15 MB when each had a reader of its own."""
+    node = Node("looks")
+    writers = [node.writer(f"/sr_{k}/tor", messages.NUMBER) for k in range(30)]
+    assert until(lambda: len(node.publications()) >= len(writers))
+    before = memory_mb(os.getpid())
+    for _ in range(200):
+        assert len(node.writers_of("/sr_7/tor")) == 1
+        assert len(node.publications()) >= len(writers)
+    assert memory_mb(os.getpid()) - before < 1
 
 
 def test_a_writer_over_its_quota_is_blocked_until_it_sends_fewer():
