@@ -77,7 +77,7 @@ def judged(model: Any, *rounds: Any) -> np.ndarray:
 
 
 def test_a_majority_of_liars_misleads_nobody_who_has_met_the_providers() -> None:
-    """Two honest raters of seven: a clear order of trust in what they have met, and the right one of what they have not."""
+    """Two honest raters of seven: each has the right order of what it has met, and of what it has not."""
     honest, lie = [0.9, 0.1, None], [0.1, 0.9, 0.1]
     trust = judged(make_trust_model("first-hand"), *[[honest, [0.9, 0.1, 0.8], *[lie] * 5]] * 3)
     assert trust[0, 0] > 0.85
