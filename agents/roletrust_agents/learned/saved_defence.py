@@ -103,7 +103,7 @@ def load_defence(path: str | Path) -> tuple[DefenceCard, Floats]:
         if not file.is_file():
             raise ValueError(
                 f"there is no file {file}; a saved defence is a .json and a .safetensors file, which "
-                "`roletrust defend --learner network` writes"
+                "`roletrust defend --defence network` writes"
             )
     text, data = (read_limited(file, limit) for file, limit in zip(files, (MAX_JSON, MAX_SAFETENSORS), strict=True))
     try:

@@ -41,8 +41,9 @@ def defend(
     learner: Annotated[
         list[str] | None,
         typer.Option(
+            "--defence",
             metavar="NAME",
-            help="What the defence trains: the numbers of a trust model, by its name, or a network; repeat for more. "
+            help="Defence to train: the numbers of a trust model, by its name, or `network`; repeat for more. "
             f"By default {', '.join(_LEARNERS)}.",
             autocompletion=completion.models,
             show_default=False,
@@ -124,7 +125,7 @@ def defend(
     [cyan]roletrust defend --front crowd/raters/0.3 --world market/raters/0.2 --iterations 1 --steps 5[/]
 
     [dim]# another model's numbers[/]
-    [cyan]roletrust defend --learner wary-role-trust[/]
+    [cyan]roletrust defend --defence wary-role-trust[/]
     """
     require("learned defence", "train", "scipy", "cma", "torch", "safetensors")
     from roletrust_agents.training.defence import Climb
@@ -169,7 +170,7 @@ def defend(
         [
             "roletrust",
             "defend",
-            *option("--learner", learner),
+            *option("--defence", learner),
             *option("--model", model),
             *option("--beside", beside),
             *option("--suite", suite, "standard-4"),

@@ -16,7 +16,7 @@ from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
 from roletrust_experiments.cli import app
 
 SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3", "--fresh", "3"]
-MODELS = ["--model", "mean", "--model", "role-trust", "--learner", "network"]
+MODELS = ["--model", "mean", "--model", "role-trust", "--defence", "network"]
 
 
 def run(folder, *arguments):
@@ -51,7 +51,7 @@ def test_its_files_say_the_same(played):
     assert {row["model"] for row in models} == {"network, trained 1", "mean", "role-trust"}
     for row in models:
         assert f"| `{row['model']}` | {float(row['clean']):.3f} ± " in page
-    assert "Made by `roletrust defend --learner network --model mean --model role-trust --suite " in page
+    assert "Made by `roletrust defend --defence network --model mean --model role-trust --suite " in page
     assert (folder / "out" / "defence.png").stat().st_size > 10_000
     kept = json.loads((folder / "out" / "defence.json").read_text())
     assert kept["made_with"]["package"]["name"] == "roletrust-env"
@@ -69,7 +69,7 @@ def test_the_network_is_saved_as_it_played(played):
 
 
 def test_a_model_is_saved_as_model_takes_it(tmp_path):
-    assert run(tmp_path, "--learner", "beta")[0] == 0
+    assert run(tmp_path, "--defence", "beta")[0] == 0
     spec = (tmp_path / "out" / "beta.txt").read_text().strip()
     assert spec.startswith("beta:keep=")
     runs = json.loads((tmp_path / "out" / "defence.json").read_text())["runs"]
@@ -92,8 +92,8 @@ def test_other_settings_are_not_mixed(played):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--learner", "constant"], "has no number that can be learned"),
-        (["--learner", "netwrk"], "did you mean 'network'"),
+        (["--defence", "constant"], "has no number that can be learned"),
+        (["--defence", "netwrk"], "did you mean 'network'"),
         (["--world", "small/raters/0.5"], "is a condition of the training"),
         (["--front", "small/raters"], "a front is SCENARIO/TRACK/SHARE"),
         (["--model", "bta"], "did you mean 'beta'"),
