@@ -10,12 +10,12 @@ from roletrust_env.trust.judges import (
     by_judges,
     credence_sum,
     credences,
+    mask_ratings,
     mean,
     others,
     product,
     published_raters,
 )
-from roletrust_env.trust.ratings import MaskedRatings
 
 
 class FirstHandState(NamedTuple):
@@ -76,9 +76,10 @@ class FirstHand(Personal):
 
     def update(self, state: FirstHandState, ratings: Array, mask: Array) -> FirstHandState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp, new = namespace(ratings), MaskedRatings.of(ratings, mask)
-        kept = 1 - (1 - self.keep) * new.weights
-        sums, counts = kept * state.sums + new.values, kept * state.counts + new.weights
+        xp = namespace(ratings)
+        rated, met = mask_ratings(ratings, mask)
+        kept = 1 - (1 - self.keep) * met
+        sums, counts = kept * state.sums + rated, kept * state.counts + met
         means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
 
         def agree(some: slice) -> Array:
