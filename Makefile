@@ -137,12 +137,14 @@ leave-one-out: setup
 	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
 	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
 
-# First-hand trust beside the best other models, with five trainings of each attacker; half an hour.
+# First-hand trust beside the best other models, with five trainings of each attacker, and in standard-4; an hour.
 first-hand: setup
 	$(BIN)/roletrust benchmark --suite first-hand --out $(OUT)/first-hand
 	$(BIN)/roletrust report $(OUT)/first-hand/results.sqlite --out $(OUT)/first-hand/report
 	mkdir -p docs/first-hand
 	cp $(OUT)/first-hand/leaderboard.csv $(OUT)/first-hand/report/worst_cases.csv docs/first-hand/
+	$(BIN)/roletrust benchmark --suite standard-4 --model first-hand --out $(OUT)/standard-4-first-hand
+	cp $(OUT)/standard-4-first-hand/leaderboard.csv docs/first-hand/standard-4.csv
 
 # Leave-one-out on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.
 PARTS := own=1 limit=0 modesty=0 power=0 keep=1 prior=0.001

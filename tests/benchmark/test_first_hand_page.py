@@ -50,6 +50,14 @@ def test_it_is_alone_in_the_first_tier_and_not_by_its_published_trust() -> None:
     assert gap > float(best["published_half_95"]) + float(second["published_half_95"])
 
 
+def test_its_number_in_the_suite_of_the_leaderboard_stands_beside_those_of_the_table() -> None:
+    with (DOCS / "leaderboards" / "standard-4" / "leaderboard.csv").open(encoding="utf-8") as file:
+        board = {row["model"]: row for row in [*rows("standard-4.csv"), *csv.DictReader(file)]}
+    told = [f"{float(board[n]['worst']):.3f} ± {float(board[n]['worst_half_95']):.3f}" for n in BOARD if n in board]
+    assert [told[n] in " ".join(PAGE.split()) for n in range(3)] == [True] * 3
+    assert float(board["first-hand"]["worst"]) > max(float(row["worst"]) for n, row in board.items() if n != "first-hand")
+
+
 def test_no_other_suite_has_its_seeds() -> None:
     own = {*load_suite("first-hand").seeds}
     assert not own & {*range(100), *(s for name in suites() if name != "first-hand" for s in load_suite(name).seeds)}
