@@ -138,11 +138,12 @@ def defend(
 
     learners = tuple(dict.fromkeys(learner or _LEARNERS))
     fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
-    fronts = [Front.of(suite, name) for name in dict.fromkeys(front or _FRONTS)]
-    if both := sorted(set(front or ()) & set(world or ())):
+    met, others = (
+        {(one := Front.of(suite, n)).name: one for n in names} for names in (front or _FRONTS, world or _WORLDS)
+    )
+    if world and (both := sorted({*met} & {*others})):
         raise ValueError(f"{both[0]} is a condition of the training; --world is for others")
-    kept_apart = world or [name for name in _WORLDS if name not in (front or ())]
-    worlds = [Front.of(suite, name) for name in dict.fromkeys(kept_apart)]
+    fronts, worlds = list(met.values()), [one for name, one in others.items() if name not in met]
     for name in learners:
         learner_of(name)
     for one in (*fronts, *worlds):

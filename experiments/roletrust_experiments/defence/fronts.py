@@ -39,7 +39,7 @@ class Front(NamedTuple):
 
     Attributes:
         condition: The condition.
-        name: Its name in commands, `SCENARIO/TRACK/SHARE`.
+        name: Its name, `SCENARIO/TRACK/SHARE`, with one spelling of each share.
     """
 
     condition: Condition
@@ -62,7 +62,7 @@ class Front(NamedTuple):
             number = float(share)
         except ValueError:
             raise ValueError(f"a front is SCENARIO/TRACK/SHARE, such as crowd/raters/0.3, not {name!r}") from None
-        return cls(Condition.of(suite, scenario, track, number), name)
+        return cls(Condition.of(suite, scenario, track, number), f"{scenario}/{track}/{number:g}")
 
     @property
     def length(self) -> int:

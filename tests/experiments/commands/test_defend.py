@@ -95,6 +95,7 @@ def test_other_settings_are_not_mixed(played):
         (["--defence", "constant"], "has no number that can be learned"),
         (["--defence", "netwrk"], "did you mean 'network'"),
         (["--world", "small/raters/0.5"], "is a condition of the training"),
+        (["--world", "small/raters/0.50"], "is a condition of the training"),
         (["--front", "small/raters"], "a front is SCENARIO/TRACK/SHARE"),
         (["--model", "bta"], "did you mean 'beta'"),
         (["--budget", "10"], "an attacker needs 3072 or more"),
