@@ -26,6 +26,14 @@ between seeds differs from model to model, see `tests/benchmark/test_verdict.py`
 """
 
 
+class Interval(NamedTuple):
+    """Estimate and its 95% confidence interval; NaN where undefined."""
+
+    value: float
+    low: float
+    high: float
+
+
 class Estimate(NamedTuple):
     """Mean over the games in which a metric is defined.
 
@@ -38,6 +46,11 @@ class Estimate(NamedTuple):
     mean: float
     half: float
     why: str = ""
+
+    @property
+    def interval(self) -> Interval:
+        """Mean with both ends of its interval."""
+        return Interval(self.mean, self.mean - self.half, self.mean + self.half)
 
 
 class Mean(NamedTuple):
@@ -179,14 +192,6 @@ def _student_quantile(freedom: float, level: float) -> float:
     density = np.cos(angle) ** (freedom - 1)
     area = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
     return float(math.sqrt(freedom) * np.tan(np.interp(level, area / area[-1], angle)))
-
-
-class Interval(NamedTuple):
-    """Estimate and its 95% confidence interval; NaN where undefined."""
-
-    value: float
-    low: float
-    high: float
 
 
 def interquartile_mean(strata: Sequence[Floats], seed: int = 0) -> Interval:

@@ -147,7 +147,6 @@ def _write(out: Path, found: Sequence["Level"], caption: str, note: str) -> None
 
 def _panels(found: Sequence["Level"]) -> list[Any]:
     """Return a panel for each scenario and cost: the welfare of each model by the start, and the best one."""
-    from roletrust_experiments.findings.finding import interval
     from roletrust_experiments.plots.findings import Panel, Series
 
     panels = []
@@ -161,7 +160,7 @@ def _panels(found: Sequence["Level"]) -> list[Any]:
                 Series(
                     _LABELS[start],
                     [one.point.model for one in some],
-                    [interval(one.estimates["welfare"]) for one in some],
+                    [one.estimates["welfare"].interval for one in some],
                 )
             )
         panels.append(Panel(f"{place[0]}, cost {place[1]:g}", "", "welfare", series))

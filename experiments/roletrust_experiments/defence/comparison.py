@@ -7,11 +7,11 @@ import numpy as np
 
 from roletrust_agents.training.defence import Floats
 from roletrust_env.benchmark.known_attacks import KnownAttack
-from roletrust_env.metrics.confidence import Interval
+from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_experiments.attackers.runs import Run
 from roletrust_experiments.defence.double_oracle import Game, label
 from roletrust_experiments.defence.fronts import Front
-from roletrust_experiments.defence.progress import best_trained, interval
+from roletrust_experiments.defence.progress import best_trained
 from roletrust_experiments.defence.response import respond_by_attack
 
 _OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
@@ -85,7 +85,7 @@ class Comparison:
         found = [
             Row(
                 name,
-                interval(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)),
+                estimate(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)).interval,
                 self._worst(_SEEN, self._game.fronts, name),
                 self._worst(_HELD_OUT, self._game.fronts, name),
                 self._worst(_HELD_OUT, self._worlds, name) if self._worlds else None,
@@ -119,4 +119,4 @@ class Comparison:
         """Return the skill in the games that measure, each condition under the attack that is worst in the others."""
         met = [self._game.runs[f"{kind}|{front.name}|{name}"].values() for front in fronts]
         worst = [min(attacks, key=lambda halves: float(np.mean(halves[0])))[1] for attacks in met]
-        return interval(np.mean(worst, axis=0))
+        return estimate(np.mean(worst, axis=0)).interval

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_agents.training.defence import Floats
-from roletrust_env.metrics.confidence import Interval, over_games
+from roletrust_env.metrics.confidence import Interval, estimate
 from roletrust_experiments.defence.double_oracle import Game, label
 
 
@@ -85,17 +85,11 @@ def _iteration(game: Game, k: int) -> Iteration:
     names = game.known(k).defences
     return Iteration(
         number=k,
-        value=interval(at),
-        attack=interval(at - under),
-        defence=interval(reply - at),
-        nash_conv=interval(reply - under),
-        worst=interval(under),
-        single=interval(worst_of(game, k + 1, max(known := _least(game, k), key=lambda name: known[name]))),
+        value=estimate(at).interval,
+        attack=estimate(at - under).interval,
+        defence=estimate(reply - at).interval,
+        nash_conv=estimate(reply - under).interval,
+        worst=estimate(under).interval,
+        single=estimate(worst_of(game, k + 1, max(known := _least(game, k), key=lambda name: known[name]))).interval,
         weights={name: float(weight) for name, weight in zip(names, solution.models, strict=True)},
     )
-
-
-def interval(games: Floats) -> Interval:
-    """Return the mean over games with its 95% interval."""
-    mean, half, _ = over_games(games)
-    return Interval(float(mean), float(mean - half), float(mean + half))

@@ -9,7 +9,7 @@ from roletrust_env import Policy, Scenario, make_scenario
 from roletrust_env.evaluation.measurement import Watched
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.findings.finding import Finding, amount, interval, listed, verdict
+from roletrust_experiments.findings.finding import Finding, amount, listed, verdict
 from roletrust_experiments.findings.games import Effort, as_settings, last, play
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -55,7 +55,7 @@ def answer(effort: Effort) -> Finding:
             "threshold of trust",
             along,
             [
-                Series(name, thresholds, [interval(estimate(found[what, name, at])) for at in thresholds])
+                Series(name, thresholds, [estimate(found[what, name, at]).interval for at in thresholds])
                 for name in attacks
                 if attacks[name] or what != CAUGHT
             ],

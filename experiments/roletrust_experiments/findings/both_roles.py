@@ -10,7 +10,7 @@ from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, me
 from roletrust_env.evaluation.composite import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
-from roletrust_experiments.findings.finding import Finding, in_words, interval, verdict
+from roletrust_experiments.findings.finding import Finding, in_words, verdict
 from roletrust_experiments.findings.games import SETTLED, Effort, as_settings
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -72,7 +72,7 @@ def answer(effort: Effort) -> Finding:
                 Series(
                     trust,
                     [case.words for case in _CASES.values()],
-                    [interval(estimate(getattr(seen[name], field)[trust])) for name in _CASES],
+                    [estimate(getattr(seen[name], field)[trust]).interval for name in _CASES],
                 )
                 for trust in ("ToR", "ToP", "ToA")
             ],

@@ -8,7 +8,7 @@ import numpy as np
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_experiments.findings.finding import Finding, amount, exact, in_words, interval
+from roletrust_experiments.findings.finding import Finding, amount, exact, in_words
 from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -43,7 +43,7 @@ def answer(effort: Effort) -> Finding:
             f"liars {lie}",
             "raters, and as many providers",
             "trust that the honest lose",
-            [Series(who, sizes, [interval(estimate(taken[lie, who, size])) for size in sizes]) for who in _MANY]
+            [Series(who, sizes, [estimate(taken[lie, who, size]).interval for size in sizes]) for who in _MANY]
             + [_without_noise(lie, level, who, sizes) for who in _MANY],
             "log",
         )

@@ -111,12 +111,6 @@ def listed(differences: Mapping[str, Estimate]) -> str:
     return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
 
 
-def interval(estimate: Estimate) -> Interval:
-    """Return an estimate as an interval for a figure."""
-    mean, half = estimate.mean, estimate.half
-    return Interval(mean, mean - half, mean + half)
-
-
 def exact(value: float) -> Interval:
     """Return an exact number as an interval for a figure."""
     return Interval(value, value, value)

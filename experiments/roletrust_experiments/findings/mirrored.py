@@ -14,7 +14,7 @@ from roletrust_env.metrics import skill
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
-from roletrust_experiments.findings.finding import Finding, amount, exact, interval
+from roletrust_experiments.findings.finding import Finding, amount, exact
 from roletrust_experiments.findings.games import Effort
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -75,7 +75,7 @@ def answer(effort: Effort) -> Finding:
         (f"each judge by its own trust, {more}", _PERSONAL, 1, spare),
     ):
         found = {
-            name: [interval(played(name, pair)[part]) for pair in pairs.values()]
+            name: [played(name, pair)[part].interval for pair in pairs.values()]
             for name in effort.progress.track(models, description=title)
         }
         shares = [many / RATERS for many in pairs]

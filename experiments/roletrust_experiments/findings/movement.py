@@ -3,7 +3,7 @@
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_experiments.findings.finding import Finding, interval, listed
+from roletrust_experiments.findings.finding import Finding, listed
 from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -44,7 +44,7 @@ def answer(effort: Effort) -> Finding:
             title,
             f"radius in metres, in an arena of {_ARENA:g} m",
             along,
-            [Series(label, radii, [interval(estimate(found[what, label, at])) for at in radii]) for label in _SPEEDS],
+            [Series(label, radii, [estimate(found[what, label, at]).interval for at in radii]) for label in _SPEEDS],
         )
         for what, title, along in (
             (HARM, f"what {_LIARS} liars of ten raters take", "trust that the honest lose"),

@@ -8,7 +8,7 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.findings.finding import Finding, amount, exact, in_words, interval
+from roletrust_experiments.findings.finding import Finding, amount, exact, in_words
 from roletrust_experiments.findings.games import Effort, as_settings, honest, last, lost, play
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -50,7 +50,7 @@ def answer(effort: Effort) -> Finding:
             "standard deviation of perceived quality",
             "trust lost",
             [
-                Series(label, noises, [interval(estimate(loss[trust, label, noise])) for noise in noises])
+                Series(label, noises, [estimate(loss[trust, label, noise]).interval for noise in noises])
                 for label in _QUALITIES
             ]
             + ([_root(noises, len(raters))] if trust == RATERS else []),

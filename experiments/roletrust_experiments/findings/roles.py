@@ -11,7 +11,7 @@ from roletrust_env.benchmark.schema import AttackResult
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_experiments.findings.finding import Finding, interval, listed, verdict
+from roletrust_experiments.findings.finding import Finding, listed, verdict
 from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
 from roletrust_experiments.plots.findings import Panel, Series
 
@@ -113,7 +113,7 @@ def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackRes
 def _series(harms: dict[tuple[str, str], Harm], what: str) -> list[Series]:
     places = list(dict.fromkeys(place for place, _ in harms))
     return [
-        Series(f"{who} attack", places, [interval(estimate(getattr(harms[place, who], what))) for place in places])
+        Series(f"{who} attack", places, [estimate(getattr(harms[place, who], what)).interval for place in places])
         for who in _TRACKS
     ]
 
