@@ -143,7 +143,7 @@ first-hand: setup
 	$(BIN)/roletrust report $(OUT)/first-hand/results.sqlite --out $(OUT)/first-hand/report
 	mkdir -p docs/first-hand
 	cp $(OUT)/first-hand/leaderboard.csv $(OUT)/first-hand/report/worst_cases.csv docs/first-hand/
-	$(BIN)/roletrust benchmark --suite standard-4 --model first-hand --out $(OUT)/standard-4-first-hand
+	$(BIN)/roletrust benchmark --suite standard-4 --model first-hand --model leave-one-out --out $(OUT)/standard-4-first-hand
 	cp $(OUT)/standard-4-first-hand/leaderboard.csv docs/first-hand/standard-4.csv
 
 # Leave-one-out on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.

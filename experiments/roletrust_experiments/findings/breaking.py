@@ -60,7 +60,7 @@ def answer(effort: Effort) -> Finding:
     breaks = {model: breaking(found) for model, found in left.items() if sign(found[0.0]) > 0}
     order = sorted(breaks, key=lambda model: (-breaks[model].share, -breaks[model].whole, model))
     panel = Panel(
-        f"less than {_LEFT:g} of what going by trust is worth is left under the worst script",
+        f"less than {_LEFT:g} of what going by published trust is worth is left under the worst script",
         "",
         "share of the raters that lie",
         [Series("breaks", order, [Interval(*breaks[model]) for model in order])],
@@ -96,8 +96,8 @@ def sentence(breaks: Mapping[str, Break], worthless: set[str], failed: Mapping[s
         groups.setdefault(breaks[model][1:], []).append(model)
     parts = "; ".join(f"{_between(*ends)} lie with {', '.join(names)}" for ends, names in groups.items())
     text = (
-        "It depends on the model: under the worst script the worth of going by trust falls to half where, of the "
-        f"raters, {parts or 'nobody lies'}"
+        "It depends on the model: under the worst script the worth of going by published trust falls to half where, "
+        f"of the raters, {parts or 'nobody lies'}"
     )
     if worthless:
         text += f"; nothing to lose without liars: {', '.join(sorted(worthless))}"
