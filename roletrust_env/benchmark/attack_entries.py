@@ -1,13 +1,12 @@
 """Entries of attacks: the worst attacks of a run as known attacks, which others can play."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import count
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from roletrust_env.benchmark.cells import Cell, model_names
-from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks
+from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, joined
 from roletrust_env.benchmark.run_cell import find_attack
 from roletrust_env.benchmark.schema import FORBIDDEN
 from roletrust_env.benchmark.store import StoredCell
@@ -37,25 +36,17 @@ def make_entries(
     known = model_names(suite)
     if unknown := [name for name in models if name not in known]:
         raise ValueError(f"the run has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
-    entries: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}  # by record and condition
-    lost = []
+    entries, lost = [], []
     for place, name in _worst(suite, stored, models or known):
         entry = _entry(suite, stored, place, name, finder)
         if entry is None:
             lost.append(f"{name} in {place.key}")
         else:
-            entries.setdefault((entry.record, entry.condition), _renamed(entry, entries.values()))
+            entries.append(entry)
     if not entries:
         what = f", such as {lost[0]}" if lost else ""
         raise ValueError(f"the run has no attack that can be recorded{what}; scripts of packages and coalitions can")
-    return KnownAttacks(attacks=tuple(entries.values())), lost
-
-
-def _renamed(entry: KnownAttack, others: Iterable[KnownAttack]) -> KnownAttack:
-    """Return an attack with a name that no other one of its condition has: runs find attacks of the same name."""
-    taken = {one.name for one in others if one.condition == entry.condition}
-    names = (entry.name if k == 1 else f"{entry.name} ({k})" for k in count(1))
-    return entry.model_copy(update={"name": next(name for name in names if name not in taken)})
+    return KnownAttacks(attacks=joined(entries)), lost
 
 
 def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:

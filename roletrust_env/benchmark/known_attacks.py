@@ -1,6 +1,7 @@
 """Known attacks: attackers that somebody found, and that play again without a search."""
 
 from collections.abc import Iterable
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -66,6 +67,27 @@ def check_names(attacks: Iterable[KnownAttack]) -> None:
         if key in seen:
             raise ValueError(f"there are two known attacks {one.name!r} in {one.scenario}, {one.track} {one.share:.0%}")
         seen.add(key)
+
+
+def joined(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
+    """Return the attacks of several lists as one list.
+
+    An attack is listed once in a condition, under the name of the first list that has it. An attack with the name of
+    another one of its condition gets a number: searches of different people find attacks of the same name.
+
+    Args:
+        *lists: Lists of known attacks.
+    """
+    kept: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}  # by record and condition
+    taken: set[tuple[str, tuple[str, str, float]]] = set()
+    for one in chain(*lists):
+        if (one.record, one.condition) in kept:
+            continue
+        names = (one.name if k == 1 else f"{one.name} ({k})" for k in count(1))
+        name = next(name for name in names if (name, one.condition) not in taken)
+        taken.add((name, one.condition))
+        kept[one.record, one.condition] = one.model_copy(update={"name": name})
+    return tuple(kept.values())
 
 
 def check_records(attacks: Iterable[KnownAttack]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env import Scenario, make_scenario
-from roletrust_env.benchmark.known_attacks import KnownAttack, check_names
+from roletrust_env.benchmark.known_attacks import KnownAttack, check_names, joined
 from roletrust_env.benchmark.schema import Label, SuiteSchema, check_unique
 from roletrust_env.game.attack_task import Consumers
 from roletrust_env.world.base_model import FrozenModel
@@ -131,7 +131,7 @@ class Suite(SuiteSchema):
     """Budgets of single rungs where they differ from `budget`."""
     known: tuple[KnownAttack, ...] = ()
     """Attacks that the rung `known` plays, and from which evolution starts. In a TOML file it is the name of their JSON
-    file, which lies beside it."""
+    file, or a list of names; the files lie beside it."""
     score: Scale = "utility"
     """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
@@ -220,11 +220,10 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
         attacks: Known attacks. Those of conditions that the suite does not have are left out.
 
     Raises:
-        ValueError: None is for a condition of the suite, or two in a condition have the same name.
+        ValueError: None is for a condition of the suite.
     """
     fitting = tuple(one for one in attacks if one.condition in suite.conditions)
     if not fitting:
         raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
     rungs = suite.rungs if "known" in suite.rungs else (*suite.rungs, "known")
-    check_names(suite.known + fitting)
-    return suite.model_copy(update={"known": suite.known + fitting, "rungs": rungs})
+    return suite.model_copy(update={"known": joined(suite.known, fitting), "rungs": rungs})

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from roletrust_env.benchmark.known_attacks import read_known_attacks
+from roletrust_env.benchmark.known_attacks import joined, read_known_attacks
 from roletrust_env.benchmark.learners.suite import LearnersSuite
 from roletrust_env.benchmark.suite import Suite
 from roletrust_env.errors import explain, suggest
@@ -87,8 +87,10 @@ def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, A
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"suite {source} is not valid TOML: {error}") from None
-    if isinstance(data.get("known"), str):
-        data["known"] = read_known_attacks(folder / data["known"])
+    if isinstance(names := data.get("known"), str):
+        names = [names]
+    if isinstance(names, list):
+        data["known"] = joined(*(read_known_attacks(folder / str(name)) for name in names))
     if "extends" not in data:
         return data
     base = data.pop("extends")

@@ -12,9 +12,9 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.benchmark import Leaderboard, load_suite
-from roletrust_env.benchmark.attack_entries import _renamed, make_entries
+from roletrust_env.benchmark.attack_entries import make_entries
 from roletrust_env.benchmark.cells import cells, rules
-from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, check_records, read_known_attacks
+from roletrust_env.benchmark.known_attacks import KnownAttack, KnownAttacks, check_records, joined, read_known_attacks
 from roletrust_env.benchmark.run_cell import find_attack, play_cell
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import with_known
@@ -89,9 +89,6 @@ def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None
     suite = with_known(tiny(rungs=["random search"], budget=2000), earlier.attacks)
     entries, _ = make_entries(suite, play(suite))
     KnownAttacks(attacks=entries.attacks)  # no two have the same name in a condition
-    both = _renamed(found.attacks[0], found.attacks)
-    assert both.name == f"{found.attacks[0].name} (2)"
-    assert _renamed(both, [*found.attacks, both]).name.endswith("(2) (2)")
 
 
 def test_evolution_starts_from_known_coalitions() -> None:
@@ -202,6 +199,26 @@ def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_pat
         load_suite(tmp_path / "suite.toml")
 
 
+def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttacks, tmp_path: Path) -> None:
+    one = found.attacks[0]
+    namesake = one.model_copy(update={"record": "{}", "finder": "B. Author"})
+    both = joined([one], [namesake, one])
+    assert both == (one, namesake.model_copy(update={"name": f"{one.name} (2)"}))
+    (tmp_path / "mine.json").write_text(found.model_dump_json())
+    (tmp_path / "yours.json").write_text(KnownAttacks(attacks=(namesake,)).model_dump_json())
+    text = """
+        rungs = ["known"]
+        known = ["mine.json", "yours.json"]
+        [scenarios.market]
+        preset = "market"
+        [tracks.raters]
+        roles = ["SR"]
+        shares = [0.3, 0.5]
+    """
+    (tmp_path / "suite.toml").write_text(text)
+    assert load_suite(tmp_path / "suite.toml").known == (*found.attacks, both[1])  # type: ignore[union-attr]
+
+
 ONE = {"name": "mine", "scenario": "market", "track": "raters", "share": 0.3, "record": "{}"}
 
 
@@ -231,8 +248,7 @@ def test_attacks_that_no_suite_can_play_are_refused() -> None:
     one = KnownAttack(**ONE)
     with pytest.raises(ValueError, match="none of the 1 known attacks is for a condition of the suite"):
         with_known(SUITE, [one.model_copy(update={"track": "others"})])
-    with pytest.raises(ValueError, match="two known attacks"):
-        with_known(with_known(SUITE, [one]), [one])
+    assert with_known(with_known(SUITE, [one]), [one]).known == (one,)
     with pytest.raises(ValueError, match="give both or none"):
         tiny(known=[ONE])
     with pytest.raises(ValueError, match="give both or none"):
