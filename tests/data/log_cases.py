@@ -16,6 +16,17 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "infinite": (GOOD + "c,x,inf,40\n", "row 5: the rating is 'inf'; it must be a number"),
     "below the scale": (GOOD + "c,x,-1,40\n", "row 5: the rating -1 is off the scale from 1 to 5"),
     "NaN as time": (GOOD + "c,x,5,nan\n", "row 5: the time is 'nan'; it must be a number"),
+    "no time": (GOOD + "c,x,5,\n", "row 5: the time is ''; it must be a number"),
+    "a date after numbers": (GOOD + "c,x,5,2024-01-31\n", "row 5: the time is '2024-01-31'; it must be a number"),
+    "no time at first": (HEADER + "c,x,5,\n", "row 2: the time is ''; it must be a number"),
+    "now at first": (HEADER + "c,x,5,now\n", "row 2: the time is 'now'; it must be a number"),
+    **{
+        f"{text or 'nothing'} after dates": (
+            f"{HEADER}a,x,1,2024-01-30\nb,x,1,2024-01-31T12:00:00\nc,x,5,{text}\nd,x,5,now\n",
+            f"row 4: the time is '{text}'; it must be a date of ISO 8601, as in the rows above",
+        )
+        for text in ("", "NaT", "today", "now", "2024", "20240131", "1706659200", "-1", "2024-13-01", "1e-5")
+    },
     "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
     "nothing": ("", "row 1: there is no column 'rater'"),
     "no ratings": (HEADER, "has no ratings"),
