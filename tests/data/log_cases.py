@@ -4,7 +4,10 @@ HEADER = "rater,ratee,rating,time\n"
 GOOD = HEADER + "a,x,1,10\nb,x,5,20\na,y,3,30\n"
 
 BAD: dict[str, tuple[str | bytes, str]] = {
-    "wrong columns": (GOOD.replace("ratee", "target", 1), "row 1: there is no column 'ratee'"),
+    "wrong columns": (
+        GOOD.replace("ratee", "target", 1),
+        r"no column 'ratee'; did you mean 'rater'\? Columns: rater, target, rating, time",
+    ),
     "NaN": (GOOD + "c,x,nan,40\n", "row 5: the rating is 'nan'; it must be a number"),
     "no number": (GOOD + "c,x,good,40\n", "row 5: the rating is 'good'"),
     "no rating": (GOOD + "c,x,,40\n", "row 5: the rating is ''"),
@@ -28,7 +31,8 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         for text in ("", "NaT", "today", "now", "2024", "20240131", "1706659200", "-1", "2024-13-01", "1e-5")
     },
     "repeat": (GOOD + "b,x,5,20\n", "row 5 repeats row 3"),
-    "nothing": ("", "row 1: there is no column 'rater'"),
+    "nothing": ("", r"row 1: there is no column 'rater'\. Columns: none"),
+    "another header": ("who,whom\n", r"row 1: there is no column 'rater'\. Columns: who, whom"),
     "no ratings": (HEADER, "has no ratings"),
     "a picture": (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not text in UTF-8 after row 0"),
     "a quote without end": (GOOD + 'c,"x,5,40\n', "after row 0: unexpected end of data; it is no CSV file"),
