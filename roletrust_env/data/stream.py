@@ -106,7 +106,8 @@ class TrustStream:
         Raises:
             ValueError: A time is in a round that has ended, or too far away. Nothing is changed then.
         """
-        when, parts = columns[3], [*self._waiting, columns]
+        own: Columns = tuple(column.copy() for column in columns)  # type: ignore[assignment]
+        when, parts = columns[3], [*self._waiting, own]
         start = float(when.min()) if self._start is None else self._start
         if not self.rounds:
             start = min(start, float(when.min()))

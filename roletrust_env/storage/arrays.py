@@ -29,7 +29,7 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
             path.
         OSError: The file cannot be opened.
     """
-    with path.open("rb") as file:
+    with open(path, "rb") as file:
         try:
             with np.load(file, allow_pickle=False) as stored:
                 arrays = dict(stored)

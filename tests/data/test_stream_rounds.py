@@ -109,6 +109,20 @@ def test_the_first_round_begins_at_the_earliest_time_until_it_ends() -> None:
     assert stream.rounds == 2
 
 
+def test_arrays_may_be_used_again_for_the_next_batch() -> None:
+    """Ratings that wait are not changed with them."""
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    columns = [np.array([1, 2]), np.array([3, 4]), np.array([1.0, 0.0]), np.array([0.0, 5.0])]
+    for _ in range(2):
+        stream.update(*columns)
+    for column in columns:
+        column += 100
+    stream.finish()
+    assert stream.rounds == 1
+    assert published(stream)[0].keys() == {1, 2}
+    assert stream.provider_trust() == {3: 0.75, 4: 0.25}
+
+
 def test_rounds_end_when_a_later_rating_shows_it() -> None:
     """So do rounds without ratings, and a rating of one of them comes too late."""
     stream = TrustStream(make_trust_model("mean"), every=10)
