@@ -68,9 +68,10 @@ def read_ratings(
     raters: dict[str, int] = {}
     ratees = raters if same_agents else {}
     parts: list[tuple[Ints, Ints, Floats, Floats]] = []
-    read, first = 0, first_row(path, columns)
+    read, first, dates = 0, first_row(path, columns), False
     for block in read_blocks(path, columns):
-        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale))
+        dates = dates if read else _has_dates(block.times)
+        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale, dates))
         read += len(block.raters)
         advance(read)
     if not read:
@@ -95,8 +96,12 @@ def _parsed(
     columns: Columns,
     indices: tuple[dict[str, int], dict[str, int]],
     scale: tuple[float, float],
+    dates: bool,
 ) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return the columns of some rows: places of raters and ratees, ratings on [0, 1], and times, 0 without."""
+    """Return the columns of some rows: places of raters and ratees, ratings on [0, 1], and times, 0 without.
+
+    Times are all dates, or all numbers.
+    """
     people = []
     for names, index, column in zip((block.raters, block.ratees), indices, columns[:2], strict=True):
         if "" in names:
@@ -107,7 +112,10 @@ def _parsed(
     if (off := np.flatnonzero((values < worst) | (values > best))).size:
         at = off[0]
         raise ValueError(f"{row} {first + at}: the rating {values[at]:g} is off the scale from {worst:g} to {best:g}")
-    times = np.zeros(len(values)) if block.times is None else _times(block.times, row, first)
+    if block.times is None:
+        times = np.zeros(len(values))
+    else:
+        times = (_seconds if dates else _column)(block.times, "time", row, first)
     return people[0], people[1], (values - worst) / (best - worst), times
 
 
@@ -122,14 +130,31 @@ def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
     return values
 
 
-def _times(texts: Texts, row: str, first: int) -> Floats:
-    """Return times as numbers; dates and times of ISO 8601 become seconds since 1970."""
-    if isinstance(texts, list) and "-" in texts[0][1:] and "e" not in texts[0]:
-        try:
-            return np.array(texts, "datetime64[s]").astype(np.float64)
-        except ValueError:
-            pass  # the message below names the row
-    return _column(texts, "time", row, first)
+def _has_dates(times: Texts | None) -> bool:
+    """Return whether times are dates and times of ISO 8601 as texts, by the first one."""
+    return isinstance(times, list) and _is_date(times[0])
+
+
+def _is_date(text: str) -> bool:
+    """Return whether a text is a date; NumPy also takes years, `today`, `now`, and nothing for one."""
+    try:
+        return "-" in text[1:] and not np.isnat(np.datetime64(text, "s"))
+    except ValueError:
+        return False
+
+
+def _seconds(texts: Texts, what: str, row: str, first: int) -> Floats:
+    """Return dates and times of ISO 8601 as seconds since 1970."""
+    try:
+        dates = np.array(texts, "datetime64[s]")
+        if all("-" in text[1:] for text in texts):
+            return dates.astype(np.float64)
+    except ValueError:
+        pass  # the row is looked for below
+    wrong = next(at for at, text in enumerate(texts) if not _is_date(text))
+    raise ValueError(
+        f"{row} {first + wrong}: the {what} is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
+    )
 
 
 def _number(text: str) -> float:

@@ -1,12 +1,14 @@
 """Agents by name or by number, and their places 0, 1, 2, ..."""
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.trust.key_index import Ints, KeyIndex
+
+Names: TypeAlias = npt.NDArray[Any]
+"""Names as whole numbers, of type int64, or as texts, of type object."""
 
 
 class NameIndex:
@@ -28,15 +30,17 @@ class NameIndex:
     @property
     def names(self) -> list[Any]:
         """The names, by place."""
-        return list(self._texts) if self._texts is not None else self.numbers.tolist()
+        names: list[Any] = self.stored().tolist()
+        return names
 
-    @property
-    def numbers(self) -> Ints:
-        """The names that are whole numbers, by place; empty if names are texts."""
+    def stored(self) -> Names:
+        """Return the names by place, shape (n,), for `restore`."""
+        if self._texts is not None:
+            return np.array(list(self._texts), object)
         return np.zeros(0, np.int64) if self._numbers is None else self._numbers.keys
 
-    def check(self, names: Any) -> npt.NDArray[Any]:
-        """Return names as an array, shape (n,), of whole numbers or of texts; the index is not changed.
+    def check(self, names: Any) -> Names:
+        """Return names as an array, shape (n,); the index is not changed.
 
         Raises:
             ValueError: Something else is there, or texts where numbers were and the reverse.
@@ -45,11 +49,11 @@ class NameIndex:
         if array.ndim != 1:
             raise ValueError(f"{self.role} have shape {array.shape}; they must be one column")
         if not len(array):
-            return array
+            return np.zeros(0, np.int64)
         if array.dtype.kind in "iu" and array.max() < 2**63:
-            kind = "whole numbers"
+            kind, array = "whole numbers", array.astype(np.int64, copy=False)
         elif array.dtype.kind in "OUT" and all(isinstance(name, str) for name in array.tolist()):
-            kind = "texts"
+            kind, array = "texts", array.astype(object, copy=False)
         else:
             raise ValueError(f"{self.role} are of type {array.dtype}; they must be whole numbers or texts")
         before = "whole numbers" if self._numbers is not None else "texts" if self._texts is not None else kind
@@ -57,50 +61,59 @@ class NameIndex:
             raise ValueError(f"{self.role} are {kind}; they were {before} before")
         return array
 
-    def places(self, names: npt.NDArray[Any], *, add: bool = True) -> Ints:
-        """Return the places of names, as `check` returns them; unknown ones are added, or have the place -1."""
+    def expect(self, names: Names) -> None:
+        """Let all names be of the type of these, which get no place yet."""
+        if names.dtype == object:
+            self._texts = self._texts or {}
+        else:
+            self._numbers = self._numbers or KeyIndex()
+
+    def places(self, names: Names) -> Ints:
+        """Return the places of names, as `check` returns them; unknown ones are added."""
         if not len(names):
             return np.zeros(0, np.int64)
-        if names.dtype.kind in "iu":
-            index = self._numbers or KeyIndex()
-            if add:
-                self._numbers = index
-            return index.places(names.astype(np.int64, copy=False), add=add)
+        self.expect(names)
+        if self._numbers is not None:
+            return self._numbers.places(names)
         known = {} if self._texts is None else self._texts
-        if not add:
-            return np.array([known.get(name, -1) for name in names.tolist()])
-        self._texts = known
         return np.array([known.setdefault(name, len(known)) for name in names.tolist()])
 
-    def leaving(self, names: Any) -> Ints:
-        """Return the places of names that are all known, each once.
+    def leaving(self, names: Any, waiting: Names) -> tuple[Ints, set[Any]]:
+        """Return the places of those of some names that have one, each once, and all these names.
+
+        Args:
+            names: Names, of which each has a place or is among those that wait for one.
+            waiting: Names that wait.
 
         Raises:
             ValueError: A name is unknown, or has the wrong type.
         """
         array = self.check(names)
-        places = self.places(array, add=False) if len(self) else np.full(len(array), -1)
-        if (unknown := np.flatnonzero(places < 0)).size:
-            raise ValueError(f"{array[unknown[0]]!s} is not among the {self.role}")
-        return np.unique(places)
+        if self._numbers is not None:
+            places = self._numbers.places(array, add=False)
+        else:
+            places = np.array([(self._texts or {}).get(name, -1) for name in array.tolist()], np.int64)
+        unknown = set(array[places < 0].tolist()).difference(waiting.tolist())
+        if unknown:
+            raise ValueError(f"{next(name for name in array.tolist() if name in unknown)} is not among the {self.role}")
+        return np.unique(places[places >= 0]), set(array.tolist())
 
     def keep(self, stay: npt.NDArray[np.bool_]) -> None:
         """Keep some of the names, in their order; `stay` has a flag for each place."""
-        if self._texts is not None:
-            self.restore(self.numbers, [name for name, flag in zip(self._texts, stay.tolist(), strict=True) if flag])
-        elif self._numbers is not None:
-            self.restore(self.numbers[stay], None)
+        self.restore(self.stored()[stay])
 
-    def restore(self, numbers: Ints, texts: Sequence[str] | None) -> None:
-        """Take names as they were, by place.
+    def restore(self, names: Names) -> None:
+        """Take names as they were, by place; without names, both types are welcome again.
 
         Raises:
             ValueError: A name occurs twice.
         """
-        self._texts = None
-        if not texts:  # without agents, both kinds of names are welcome
-            self._numbers = KeyIndex.of(numbers) if len(numbers) else None
+        self._numbers = self._texts = None
+        if not len(names):
             return
-        self._texts = {name: place for place, name in enumerate(texts)}
-        if len(self._texts) < len(texts):
+        if names.dtype != object:
+            self._numbers = KeyIndex.of(names)
+            return
+        self._texts = {name: place for place, name in enumerate(names.tolist())}
+        if len(self._texts) < len(names):
             raise ValueError("a name occurs twice")

@@ -13,6 +13,8 @@ from roletrust_env.trust.ledger import Floats
 MOST = 1_000_000
 """Maximum number of rounds of a log; more is taken for a wrong unit of time."""
 
+_NEAR = 4  # times that differ by so many units in the last place are the same
+
 
 class TooSmallError(ValueError):
     """A log is too small for a protocol."""
@@ -20,6 +22,13 @@ class TooSmallError(ValueError):
 
 def round_numbers(times: Floats, every: float, start: float) -> Ints:
     """Return the number of the round of each time, shape (n,): round 0 begins at `start`.
+
+    A time that is as near to the beginning of a round as numbers of its size are to each other is at the beginning, so
+    that decimal times and lengths, which binary numbers only come near to, have the rounds that they seem to have.
+
+    Example:
+        >>> round_numbers(np.array([0.2, 0.3, 0.39]), 0.1, 0.0)
+        array([2, 3, 3])
 
     Args:
         times: Times, shape (n,), none before `start`.
@@ -36,7 +45,10 @@ def round_numbers(times: Floats, every: float, start: float) -> Ints:
             f"rounds of {every:g} from time {start:g} to {times.max():g} are {(times.max() - start) / every:,.0f}; at "
             f"most {MOST:,} are allowed, so the unit of the times may be another"
         )
-    return np.floor((times - start) / every).astype(np.int64)
+    quotient = (times - start) / every
+    nearest = np.rint(quotient)
+    at = np.abs(start + nearest * every - times) <= _NEAR * np.spacing(np.maximum(np.abs(times), abs(start)))
+    return np.where(at, nearest, np.floor(quotient)).astype(np.int64)
 
 
 def spans(numbers: Ints) -> Iterator[tuple[int, slice]]:

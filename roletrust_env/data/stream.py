@@ -1,33 +1,32 @@
 """Trust from a stream of ratings, which can be saved and continued."""
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.data.names import NameIndex
-from roletrust_env.data.rounds import play_round, round_numbers, spans
+from roletrust_env.data.names import NameIndex, Names
+from roletrust_env.data.rounds import round_numbers, spans
 from roletrust_env.data.scale import check_scale, unit_ratings
-from roletrust_env.storage.files import replacing
+from roletrust_env.storage.arrays import load_arrays, save_arrays
 from roletrust_env.trust.edge_state import edge_model
-from roletrust_env.trust.key_index import Ints
-from roletrust_env.trust.ledger import Floats, Ledger, moved, staying
+from roletrust_env.trust.ledger import Floats, Ledger, staying
 
-_FORMAT = 1
+_FORMAT = 2
 
-Columns: TypeAlias = tuple[Ints, Ints, Floats, Floats]
-"""Places of raters and of providers, ratings on [0, 1], and times."""
+Columns: TypeAlias = tuple[Names, Names, Floats, Floats]
+"""Names of raters and of providers, ratings on [0, 1], and times."""
 
 
 class TrustStream:
-    """Trust of raters and providers, from ratings that arrive in batches. Agents join when they first occur.
+    """Trust of raters and providers, from ratings that arrive in batches.
 
-    Without `every`, each call of `update` is a round. With it, rounds have that length, and the ratings of a round
-    count once a later rating shows that it has ended, or when `finish` is called. A round without ratings is a round.
-    Several ratings of a pair in a round count as one, their mean.
+    Without `every`, each call of `update` is a round. With it, rounds have that length, from the earliest time on. The
+    ratings of a round count, and its newcomers join, once a later rating shows that it has ended, or when `finish` is
+    called; how ratings are cut into batches, and their order within a round, do not matter. A round without ratings is
+    a round. Several ratings of a pair in a round count as one, their mean.
 
     Example:
         >>> from roletrust_env import make_trust_model
@@ -64,8 +63,8 @@ class TrustStream:
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
         self._start: float | None = None
-        self._waiting: list[Columns] = []  # the ratings of the round that has begun
-        self._begun: int | None = None  # its number
+        self._waiting: list[Columns] = []  # the ratings of the round that has begun, whose newcomers have no place yet
+        self._begun = False  # whether a round has begun
 
     @property
     def rounds(self) -> int:
@@ -86,7 +85,7 @@ class TrustStream:
             ValueError: The columns do not fit together, or a value is not allowed. Nothing is changed then.
         """
         who, whom = self._raters.check(raters), self._providers.check(providers)
-        if self.same_agents and len(who) and len(whom) and (who.dtype.kind in "iu") != (whom.dtype.kind in "iu"):
+        if self.same_agents and len(who) and len(whom) and who.dtype != whom.dtype:
             raise ValueError("raters and providers are the same agents, so both must be whole numbers, or both texts")
         values = unit_ratings(_numbers("ratings", ratings, len(who)), self.scale)
         if len(whom) != len(who):
@@ -96,36 +95,52 @@ class TrustStream:
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
         when = np.zeros(len(who)) if times is None else _numbers("times", times, len(who))
-        start = self._start = self._start_with(when)
-        places = self._raters.places(who), self._providers.places(whom)
         if self.every is None:
-            self._play(self._ledger.rounds, *places, values)
-        elif start is not None:
-            self._wait((*places, values, when), round_numbers(when, self.every, start))
+            self._play(who, whom, values)
+        elif len(who):
+            self._wait((who, whom, values, when), self.every)
 
-    def _wait(self, columns: Columns, numbers: Ints) -> None:
-        """Keep ratings until their rounds have ended, and play the rounds that have."""
-        if not len(numbers):
-            return
-        if self._begun is None or np.any(numbers != self._begun):
-            before = sum(len(part[0]) for part in self._waiting)
-            numbers = np.concatenate([np.full(before, self._begun or 0), numbers])
-            columns, self._waiting = _joined([*self._waiting, columns]), []
+    def _wait(self, columns: Columns, every: float) -> None:
+        """Keep ratings until their round has ended, and play the rounds that have.
+
+        Raises:
+            ValueError: A time is in a round that has ended, or too far away. Nothing is changed then.
+        """
+        own: Columns = tuple(column.copy() for column in columns)  # type: ignore[assignment]
+        when, parts = columns[3], [*self._waiting, own]
+        start = float(when.min()) if self._start is None else self._start
+        if not self.rounds:
+            start = min(start, float(when.min()))
+        numbers = round_numbers(when, every, start)
+        if (late := np.flatnonzero(numbers < self.rounds)).size:
+            raise ValueError(
+                f"rating {late[0] + 1} is of time {when[late[0]]:.15g}, in a round that has ended; "
+                f"the earliest time that counts is {start + self.rounds * every:.15g}"
+            )
+        if start != self._start or np.any(numbers > self.rounds):
+            columns = _joined(parts)
+            numbers = round_numbers(columns[3], every, start)
             order = np.argsort(numbers, kind="stable")
-            for self._begun, some in spans(numbers[order]):
-                chosen: Columns = tuple(column[order[some]] for column in columns)  # type: ignore[assignment]
-                if some.stop == len(numbers):
-                    columns = chosen
-                else:
-                    self._play(self._begun, *chosen[:3])
-        self._waiting.append(columns)
+            for number, some in spans(numbers[order]):
+                parts = [tuple(column[order[some]] for column in columns)]  # type: ignore[list-item]
+                self._ledger.skip(number - self.rounds)
+                if some.stop < len(numbers):
+                    self._play(*parts[0][:3])
+        self._start, self._waiting, self._begun = start, parts, True
+        self._expect_names()
+
+    def _expect_names(self) -> None:
+        """Let later names be of the type of those that wait."""
+        for who, whom, *_ in self._waiting[:1]:
+            self._raters.expect(who)
+            self._providers.expect(whom)
 
     def finish(self) -> None:
         """End the round that has begun, so that its ratings count. Later ratings of its time are refused."""
-        if self._begun is not None:
-            number, columns = self._begun, _joined(self._waiting)
-            self._begun, self._waiting = None, []
-            self._play(number, *columns[:3])
+        if self._begun:
+            columns = _joined(self._waiting)
+            self._begun, self._waiting = False, []
+            self._play(*columns[:3])
 
     def remove(self, raters: Any = (), providers: Any = ()) -> None:
         """Let agents leave, with all that is known of them and of their pairs.
@@ -152,42 +167,48 @@ class TrustStream:
             >>> stream.provider_trust()
             {'shop': 0.75}
         """
-        one, other = self._raters.leaving(raters), self._providers.leaving(providers)
+        columns = _joined(self._waiting)
+        waiting = (np.concatenate(columns[:2]),) * 2 if self.same_agents else columns[:2]
+        one, gone = self._raters.leaving(raters, waiting[0])
+        other, lost = self._providers.leaving(providers, waiting[1])
         if self.same_agents:
             one = other = np.union1d(one, other)
+            gone = lost = gone | lost
         self._ledger.remove(one, other)
-        stay = staying(len(self._raters), one), staying(len(self._providers), other)
-        if self._waiting:
-            who, whom, values, when = _joined(self._waiting)
-            there = stay[0][who] & stay[1][whom]
-            who, whom = moved(stay[0])[who[there]], moved(stay[1])[whom[there]]
-            self._waiting = [(who, whom, values[there], when[there])] if len(who) else []
-            self._begun = self._begun if len(who) else None
-        self._raters.keep(stay[0])
+        self._raters.keep(staying(len(self._raters), one))
         if not self.same_agents:
-            self._providers.keep(stay[1])
+            self._providers.keep(staying(len(self._providers), other))
+        there = ~(_among(columns[0], gone) | _among(columns[1], lost))
+        self._waiting = [tuple(column[there] for column in columns)] if there.any() else []  # type: ignore[list-item]
+        self._expect_names()
 
     def rater_trust(self) -> dict[Any, float]:
         """Return the trust of each rater by name, in [0, 1]. Raters whose first round has not ended are missing."""
-        return dict(zip(self._raters.names, self._ledger.rater_trust.tolist(), strict=False))
+        return dict(zip(self._raters.names, self._ledger.rater_trust.tolist(), strict=True))
 
     def provider_trust(self) -> dict[Any, float]:
         """Return the trust of each provider by name, in [0, 1]."""
-        return dict(zip(self._providers.names, self._ledger.provider_trust.tolist(), strict=False))
+        return dict(zip(self._providers.names, self._ledger.provider_trust.tolist(), strict=True))
 
     def save(self, path: Path) -> None:
         """Write the state to a file of NumPy arrays, complete or not at all."""
-        texts = [None if len(index.numbers) else index.names for index in (self._raters, self._providers)]
-        header = {"format": _FORMAT, "texts": texts, "start": self._start, **self._settings()}
-        arrays: dict[str, npt.NDArray[Any]] = {
+        waiting = _joined(self._waiting)
+        people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
+        header = {
+            "format": _FORMAT,
+            **self._settings(),
+            "start": self._start,
+            "begun": self._begun,
+            "texts": [names.tolist() if names.dtype == object else None for names in people],
+        }
+        arrays = {
             "header": np.frombuffer(json.dumps(header).encode(), np.uint8),
-            "raters": self._raters.numbers,
-            "providers": self._providers.numbers,
-            **{f"waiting_{n}": column for n, column in enumerate(_joined(self._waiting))},
+            **{f"names_{n}": names for n, names in enumerate(people) if names.dtype != object},
+            "ratings": waiting[2],
+            "times": waiting[3],
             **self._ledger.arrays(),
         }
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
+        save_arrays(path, arrays)
 
     @classmethod
     def load(cls, path: Path, model: Any, **settings: Any) -> "TrustStream":
@@ -199,35 +220,41 @@ class TrustStream:
             **settings: Arguments of the constructor, the same as before.
 
         Raises:
-            ValueError: The file is damaged, or is of another model or of other settings.
+            ValueError: The file is no saved stream, is damaged, or is of another model or of other settings.
             OSError: The file cannot be read.
         """
         stream = cls(model, **settings)
         try:
-            with np.load(path, allow_pickle=False) as stored:
-                arrays = dict(stored)
+            arrays = load_arrays(path)
             header = json.loads(arrays["header"].tobytes())
-            same = {name: header[name] for name in stream._settings()} == stream._settings()
-        except (zipfile.BadZipFile, KeyError, ValueError, EOFError, TypeError) as error:
-            raise ValueError(f"{path} is no saved stream, or is damaged: {error}") from None
-        if header["format"] != _FORMAT or not same:
-            raise ValueError(f"{path} is of {header['model']} with other settings than {stream._settings()}")
-        try:
-            stream._restore(arrays, header)
-        except (KeyError, ValueError, TypeError) as error:
-            raise ValueError(f"{path} is damaged: {error}") from None
+            if header["format"] != _FORMAT:
+                raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
+            before = {name: header[name] for name in stream._settings()}
+            if before == stream._settings():
+                stream._restore(arrays, header)
+        except (ValueError, TypeError, LookupError) as error:
+            what = f"{error.args[0]} is missing" if isinstance(error, KeyError) else error
+            raise ValueError(f"{path} is no saved stream, or is damaged: {what}") from None
+        if before != stream._settings():
+            raise ValueError(f"{path} is of {before['model']} with other settings than {stream._settings()}")
         return stream
 
     def _restore(self, arrays: dict[str, npt.NDArray[Any]], header: dict[str, Any]) -> None:
         self._ledger.restore(arrays)
-        self._start = header["start"]
-        raters, providers = header["texts"]
-        self._raters.restore(arrays["raters"], raters)
+        raters, providers, who, whom = (
+            arrays[f"names_{n}"] if texts is None else np.array(texts, object)
+            for n, texts in enumerate(header["texts"])
+        )
+        self._raters.restore(raters)
         if not self.same_agents:
-            self._providers.restore(arrays["providers"], providers)
-        waiting: Columns = tuple(arrays[f"waiting_{n}"] for n in range(4))  # type: ignore[assignment]
-        if self.every is not None and self._start is not None:
-            self._wait(waiting, round_numbers(waiting[3], self.every, self._start))
+            self._providers.restore(providers)
+        if (len(self._raters), len(self._providers)) != self._ledger.shape:
+            raise ValueError(
+                f"{len(raters)} raters and {len(providers)} providers have names; {self._ledger.shape} belong"
+            )
+        self._start, self._begun = header["start"], header["begun"]
+        self._waiting = [(who, whom, arrays["ratings"], arrays["times"])] if len(who) else []
+        self._expect_names()
 
     def _settings(self) -> dict[str, Any]:
         return {
@@ -237,22 +264,8 @@ class TrustStream:
             "same_agents": self.same_agents,
         }
 
-    def _start_with(self, when: Floats) -> float | None:
-        """Return the start of the first round, once the times of a batch are checked."""
-        if self.every is None or not len(when):
-            return self._start
-        start = float(when.min()) if self._start is None else self._start
-        ended = start + self._ledger.rounds * self.every
-        if (late := np.flatnonzero(when < ended)).size:
-            raise ValueError(
-                f"rating {late[0] + 1} is of time {when[late[0]]:g}, in a round that has ended; "
-                f"the earliest time that counts is {ended:g}"
-            )
-        round_numbers(when, self.every, start)
-        return start
-
-    def _play(self, number: int, raters: Ints, providers: Ints, values: Floats) -> None:
-        play_round(self._ledger, number, raters, providers, values)
+    def _play(self, raters: Names, providers: Names, values: Floats) -> None:
+        self._ledger.play(self._raters.places(raters), self._providers.places(providers), values)
 
 
 def _numbers(column: str, values: Any, length: int) -> Floats:
@@ -271,4 +284,9 @@ def _numbers(column: str, values: Any, length: int) -> Floats:
 def _joined(parts: list[Columns]) -> Columns:
     """Return columns one after the other; columns without ratings if there are none."""
     none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    return tuple(np.concatenate(columns) for columns in zip(none, *parts, strict=True))  # type: ignore[return-value]
+    return tuple(np.concatenate(columns) for columns in zip(*parts or [none], strict=True))  # type: ignore[return-value]
+
+
+def _among(names: Names, some: set[Any]) -> npt.NDArray[np.bool_]:
+    """Return whether each name is one of some."""
+    return np.fromiter((name in some for name in names.tolist()), bool, len(names))

@@ -127,7 +127,7 @@ def _places(path: Path, columns: Columns, rows: Iterator[list[str]]) -> list[int
 def _place(name: str, header: list[str], where: str) -> int:
     """Return the place of a column."""
     if name not in header:
-        raise ValueError(f"{where}: there is no column {name!r}{suggest(name, header, 'it has')}")
+        raise ValueError(f"{where}: there is no column {name!r}{suggest(name, header, 'Columns:')}")
     return header.index(name)
 
 

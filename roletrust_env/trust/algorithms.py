@@ -227,6 +227,12 @@ def occurred(count: Array) -> Array:
     return count / (count + TINY)
 
 
+def safe_power(base: Array, exponent: float) -> Array:
+    """Return numbers of at least 0 to a power, with slope 0 at 0, where a power below 1 is infinitely steep."""
+    xp, zero = namespace(base), base == 0
+    return xp.where(zero, 0.0**exponent, xp.where(zero, 1.0, base) ** exponent)
+
+
 def upper_median(values: Array, there: Array) -> Array:
     """Return the upper median along the first axis of the values that are there; 0 of fewer than two."""
     xp = namespace(values)

@@ -12,11 +12,11 @@ _SPARE, _SMALL = 8, 1 << 20  # entries per key, and the size in any case, up to 
 
 
 class KeyIndex:
-    """Places 0, 1, 2, ... of whole numbers; those that come earlier have earlier places. At most 2^31 - 1 keys.
+    """Places 0, 1, 2, ... of whole numbers; those of an earlier call have earlier places. At most 2^31 - 1 keys.
 
-    Keys from 0 to a few times their number, such as the numbers of members, are entries of a table themselves. Other
-    keys are in a hash table with open addressing. The steps of both are operations on arrays, where a dict would take a
-    step of Python for each key.
+    Keys from 0 to a few times their number, such as the numbers of members, are entries of a table themselves, and
+    their places are in the order in which they first occur. Other keys are in a hash table with open addressing. The
+    steps of both are operations on arrays, where a dict would take a step of Python for each key.
 
     Example:
         >>> index = KeyIndex()
@@ -104,9 +104,9 @@ class KeyIndex:
         return found, where
 
     def _add(self, keys: Ints, where: Ints) -> None:
-        """Put keys into vacant entries; of several keys for one entry, the last."""
+        """Put keys into vacant entries; of several keys for one entry, the first."""
         turn = np.arange(len(keys), dtype=np.int32)
-        self._entries[where] = turn
+        self._entries[where[::-1]] = turn[::-1]  # the last assignment to an entry stays
         chosen = np.flatnonzero(self._entries.take(where) == turn)  # every entry once
         before, after = self._count, self._count + len(chosen)
         self._entries[where.take(chosen)] = np.arange(before, after)

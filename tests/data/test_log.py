@@ -56,6 +56,16 @@ def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
     assert seen == [50_000, 100_000]
 
 
+def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
+    for one, other, message in (
+        ("2024-01-31", "1706659200", "row 60002: the time is '1706659200'; it must be a date"),
+        ("1706659200", "2024-01-31", "row 60002: the time is '2024-01-31'; it must be a number"),
+    ):
+        lines = [f"r{n},p,0.5,{one}\n" for n in range(60_000)] + [f"r,p,0.5,{other}\n"]
+        with pytest.raises(ValueError, match=message):
+            read_ratings(written(tmp_path, "rater,ratee,rating,time\n" + "".join(lines)), TIMED)
+
+
 @pytest.mark.parametrize("case", BAD)
 def test_bad_files_get_one_line_with_the_row(tmp_path: Path, case: str) -> None:
     content, message = BAD[case]

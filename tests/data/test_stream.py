@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 
 from roletrust_env.data import TrustStream
+from roletrust_env.storage.arrays import save_arrays
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.neighbours import NEIGHBOURS
 
@@ -98,14 +99,39 @@ def test_what_is_no_saved_stream_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"RoleTrust\(lam=0.5.* other settings"):
         TrustStream.load(path, make_trust_model("role-trust", lam=0.7))
     whole = path.read_bytes()
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    header = bytes(arrays["header"]).replace(b'"format": 2', b'"format": 9')
+    changes: dict[str, Any] = {
+        "state_0": arrays["state_0"] + 7,
+        "state_1": arrays["state_1"] * np.nan,
+        "names_0": np.array([1, 1]),
+        "names_1": np.arange(3),
+    }
+    for name, array in changes.items():
+        np.savez(path, **{**arrays, name: array})  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match=r"state\.npz is no saved stream, or is damaged: its numbers are not"):
+            TrustStream.load(path, model)
+        del arrays["sha256"]
+        save_arrays(path, {**arrays, name: array})
+        arrays["sha256"] = np.zeros(32, np.uint8)
+        if name.startswith("names"):  # only what was made on purpose has the right checksum
+            with pytest.raises(ValueError, match=r"damaged: (a key occurs twice|2 raters and 3 providers have names)"):
+                TrustStream.load(path, model)
+    del arrays["sha256"]
+    save_arrays(path, {**arrays, "header": np.frombuffer(header, np.uint8)})
+    with pytest.raises(ValueError, match="its format is 9, and 2 is read here"):
+        TrustStream.load(path, model)
+    del arrays["header"]
+    save_arrays(path, arrays)
+    with pytest.raises(ValueError, match="header is missing"):
+        TrustStream.load(path, model)
     for broken in (whole[:400], whole[:-300], b"", b"PK", b"nothing"):
         path.write_bytes(broken)
-        with pytest.raises(ValueError, match="damaged"):
+        with pytest.raises(ValueError, match=r"state\.npz is no saved stream, or is damaged: it is no complete file"):
             TrustStream.load(path, model)
-    arrays = {"header": np.array([object()], dtype=object)}
-    np.savez(path, **arrays)  # a pickle
-    with pytest.raises(ValueError, match="damaged"):
-        TrustStream.load(path, model)
+    with pytest.raises(OSError, match="none"):
+        TrustStream.load(tmp_path / "none", model)
 
 
 _SAVING = """

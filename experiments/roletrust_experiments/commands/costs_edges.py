@@ -1,6 +1,6 @@
 """The part of `roletrust costs` on ratings as a list of edges."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,12 @@ from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.storage.files import replacing, write_csv
 from roletrust_experiments.commands.console import console, number_table
 from roletrust_experiments.timing.contestants import Spread, Timing
-from roletrust_experiments.timing.edge_costs import EdgeCosts
+from roletrust_experiments.timing.edge_costs import EdgeCell, EdgeCosts
 from roletrust_experiments.timing.edges import EACH, PLAIN, bytes_per_s
 
 _TITLE = "What the trust models cost on lists of ratings"
 _HEADINGS = ("model", "ratings", "sums", "ms a round", "M ratings/s", "least - greatest", "memory")
+_PAGE_HEADINGS = ("ms a round", "M ratings/s", "memory")  # for each way to add up; a dash is what is left out
 
 
 def show_lists(found: EdgeCosts, copying: Timing, machine: str, out: Path | None) -> None:
@@ -41,20 +42,21 @@ def show_lists(found: EdgeCosts, copying: Timing, machine: str, out: Path | None
         return
     write_csv(out / "edge-costs.csv", *_cells(found))
     with replacing(out / "edge-costs.md") as path:
-        path.write_text(_page(lines, caption, reasons, machine), encoding="utf-8")
+        path.write_text(_page(found, caption, reasons, machine), encoding="utf-8")
     console.print(f"Written to {out}: edge-costs.csv, edge-costs.md", soft_wrap=True)
 
 
 def _lines(found: EdgeCosts) -> list[list[str]]:
-    lines = []
-    for (name, way, size), cell in found.items():
-        if cell.timing is None:
-            lines.append([name, f"{size:,}", way, "-", "-", "-", "-"])
-            continue
-        rate = Spread.of(1e-6 / s for s in _each(cell.timing))
-        numbers = f"{1e3 * Spread.of(cell.timing.seconds).median:,.1f}", f"{rate.median:.2f}"
-        lines.append([name, f"{size:,}", way, *numbers, f"{rate.low:.2f} - {rate.high:.2f}", in_bytes(cell.memory)])
-    return lines
+    return [[name, f"{size:,}", way, *_numbers(cell)] for (name, way, size), cell in found.items()]
+
+
+def _numbers(cell: EdgeCell) -> tuple[str, str, str, str]:
+    """Return milliseconds of a round, millions of ratings per second and their range, and the memory."""
+    if cell.timing is None:
+        return "-", "-", "-", "-"
+    rate = Spread.of(1e-6 / s for s in _each(cell.timing))
+    time = f"{1e3 * Spread.of(cell.timing.seconds).median:,.1f}"
+    return time, f"{rate.median:.2f}", f"{rate.low:.2f} - {rate.high:.2f}", in_bytes(cell.memory)
 
 
 def _each(timing: Timing) -> list[float]:
@@ -76,10 +78,25 @@ def _cells(found: EdgeCosts) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     return header, rows
 
 
-def _page(lines: Sequence[Sequence[str]], caption: str, reasons: Sequence[str], machine: str) -> str:
-    table = [_HEADINGS, ["---"] + ["---:"] * (len(_HEADINGS) - 1), *lines]
-    parts = [f"# {_TITLE}", caption, "\n".join(f"| {' | '.join(line)} |" for line in table)]
+def _page(found: EdgeCosts, caption: str, reasons: Sequence[str], machine: str) -> str:
+    """Return the tables as a page of Markdown, one for each number of ratings."""
+    parts = [f"# {_TITLE}", caption]
+    for size in dict.fromkeys(size for _, _, size in found):
+        parts += [f"## {size:,} ratings", "\n".join(f"| {' | '.join(line)} |" for line in _by_model(found, size))]
     if reasons:
         parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
     parts.append(f"Written by `roletrust costs --ratings` on {machine}; `make edge-costs` measures again.")
     return "\n\n".join(parts) + "\n"
+
+
+def _by_model(found: EdgeCosts, size: int) -> Iterator[list[str]]:
+    """Yield the lines of a table with a row for each model, and columns for each way to add up."""
+    ways = list(dict.fromkeys(way for _, way, _ in found))
+    yield ["model", *(f"{heading}, {way}" for way in ways for heading in _PAGE_HEADINGS)]
+    yield ["---", *["---:"] * len(ways) * len(_PAGE_HEADINGS)]
+    for name in dict.fromkeys(name for name, _, _ in found):
+        line = [name]
+        for way in ways:
+            time, rate, spread, memory = _numbers(found.get((name, way, size), EdgeCell(None)))
+            line += [time, rate if rate == "-" else f"{rate} ({spread})", memory]
+        yield line

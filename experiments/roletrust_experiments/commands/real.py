@@ -32,7 +32,7 @@ from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, me
 def real(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of logs; a folder in it may hold one, too.")],
     model: ModelsOption = None,
-    every: Annotated[float, typer.Option(min=0, help="Length of a round, in the unit of the times.")] = 2_592_000,
+    every: Annotated[float, typer.Option(min=0, help="Length of a round, in the unit of the times.")] = 2_592_000.0,
     scale: Annotated[tuple[float, float], typer.Option(metavar="WORST BEST", help="Worst and best rating.")] = (
         -10,
         10,

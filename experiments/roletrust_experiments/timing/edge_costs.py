@@ -15,6 +15,9 @@ LISTS = "edges", "fused"
 
 LIMITS = Limits(seconds=10.0, memory=8e9)
 
+BYTES = 100
+"""Memory that a rating of the plain round takes, which every list has."""
+
 
 class EdgeCell(NamedTuple):
     """A round of a model: its timing and its peak memory in bytes, or the reason why there is none."""
@@ -50,7 +53,15 @@ def measure_lists(
         slice_s: Approximate length of a turn in seconds.
         seed: Random seed of the ratings.
         advance: Called with the next step, once for each model and size.
+
+    Raises:
+        ValueError: A list would take more memory than the limit.
     """
+    if (needed := BYTES * max(sizes)) > limits.memory:
+        raise ValueError(
+            f"a list of {max(sizes):,} ratings would take about {in_bytes(needed)} of memory, and "
+            f"{in_bytes(limits.memory)} are allowed, {limits.memory / BYTES:,.0f} ratings"
+        )
     found: EdgeCosts = {}
     ways = LISTS if importlib.util.find_spec("numba") is not None else LISTS[:1]
     for size in sorted(sizes):

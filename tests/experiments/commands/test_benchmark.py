@@ -210,7 +210,28 @@ def test_a_suite_of_a_file_names_what_is_installed(here: Path) -> None:
     assert load_suite("tiny.toml").models == ("benchmark_cases:Raising",)
 
 
-def test_real_ratings_have_a_command_of_their_own(here: Path) -> None:
-    code, lines = benchmark("--suite", "real")
-    assert code == 2
-    assert "roletrust real DIR" in " ".join(lines)
+def test_the_suite_of_real_ratings_is_the_command_of_its_own(here: Path) -> None:
+    """Both write the same; see `test_real.py` for what that is."""
+    models = "--model", "mean", "--model", "beta"
+    assert run("real", "log", "--synthetic", *models, "--out", "wanted").exit_code == 0
+    result = run("benchmark", "--suite", "real", "--data", "log", *models, "--out", "found")
+    assert result.exit_code == 0, result.output
+    for name in ("real.csv", "real.md"):
+        assert Path("found", name).read_bytes() == Path("wanted", name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--suite", "real"], "the suite real needs --data DIR, a folder of logs that are yours"),
+        (["--suite", "real", "--data", "log", "--attack", "on-off"], "--attack is not for the suite real"),
+        (["--suite", "real", "--data", "log", "--dry-run"], "--dry-run is not for the suite real"),
+        (["--suite", "quick", "--data", "log"], "--data is for the suite real only"),
+        (["--suite", "real", "--data", "log", "--workers", "2"], "--workers is not for the suite real"),
+    ],
+)
+def test_what_the_suite_of_real_ratings_does_not_take(here: Path, options: list[str], message: str) -> None:
+    result = run("benchmark", *options, "--out", "out")
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
+    assert not Path("out").exists()

@@ -35,14 +35,16 @@ def test_a_list_has_a_row_for_each_model_and_way(tmp_path: Path) -> None:
         assert 0 < float(row["ns_per_rating_least"]) <= float(row["ns_per_rating"])
         assert int(row["peak_bytes"]) > 4 * 8 * int(row["ratings"])  # the list alone
     page = (tmp_path / "edge-costs.md").read_text()
-    assert "| beta | 300 | edges |" in page
+    assert "## 300 ratings" in page
+    assert {line.split(" | ")[0] for line in page.splitlines() if line.startswith("| ")} >= {"| mean", "| beta"}
+    assert {line.count("|") for line in page.splitlines() if line.startswith("| ")} == {2 + 3 * len(WAYS)}
     assert "GB/s" in page
 
 
 def test_a_longer_list_is_left_out_by_what_the_shorter_one_took(monkeypatch: pytest.MonkeyPatch) -> None:
     for limits, reason in (
         (Limits(seconds=0, memory=inf), "a round would take about"),
-        (Limits(seconds=inf, memory=0), "MB"),
+        (Limits(seconds=inf, memory=200 * edge_costs.BYTES), "MB"),
     ):
         found = measure_lists(central("mean"), [200, 20], limits=limits, repeats=1, slice_s=1e-9)
         assert found["mean", "edges", 20].timing is not None
@@ -55,6 +57,21 @@ def test_without_numba_there_are_no_fused_rows(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(edge_costs.importlib.util, "find_spec", lambda name: None)
     found = measure_lists(central("mean"), [20], repeats=1, slice_s=1e-9)
     assert {way for _, way, _ in found} == {"edges"}
+
+
+def test_a_list_that_does_not_fit_is_refused_before_it_is_drawn(tmp_path: Path) -> None:
+    result = run("costs", "--ratings", "300", "--ratings", "999999999999", "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2
+    wanted = (
+        "a list of 999,999,999,999 ratings would take about 100 TB of memory, and 8 GB are allowed, 80,000,000 ratings"
+    )
+    assert wanted in " ".join(result.output.replace("│", " ").split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_rating_takes_the_memory_that_is_assumed() -> None:
+    cell = measure_lists({}, [100_000], repeats=1, slice_s=1e-9)[PLAIN, "edges", 100_000]
+    assert 0.8 < cell.memory / (100_000 * edge_costs.BYTES) < 1.2
 
 
 @pytest.mark.parametrize(

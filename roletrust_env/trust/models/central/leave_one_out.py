@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Power, Ridge, Share
-from roletrust_env.trust.algorithms import upper_median
+from roletrust_env.trust.algorithms import safe_power, upper_median
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left
 from roletrust_env.trust.ratings import TINY, Cells, PerPair, PerProvider, PerRater, Ratings
@@ -125,7 +125,7 @@ class LeaveOneOut(Central):
 
     def believed(self, pairs: Cells, compared: Compared) -> Array:
         """Return the trust of each rater of the round from its comparison with the others, shape (S, ...)."""
-        return compared.agreement**self.power
+        return safe_power(compared.agreement, self.power)
 
     def _base(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""

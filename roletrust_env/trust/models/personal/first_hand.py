@@ -5,6 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.ranges import Power, Ridge, Share
+from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.judges import (
     Personal,
     by_judges,
@@ -88,7 +89,7 @@ class FirstHand(Personal):
 
         compared = product(voice, voice.swapaxes(0, 1))
         agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)
-        credence = agreement**self.power
+        credence = safe_power(agreement, self.power)
         heard, own = others(voice) * credence, self.own * counts
         said = self.prior * self.initial + own * means + credence_sum(heard, voice * means)
         trust = said / (self.prior + own + credence_sum(heard, voice))

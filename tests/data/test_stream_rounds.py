@@ -1,0 +1,184 @@
+"""Rounds of a stream by time: what is published does not depend on how ratings are cut into batches."""
+
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from roletrust_env.data import TrustStream, read_ratings
+from roletrust_env.data.rounds import play_log, round_numbers
+from roletrust_env.data.tables import Columns
+from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_env.trust.grid_ledger import make_ledger
+from roletrust_env.trust.neighbours import NEIGHBOURS
+
+CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
+EVERY = 10.0
+
+
+def model_of(name: str) -> Any:
+    return NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name)
+
+
+def published(stream: TrustStream) -> tuple[dict[Any, float], dict[Any, float]]:
+    return stream.rater_trust(), stream.provider_trust()
+
+
+def same(one: Any, other: Any) -> None:
+    for found, wanted in zip(one, other, strict=True):
+        assert found == pytest.approx(wanted, abs=1e-9)
+
+
+RATING = st.tuples(
+    st.integers(0, 5), st.integers(6, 9) | st.integers(0, 5), st.sampled_from([0.0, 0.3, 0.5, 1.0]), st.integers(0, 39)
+)
+
+
+@st.composite
+def cut_logs(draw: st.DrawFn) -> tuple[list[Any], list[int]]:
+    """Return ratings (rater, provider, rating, time), in any order within a round, and the sizes of batches."""
+    ratings = [one for one in draw(st.lists(RATING, min_size=1, max_size=25)) if one[0] != one[1]] or [(0, 6, 1.0, 0)]
+    start = min(one[3] for one in ratings)
+    ratings.sort(key=lambda one: (one[3] - start) // EVERY)
+    return ratings, draw(st.lists(st.integers(1, 9), min_size=1, max_size=30))
+
+
+@pytest.mark.parametrize("name", [*CENTRAL, *NEIGHBOURS])
+@pytest.mark.parametrize("same_agents", [False, True])
+@settings(max_examples=25)
+@given(case=cut_logs())
+def test_what_is_published_does_not_depend_on_batches(
+    tmp_path_factory: pytest.TempPathFactory, name: str, same_agents: bool, case: tuple[list[Any], list[int]]
+) -> None:
+    """After each round that has ended it is what `roletrust rate` computes from the ratings up to there."""
+    ratings, sizes = case
+    model, start = model_of(name), min(one[3] for one in ratings)
+    stream = TrustStream(model, every=EVERY, same_agents=same_agents)
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    cut, seen = list(ratings), 0
+    while cut:
+        size = sizes[seen % len(sizes)]
+        batch, cut, seen = cut[:size], cut[size:], seen + 1
+        stream.update(*([one[n] for one in batch] for n in range(4)))
+        same(published(stream), rated(model, ratings, start + stream.rounds * EVERY, same_agents, path))
+    stream.finish()
+    assert stream.rounds == 1 + max((one[3] - start) // EVERY for one in ratings)
+    same(published(stream), rated(model, ratings, np.inf, same_agents, path))
+
+
+def rated(model: Any, ratings: list[Any], until: float, same_agents: bool, path: Path) -> list[dict[int, float]]:
+    """Return the trust of raters and of providers from a file of the ratings before a time."""
+    some = [one for one in ratings if one[3] < until]
+    if not some:
+        return [{}, {}]
+    path.write_text("\n".join(",".join(map(str, one)) for one in some))
+    log = read_ratings(path, Columns("1", "2", "3", "4"), same_agents=same_agents, repeats=True)
+    ledger = make_ledger(model, log.shape, one_role=not same_agents)
+    play_log(ledger, log, every=EVERY)
+    if until < np.inf:
+        ledger.skip(round((until - min(one[3] for one in some)) / EVERY) - ledger.rounds)
+    names = log.rater_names, log.ratee_names
+    return [
+        dict(zip(map(int, who), trust.tolist(), strict=True))
+        for who, trust in zip(names, (ledger.rater_trust, ledger.provider_trust), strict=True)
+    ]
+
+
+def test_members_of_a_round_that_has_not_ended_are_not_listed() -> None:
+    """Whatever their place in a batch that is not in the order of time."""
+    stream = TrustStream(make_trust_model("power-trust"), every=1, same_agents=True)
+    stream.update(["late", "a"], ["later", "b"], [1.0, 0.0], [1.5, 0.5])
+    assert published(stream)[0].keys() == {"a", "b"}
+    stream.finish()
+    assert published(stream)[0].keys() == {"a", "b", "late", "later"}
+
+
+def test_the_first_round_begins_at_the_earliest_time_until_it_ends() -> None:
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    stream.update([1], [2], [1.0], [14.0])
+    stream.update([1], [3], [1.0], [5.0])
+    stream.update([1], [4], [1.0], [3.0])
+    assert stream.rounds == 1
+    assert stream.provider_trust().keys() == {3, 4}
+    with pytest.raises(ValueError, match=r"rating 1 is of time 2, in a round that has ended; .* counts is 13"):
+        stream.update([1], [2], [1.0], [2.0])
+    stream.finish()
+    assert stream.rounds == 2
+
+
+def test_arrays_may_be_used_again_for_the_next_batch() -> None:
+    """Ratings that wait are not changed with them."""
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    columns = [np.array([1, 2]), np.array([3, 4]), np.array([1.0, 0.0]), np.array([0.0, 5.0])]
+    for _ in range(2):
+        stream.update(*columns)
+    for column in columns:
+        column += 100
+    stream.finish()
+    assert stream.rounds == 1
+    assert published(stream)[0].keys() == {1, 2}
+    assert stream.provider_trust() == {3: 0.75, 4: 0.25}
+
+
+def test_rounds_end_when_a_later_rating_shows_it() -> None:
+    """So do rounds without ratings, and a rating of one of them comes too late."""
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    stream.update([1], [2], [1.0], [0.0])
+    stream.update([1], [2], [0.5], [35.0])
+    assert stream.rounds == 3
+    with pytest.raises(ValueError, match="in a round that has ended; the earliest time that counts is 30"):
+        stream.update([1], [2], [0.5], [25.0])
+
+
+def test_a_round_goes_on_when_those_that_rated_in_it_leave(tmp_path: Path) -> None:
+    """It has begun, so that it ends as a round, and no earlier one is open again; also after the state was saved."""
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    stream.update([1, 7], [2, 2], [1.0, 0.5], [0.0, 15.0])
+    stream.remove(raters=[7])
+    stream.save(tmp_path / "state.npz")
+    for one in (stream, TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10)):
+        one.finish()
+        assert one.rounds == 2
+        one.finish()
+        assert one.rounds == 2
+        with pytest.raises(ValueError, match="counts is 20"):
+            one.update([1], [2], [1.0], [12.0])
+
+
+def test_the_names_of_a_round_that_has_begun_are_all_of_one_type(tmp_path: Path) -> None:
+    stream = TrustStream(make_trust_model("mean"), every=10)
+    stream.update(["a"], [1], [1.0], [0.0])
+    stream.save(tmp_path / "state.npz")
+    for one in (stream, TrustStream.load(tmp_path / "state.npz", make_trust_model("mean"), every=10)):
+        with pytest.raises(ValueError, match="raters are whole numbers; they were texts before"):
+            one.update([2], [1], [1.0], [0.0])
+        one.remove(raters=["a"])
+        one.update([2], ["shop"], [1.0], [0.0])
+        one.finish()
+        assert published(one)[0].keys() == {2}
+
+
+@given(
+    every=st.integers(1, 5000),
+    start=st.integers(-(10**9), 10**9),
+    steps=st.lists(st.integers(0, 10**7), min_size=1, max_size=50),
+    on=st.lists(st.integers(0, 5000), max_size=50),
+)
+def test_decimal_rounds_are_those_of_decimal_numbers(every: int, start: int, steps: list[int], on: list[int]) -> None:
+    """Lengths and times are thousandths, which binary numbers only come near to; some times begin a round."""
+    steps = [*steps, *(number * every for number in on)]
+    times = np.array([float(f"{start + step}e-3") for step in steps])
+    wanted = [step // every for step in steps]
+    if max(wanted) < 1_000_000:
+        assert round_numbers(times, float(f"{every}e-3"), float(f"{start}e-3")).tolist() == wanted
+
+
+def test_a_stream_has_the_rounds_of_a_log_for_decimal_lengths() -> None:
+    times = [n / 10 for n in range(200)]
+    stream = TrustStream(make_trust_model("mean"), every=0.1)
+    for n, time in enumerate(times):
+        stream.update([1], [2], [0.5], [time])
+        assert stream.rounds == n
