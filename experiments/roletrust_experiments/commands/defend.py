@@ -135,6 +135,7 @@ def defend(
     from roletrust_experiments.defence.fronts import Front
     from roletrust_experiments.defence.progress import iterations as progress_of
     from roletrust_experiments.defence.response import least_budget
+    from roletrust_experiments.defence.stored import check_of
 
     learners = tuple(dict.fromkeys(learner or _LEARNERS))
     fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
@@ -154,7 +155,7 @@ def defend(
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
     settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions, **software()}
     path = out / "defence.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, check_of(setup, fresh))
     prepare_folder(out)
 
     def keep(key: str, run: Run) -> None:

@@ -87,7 +87,7 @@ def strategic(
     [cyan]roletrust strategic --model beta --scenario crowd --cost 0.5[/]
     """
     require("strategic agents", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_experiments.strategic.points import COSTS, MODELS, SCENARIOS, Effort, Level, play_point, points
+    from roletrust_experiments.strategic.points import COSTS, MODELS, SCENARIOS, Effort, Level, check_of, play_point, points
 
     if games % 2:
         raise ValueError(f"--games is {games}; it must be even, because one half chooses and the other one measures")
@@ -97,7 +97,7 @@ def strategic(
         point.game()
     settings = {"command": "roletrust strategic", "effort": effort._asdict(), **software()}
     path = out / "strategic.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, check_of(effort))
     prepare_folder(out)
     jobs = {point.key: (point, effort) for point in every if point.key not in kept}
     play_and_keep(play_point, jobs, kept, total=len(every), workers=workers, settings=settings, path=path)

@@ -105,3 +105,48 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(tmp_path, argum
     code, printed = run(tmp_path, *arguments)
     assert (code, message in printed) == (2, True), printed
     assert not (tmp_path / "out").exists()
+
+
+def emptied(run):
+    run.clear()
+
+
+def beyond(run):
+    run["vector"].append(0.5)
+
+
+def undefined(run):
+    next(iter(run.values()))[0][0] = float("nan")
+
+
+def shorter(run):
+    next(iter(run.values()))[1].pop()
+
+
+@pytest.mark.parametrize(
+    ("key", "damage", "message"),
+    [
+        ("start|small/raters/0.5", emptied, "run 'start|small/raters/0.5': field attackers is missing"),
+        ("start|small/raters/0.5", lambda run: run["attackers"].clear(), "attackers"),
+        ("attack|0|small/raters/0.5", lambda run: run["attacker"].update(record="{}"), "must be an object with a kind"),
+        ("payoff|small/raters/0.5|mean", undefined, "NaN, which is not a number"),
+        ("payoff|small/raters/0.5|mean", shorter, "it has 2 games; the settings have 3"),
+        ("seen|small/raters/0.5|mean", emptied, "attacks"),
+        ("held out|small/raters/0.25|mean", shorter, "it has 2 games"),
+        ("clean|small/raters/0.5|mean", lambda run: run.update(skill=None), "skill is None"),
+        ("defence|0|network", beyond, "numbers; network has"),
+        ("defence|0|network", lambda run: run.update(spec="mean"), "spec and vector are not of one model"),
+        ("own|small/raters/0.5|mean", emptied, "field attacker is missing"),
+    ],
+)
+def test_a_damaged_step_is_one_line_that_names_it(played, tmp_path, key, damage, message):
+    folder, _ = played
+    data = json.loads((folder / "out" / "defence.json").read_text())
+    damage(data["runs"][key])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "defence.json").write_text(json.dumps(data))
+    code, printed = run(tmp_path)
+    assert (code, "defence.json holds no runs of this command: " in printed) == (2, True), printed
+    assert message in printed
+    assert printed.endswith("; give --force to begin again, or another --out")
+    assert len(printed) < 1500

@@ -88,6 +88,26 @@ def test_bad_input_is_refused_before_anything_is_written(arguments, message, tmp
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda run: run.clear(), "numbers.welfare is None"),
+        (lambda run: run.update(welfare=[0.5]), "welfare has 1 runs; the settings have 2"),
+        (lambda run: run.update(welfare=[0.5, "high"]), "numbers.welfare.1 is 'high'"),
+        (lambda run: run.update(quality=[0.5, float("nan")]), "NaN, which is not a number"),
+        (lambda run: run.pop("rater_deviation"), "deviations.rater_deviation is None"),
+    ],
+)
+def test_a_damaged_population_is_one_line_that_names_it(written, tmp_path, damage, message):
+    data = json.loads((written / "strategic.json").read_text())
+    damage(data["runs"]["crowd|beta|0.1|honest"])
+    (tmp_path / "strategic.json").write_text(json.dumps(data))
+    code, printed = strategic("--model", "beta", *FEW, "--out", tmp_path)
+    assert (code, "strategic.json holds no runs of this command: " in printed) == (2, True), printed
+    assert message in printed
+    assert printed.endswith("; give --force to begin again, or another --out")
+
+
 def test_the_price_of_anarchy_has_the_interval_of_a_quotient():
     rng = np.random.default_rng(0)
     best, welfare = rng.normal(0.9, 0.01, 40), rng.normal(0.6, 0.05, 40)
