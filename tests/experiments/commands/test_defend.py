@@ -131,12 +131,12 @@ def shorter(run):
         ("attack|0|small/raters/0.5", lambda run: run["attacker"].update(record="{}"), "must be an object with a kind"),
         ("payoff|small/raters/0.5|mean", undefined, "NaN, which is not a number"),
         ("payoff|small/raters/0.5|mean", shorter, "it has 2 games; the settings have 3"),
-        ("seen|small/raters/0.5|mean", emptied, "attacks"),
+        ("seen|1|small/raters/0.5|mean", emptied, "attacks"),
         ("held out|small/raters/0.25|mean", shorter, "it has 2 games"),
         ("clean|small/raters/0.5|mean", lambda run: run.update(skill=None), "skill is None"),
         ("defence|0|network", beyond, "numbers; network has"),
         ("defence|0|network", lambda run: run.update(spec="mean"), "spec and vector are not of one model"),
-        ("own|small/raters/0.5|mean", emptied, "field attacker is missing"),
+        ("own|1|small/raters/0.5|mean", emptied, "field attacker is missing"),
     ],
 )
 def test_a_damaged_step_is_one_line_that_names_it(played, tmp_path, key, damage, message):
