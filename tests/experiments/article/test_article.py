@@ -129,6 +129,41 @@ def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
         Results(DOCS).fact("worst mixture")
 
 
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "leaderboard.csv has no rows"),
+        (b"model,tier,clean,worst\n", "leaderboard.csv has no rows"),
+        (b"model,worst\nbeta\n", "row 2 of .*leaderboard.csv has another number of cells"),
+        (b"model,worst\nbeta,0.2,0.3\n", "row 2 of .*leaderboard.csv has another number of cells"),
+        (b"model,worst\nbeta,\xff\n", "leaderboard.csv is not UTF-8 text: invalid start byte at byte 17"),
+        (b"model,worst\nbeta,low\n", "leaderboard.csv has 'low' where a number is needed"),
+        (b"model,worst\nbeta,\n", "leaderboard.csv has no worst in the rows with {}"),
+        (b"model,best\nbeta,1\n", "leaderboard.csv has no column 'worst'"),
+    ],
+)
+def test_a_damaged_table_is_named(tmp_path, content, message):
+    path = tmp_path / FILES["leaderboard"]
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        Results(tmp_path).first("leaderboard", "worst")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\xff", "references.bib is not UTF-8 text"),
+        (b"@article{a,", "references.bib is no BibTeX"),
+        (b"@article{a, title={b}}@article{a, title={b}}", "references.bib is no BibTeX"),
+    ],
+)
+def test_a_damaged_bibliography_is_named(tmp_path, content, message):
+    (tmp_path / "references.bib").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        Sources(tmp_path / "references.bib")
+
+
 def test_numbers_are_rounded_and_signed():
     results = Results(DOCS)
     assert results.mark("leaderboard", "-0.4004") == (
