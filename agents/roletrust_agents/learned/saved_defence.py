@@ -14,7 +14,16 @@ from pydantic import Field, ValidationError, model_validator
 from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.cards import Count, Name, Plain, Text
-from roletrust_agents.learned.rater_network import FEATURES, MAX_WEIGHT, SHAPES, SIZE, UNITS, Floats, RaterNetworkTrust, split
+from roletrust_agents.learned.rater_network import (
+    FEATURES,
+    MAX_WEIGHT,
+    SHAPES,
+    SIZE,
+    UNITS,
+    Floats,
+    RaterNetworkTrust,
+    split,
+)
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
 from roletrust_env.errors import explain

@@ -87,7 +87,16 @@ def strategic(
     [cyan]roletrust strategic --model beta --scenario crowd --cost 0.5[/]
     """
     require("strategic agents", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_experiments.strategic.points import COSTS, MODELS, SCENARIOS, Effort, Level, check_of, play_point, points
+    from roletrust_experiments.strategic.points import (
+        COSTS,
+        MODELS,
+        SCENARIOS,
+        Effort,
+        Level,
+        check_of,
+        play_point,
+        points,
+    )
 
     if games % 2:
         raise ValueError(f"--games is {games}; it must be even, because one half chooses and the other one measures")

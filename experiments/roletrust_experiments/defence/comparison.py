@@ -26,14 +26,15 @@ class Row(NamedTuple):
         clean: Skill where nobody attacks, in the conditions of the training.
         worst: Skill under the worst attacker that the game has found, or that is trained against this model alone
             with the same budget, in the same conditions.
-        strangers: Skill under the worst attacker that no training has met, in the same conditions.
-        worlds: Skill under the worst attacker that no training has met, in other conditions; None without any.
+        strangers: Skill under the worst attacker that no training has met, in the same conditions; None where a
+            condition has none.
+        worlds: The same in other conditions; None without any.
     """
 
     name: str
     clean: Interval
     worst: Interval
-    strangers: Interval
+    strangers: Interval | None
     worlds: Interval | None
 
 
@@ -88,8 +89,8 @@ class Comparison:
                 name,
                 estimate(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)).interval,
                 self._worst(self._seen, self._game.fronts, name),
-                self._worst(_HELD_OUT, self._game.fronts, name),
-                self._worst(_HELD_OUT, self._worlds, name) if self._worlds else None,
+                self._worst_stranger(self._game.fronts, name),
+                self._worst_stranger(self._worlds, name),
             )
             for name in self.models
         ]
@@ -104,7 +105,8 @@ class Comparison:
         return {"attacker": front.known("trained against it alone", attacker).model_dump(), "rounds": rounds}
 
     def _meet(self, kind: str, front: Front, name: str, spec: str, attackers: Sequence[KnownAttack]) -> None:
-        self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
+        if attackers:
+            self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
 
     def _met(self, front: Front, spec: str, attackers: Sequence[KnownAttack]) -> Run:
         found = front.skills(spec, attackers, self._game.seed(_OWN), self._games)
@@ -115,6 +117,10 @@ class Comparison:
 
     def _clean_skill(self, front: Front, name: str) -> Floats:
         return np.array(self._game.runs[f"clean|{front.name}|{name}"]["skill"])
+
+    def _worst_stranger(self, fronts: Sequence[Front], name: str) -> Interval | None:
+        met = [f"{_HELD_OUT}|{front.name}|{name}" in self._game.runs for front in fronts]
+        return self._worst(_HELD_OUT, fronts, name) if met and all(met) else None
 
     def _worst(self, kind: str, fronts: Sequence[Front], name: str) -> Interval:
         """Return the skill in the games that measure, each condition under the attack that is worst in the others."""

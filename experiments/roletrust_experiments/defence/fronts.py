@@ -106,17 +106,20 @@ class Front(NamedTuple):
             found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
         return list(found.values())
 
+    @property
+    def has_strangers(self) -> bool:
+        """True if the suite knows attackers in this condition."""
+        return bool(self._known_there())
+
     def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
         """Return attackers that no training has met: those that the suite knows in this condition.
 
-        A suite that knows none there gives its scripts at their defaults.
+        A suite that knows none there gives its scripts at their defaults, as far as no training has met them.
 
         Args:
             met: Attackers that a training has met; scripts of these names are left out.
         """
-        where = self.condition
-        known = where.suite.known_in((where.scenario, where.track, where.share))
-        if known:
+        if known := self._known_there():
             return known
         names = {one.name for one in met}
         return [script for script in self._scripts() if script.name not in names]
@@ -143,6 +146,10 @@ class Front(NamedTuple):
         seen = measure_honest(exact_task(self.arguments(model)), seed, games).measured
         return self._skill(seen["utility"][0], seen["blind"][0])
 
+    def _known_there(self) -> list[KnownAttack]:
+        where = self.condition
+        return where.suite.known_in((where.scenario, where.track, where.share))
+
     def _scripts(self) -> list[KnownAttack]:
         """Return the scripted attacks of the suite at their defaults."""
         task = exact_task(self.arguments(_ANY))
@@ -152,5 +159,7 @@ class Front(NamedTuple):
     def _skill(self, utility: Floats, blind: Floats) -> Floats:
         found = np.round(skill(utility, blind), _DIGITS)
         if not np.isfinite(found).all():
-            raise ValueError(f"the skill in {self.name} is undefined: in some game no choice has a utility, or no better")
+            raise ValueError(
+                f"the skill in {self.name} is undefined: in some game no choice is better than a blind one"
+            )
         return found

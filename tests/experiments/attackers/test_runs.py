@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from roletrust_experiments.attackers.runs import of_kind, read_runs, write_runs
 from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_experiments.attackers.runs import of_kind, read_runs, write_runs
 
 SETTINGS = {"command": "roletrust test", "games": (1, 2)}
 
@@ -53,17 +53,18 @@ def text(made_with=SETTINGS, runs=RUNS):
 def test_a_damaged_file_is_one_line(tmp_path, content, told):
     path = tmp_path / "runs.json"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(ValueError, match=r"runs\.json holds no runs") as error:
         read_runs(path, SETTINGS, of_kind(Kept))
     message = str(error.value)
     assert message.startswith(f"{path} holds no runs of this command: ")
     assert told in message
     assert message.endswith("; give --force to begin again, or another --out")
-    assert "\n" not in message and len(message) < 1000
+    assert "\n" not in message
+    assert len(message) < 1000
 
 
 def test_runs_with_other_settings_are_refused_and_not_checked(tmp_path):
     path = tmp_path / "runs.json"
     path.write_text(text(made_with={**SETTINGS, "games": 3}, runs={"a|1": {}}))
-    with pytest.raises(ValueError, match="runs.json holds runs with another games; give --force"):
+    with pytest.raises(ValueError, match=r"runs\.json holds runs with another games; give --force"):
         read_runs(path, SETTINGS, of_kind(Kept))

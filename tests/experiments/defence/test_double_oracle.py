@@ -158,7 +158,7 @@ def test_a_comparison_after_more_iterations_is_the_one_without_a_stop(fronts, ga
 
 def test_a_skill_that_is_undefined_is_refused(fronts, monkeypatch):
     monkeypatch.setattr("roletrust_experiments.defence.fronts.skill", lambda utility, blind: utility * np.nan)
-    with pytest.raises(ValueError, match="the skill in small/raters/0.25 is undefined"):
+    with pytest.raises(ValueError, match=r"the skill in small/raters/0\.25 is undefined"):
         fronts[0].clean("mean", 0, 2)
 
 
