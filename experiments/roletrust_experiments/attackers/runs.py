@@ -80,8 +80,8 @@ def of_kind(kind: type[UntrustedModel]) -> Check:
 
 
 def write_runs(path: Path, settings: Mapping[str, Any], runs: Mapping[str, Run]) -> None:
-    """Write the runs and the settings that they have in common."""
-    write_json(path, {"made_with": settings, "runs": runs})
+    """Write the runs and the settings that they have in common, in an order that does not depend on their end."""
+    write_json(path, {"made_with": settings, "runs": {key: runs[key] for key in sorted(runs)}})
 
 
 def play_runs(work: Work, jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -52,6 +54,42 @@ def test_the_page_has_the_numbers_and_the_command(written):
     command = "roletrust strategic --model beta --model constant --scenario crowd --cost 0.1 --runs 2 --steps 2"
     assert f"Made by `{command} --games 2 --seed 0`." in page
     assert (written / "strategic.png").stat().st_size > 1000
+
+
+def test_what_is_next_overwrites_nothing_and_keeps_the_effort(written, tmp_path):
+    out = tmp_path / "here"
+    shutil.copytree(written, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    code, printed = strategic("--model", "beta", *FEW, "--out", out)
+    assert code == 0, printed
+    words = shlex.split(printed.partition("Next: roletrust strategic ")[2])
+    given = dict(zip(words[::2], words[1::2], strict=True))
+    assert given == {
+        **{"--model": "beta", "--scenario": "crowd", "--cost": "0.1", "--runs": "4", "--steps": "2", "--games": "2"},
+        **{"--seed": "0", "--workers": "1", "--out": str(tmp_path / "here-4-runs")},
+    }
+    code, printed = strategic(*words)
+    assert code == 0, printed
+    assert (out / "strategic.json").read_bytes() == before["strategic.json"]
+
+
+def test_the_order_of_the_runs_does_not_depend_on_when_they_end(written, tmp_path):
+    (tmp_path / "strategic.json").write_text((written / "strategic.json").read_text())
+    data = json.loads((tmp_path / "strategic.json").read_text())
+    data["runs"] = dict(list(data["runs"].items())[:0:-1])  # the first one is played again, after the others
+    (tmp_path / "strategic.json").write_text(json.dumps(data))
+    assert strategic("--model", "beta", "--model", "constant", *FEW, "--out", tmp_path)[0] == 0
+    assert (tmp_path / "strategic.json").read_bytes() == (written / "strategic.json").read_bytes()
+
+
+def test_a_narrow_terminal_shows_welfare(written, tmp_path):
+    shutil.copy(written / "strategic.json", tmp_path)
+    result = CliRunner().invoke(
+        app, ["strategic", "--model", "beta", *map(str, FEW), "--out", str(tmp_path)], env={"COLUMNS": "80"}
+    )
+    header = next(line for line in result.output.splitlines() if line.startswith("population"))
+    assert "welfare" in header
+    assert "price of anarchy" in header
 
 
 def test_it_continues_where_it_was_stopped(written):
