@@ -82,10 +82,8 @@ class Store:
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
         self._left: list[Path] = []  # journals that a reader may leave
-        if suite is None and path.is_dir():
-            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
-        if suite is None and not path.is_file():
-            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
+        if suite is None:
+            _check_results(path)
         try:
             with _readable_errors(path):
                 if suite is not None:
@@ -258,6 +256,17 @@ class Store:
                 if file.in_transaction:
                     file.execute("ROLLBACK")
                 raise
+
+
+def _check_results(path: Path) -> None:
+    """Check that there is a file to read."""
+    try:
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
+        if not path.is_file():
+            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
+    except OSError as error:  # the name is too long
+        raise ValueError(f"results {str(path)[:100]}... cannot be looked up: {error.strerror}") from None
 
 
 def _write_lock(path: Path) -> FileLock:

@@ -102,7 +102,8 @@ def _parsed(
         if "" in names:
             raise ValueError(f"{row} {first + names.index('')} has no name in column {column!r}")
         people.append(np.array([index.setdefault(name, len(index)) for name in names], np.int64))
-    values = _column(block.ratings, "rating", row, first)
+    what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
+    values = _column(block.ratings, what, row, first)
     worst, best = scale
     if (off := np.flatnonzero((values < worst) | (values > best))).size:
         at = off[0]
@@ -118,7 +119,7 @@ def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
     except ValueError:
         values = np.array([_number(str(text)) for text in texts])
     if (wrong := np.flatnonzero(~np.isfinite(values))).size:
-        raise ValueError(f"{row} {first + wrong[0]}: the {what} is {str(texts[wrong[0]])!r}; it must be a number")
+        raise ValueError(f"{row} {first + wrong[0]}: {what} is {str(texts[wrong[0]])!r}; it must be a number")
     return values
 
 
@@ -129,7 +130,7 @@ def _times(texts: Texts, row: str, first: int) -> Floats:
             return np.array(texts, "datetime64[s]").astype(np.float64)
         except ValueError:
             pass  # the message below names the row
-    return _column(texts, "time", row, first)
+    return _column(texts, "the time", row, first)
 
 
 def _number(text: str) -> float:

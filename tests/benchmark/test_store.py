@@ -5,6 +5,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from benchmark_cases import TINY, results, tiny
@@ -253,6 +254,11 @@ def test_overwriting_fails_while_another_run_writes(path):
 def test_a_missing_file_is_refused(tmp_path):
     assert "there is no" in refused(tmp_path / "none.sqlite")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_too_long_is_refused():
+    with pytest.raises(ValueError, match=r"^results x{100}\.\.\. cannot be looked up: File name too long$"):
+        Store(Path("x" * 300))
 
 
 def test_a_full_disk_loses_nothing(path):
