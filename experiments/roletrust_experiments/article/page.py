@@ -33,7 +33,7 @@ def page(folder: Path) -> str:
     results, sources = Results(folder), Sources(folder / "references.bib")
     names: dict[str, Any] = {
         **{name: getattr(results, name) for name in ("rows", "row", "first", "mark", "number", "mean", "interval")},
-        **{name: getattr(results, name) for name in ("answer", "fact")},
+        **{name: getattr(results, name) for name in ("answer", "breaking", "fact", "falling")},
         "cite": sources.cite,
         "references": sources.listed,
         "picture": lambda path: _picture(folder / path),

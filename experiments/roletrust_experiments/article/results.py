@@ -102,6 +102,18 @@ class Results:
             raise ValueError(f"{FILES[name]} has no {column} in the rows with {where}")
         return (min if least else max)(found, key=lambda row: _number(name, row[column]))
 
+    def falling(self, name: str, column: str) -> list[Row]:
+        """Return the rows of a table, the highest number in a column first; those without one are left out."""
+        found = [row for row in self.rows(name) if _cell(name, row, column) != ""]
+        return sorted(found, key=lambda row: -_number(name, row[column]))
+
+    def breaking(self) -> list[tuple[Markup, Markup]]:
+        """Return the models of the answer about the breaking shares by range of shares, see `answer`."""
+        found = re.findall(r"(\d+% to \d+%) lie with ([^;.]+)", self.answer("breaking"))
+        if not found:
+            raise ValueError("findings.md names no shares in its answer 'breaking'")
+        return [(_quote("findings.md", share), _quote("findings.md", models)) for share, models in found]
+
     def answer(self, question: str) -> Markup:
         """Return the sentence that answers a question of `roletrust findings`, by the name of its figure."""
         text = read_text(self.folder / "findings.md")
@@ -127,7 +139,9 @@ def _cell(name: str, row: Row, column: str) -> str:
 
 
 def _quote(path: str, text: str) -> Markup:
-    return Markup('<q data-from="{}">{}</q>').format(path, escape(text))
+    """Return a copied text, with minus signs as those of marked numbers."""
+    signed = re.sub(r"(?<![\w-])-(?=\d)", "\N{MINUS SIGN}", text)
+    return Markup('<q data-from="{}">{}</q>').format(path, escape(signed))
 
 
 @cache

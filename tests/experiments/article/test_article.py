@@ -81,7 +81,27 @@ def test_every_number_is_found_in_its_file(report):
 def test_every_copied_sentence_is_found_in_its_file(report):
     assert {path for path, _ in report.quotes} == {"findings.md", "equilibrium/equilibrium.md"}
     for path, text in report.quotes:
-        assert text in (DOCS / path).read_text(encoding="utf-8")
+        assert text.replace(MINUS, "-") in (DOCS / path).read_text(encoding="utf-8")
+
+
+def test_no_number_has_a_hyphen_for_its_sign(report):
+    shown = [text for _, _, text in report.numbers] + [text for _, text in report.quotes]
+    assert any(MINUS in text for text in shown)
+    assert [text for text in shown if re.search(r"(?<![\w-])-\d", text)] == []
+
+
+def test_the_largest_share_of_alpha_rank_is_named(report):
+    with (DOCS / FILES["equilibrium"]).open(encoding="utf-8", newline="") as file:
+        most = max(float(row["alpha_rank"]) for row in csv.DictReader(file))
+    assert f"{most:.3f}" in [text for path, _, text in report.numbers if path == FILES["equilibrium"]]
+
+
+def test_every_model_that_breaks_is_in_its_row():
+    rows = Results(DOCS).breaking()
+    answer = Results(DOCS).answer("breaking")
+    names = [name for _, models in rows for name in re.sub("<[^>]+>", "", models).split(", ")]
+    assert len(names) == len(set(names)) > 15
+    assert all(name in answer for name in names)
 
 
 def test_no_number_is_typed(report):
