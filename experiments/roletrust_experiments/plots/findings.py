@@ -89,8 +89,8 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
     for legend in figure.legends:
         if legend.get_window_extent().overlaps(below.get_window_extent()):  # both are at the bottom
             below.set_text("")
-            legend.set_title(note, {"size": 8.5})
-            legend.get_title().set_color(QUIET)
+            legend.set_title(note)
+            legend.get_title().set(fontsize=8.5, color=QUIET)
             legend.set_alignment("left")
     return figure
 
