@@ -7,7 +7,7 @@ import json
 import platform
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
@@ -42,6 +42,8 @@ CREATE TABLE attacks (
 ) WITHOUT ROWID;
 """
 
+
+_JOURNALS = "-wal", "-shm"
 
 _Numbers = list[FiniteFloat | None]
 _NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
@@ -79,18 +81,21 @@ class Store:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
-        if suite is None and path.is_dir():
-            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
-        if suite is None and not path.is_file():
-            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
+        self._left: list[Path] = []  # journals that a reader may leave
+        if suite is None:
+            _check_results(path)
         try:
             with _readable_errors(path):
                 if suite is not None:
                     self._lock = _write_lock(path)
                     if overwrite:
                         _remove(path)
-                mode = "ro" if suite is None else "rwc"
-                self._file = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, isolation_level=None)
+                mode = "mode=rwc"
+                if suite is None:
+                    journals = [Path(f"{path}{suffix}") for suffix in _JOURNALS]
+                    mode = "mode=ro" if any(one.exists() for one in journals) else "immutable=1"
+                    self._left = [one for one in journals if not one.exists()]
+                self._file = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None)
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
@@ -120,6 +125,11 @@ class Store:
             self._file.close()
         if self._lock is not None:
             self._lock.release()
+        if any(journal.exists() for journal in self._left):
+            begun = Path(f"{self.path}.lock").exists()  # journals of a run that has begun since are its own
+            with suppress(ValueError, OSError), _write_lock(self.path) if begun else nullcontext():
+                for journal in self._left:
+                    journal.unlink(missing_ok=True)
 
     def add(self, cell: AnyCell, result: CellResult) -> None:
         """Store the result of a cell in one transaction. It replaces an earlier result of the cell.
@@ -248,6 +258,17 @@ class Store:
                 raise
 
 
+def _check_results(path: Path) -> None:
+    """Check that there is a file to read."""
+    try:
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
+        if not path.is_file():
+            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
+    except OSError as error:  # the name is too long
+        raise ValueError(f"results {str(path)[:100]}... cannot be looked up: {error.strerror}") from None
+
+
 def _write_lock(path: Path) -> FileLock:
     """Acquire the lock of the writer."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -261,7 +282,7 @@ def _write_lock(path: Path) -> FileLock:
 
 def _remove(path: Path) -> None:
     """Remove a database and the journals of SQLite, but not the lock, which is held."""
-    for suffix in ("", "-wal", "-shm"):
+    for suffix in ("", *_JOURNALS):
         Path(f"{path}{suffix}").unlink(missing_ok=True)
 
 

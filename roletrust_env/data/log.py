@@ -107,7 +107,8 @@ def _parsed(
         if "" in names:
             raise ValueError(f"{row} {first + names.index('')} has no name in column {column!r}")
         people.append(np.array([index.setdefault(name, len(index)) for name in names], np.int64))
-    values = _column(block.ratings, "rating", row, first)
+    what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
+    values = _column(block.ratings, what, row, first)
     worst, best = scale
     if (off := np.flatnonzero((values < worst) | (values > best))).size:
         at = off[0]
@@ -115,7 +116,7 @@ def _parsed(
     if block.times is None:
         times = np.zeros(len(values))
     else:
-        times = (_seconds if dates else _column)(block.times, "time", row, first)
+        times = (_seconds if dates else _column)(block.times, "the time", row, first)
     return people[0], people[1], (values - worst) / (best - worst), times
 
 
@@ -126,7 +127,7 @@ def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
     except ValueError:
         values = np.array([_number(str(text)) for text in texts])
     if (wrong := np.flatnonzero(~np.isfinite(values))).size:
-        raise ValueError(f"{row} {first + wrong[0]}: the {what} is {str(texts[wrong[0]])!r}; it must be a number")
+        raise ValueError(f"{row} {first + wrong[0]}: {what} is {str(texts[wrong[0]])!r}; it must be a number")
     return values
 
 
@@ -153,7 +154,7 @@ def _seconds(texts: Texts, what: str, row: str, first: int) -> Floats:
         pass  # the row is looked for below
     wrong = next(at for at, text in enumerate(texts) if not _is_date(text))
     raise ValueError(
-        f"{row} {first + wrong}: the {what} is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
+        f"{row} {first + wrong}: {what} is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
     )
 
 

@@ -53,12 +53,15 @@ def prepare_folder(folder: Path) -> None:
     Raises:
         OSError: The folder cannot be written.
     """
-    new = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    clear_unfinished(folder)
-    probe = unfinished_path(folder / "probe")
-    probe.touch()
-    probe.unlink()
+    try:
+        new = [path for path in (folder, *folder.parents) if not path.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        clear_unfinished(folder)
+        probe = unfinished_path(folder / "probe")
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise type(error)(f"--out {folder} is no folder that can be written: {error.strerror}") from None
     for path in new:
         with suppress(OSError):  # in use by another run, or the parent of another folder, such as `a/..`
             path.rmdir()

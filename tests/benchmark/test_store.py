@@ -5,6 +5,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from benchmark_cases import TINY, results, tiny
@@ -53,6 +54,44 @@ def test_stored_cells_can_be_read(path):
         assert [one.result for one in store.all()] == [RESULT] * 3
         assert {one.cell for one in store.all()} == set(cells(SUITE)[:3])
         assert store.suite == SUITE
+
+
+def test_a_reader_leaves_the_folder_as_it_was(path):
+    """Also beside the journal of a run that was killed, whole or cut off."""
+    before = {one.name: one.read_bytes() for one in path.parent.iterdir()}
+    with Store(path) as store:
+        assert len(store.all()) == 3
+    assert {one.name: one.read_bytes() for one in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize(("length", "found"), [(None, 3), (20, 2), (0, 2)])
+def test_a_reader_leaves_the_journal_of_a_killed_run(tmp_path, length, found):
+    with Store(tmp_path / "running.sqlite", SUITE) as store:
+        for cell in cells(SUITE)[:2]:
+            store.add(cell, RESULT)
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    with Store(tmp_path / "running.sqlite", SUITE) as store:
+        store.add(cells(SUITE)[2], RESULT)
+        for end in ("", "-wal"):
+            (folder / f"results.sqlite{end}").write_bytes(
+                (tmp_path / f"running.sqlite{end}").read_bytes()[: length if end else None]
+            )
+    before = {one.name: one.read_bytes() for one in folder.iterdir()}
+    with Store(folder / "results.sqlite") as store:
+        assert len(store.all()) == found
+    assert {one.name: one.read_bytes() for one in folder.iterdir()} == before
+
+
+def test_a_reader_beside_a_writer_leaves_its_journals(path):
+    with Store(path, SUITE) as writer:
+        writer.add(cells(SUITE)[3], RESULT)
+        with Store(path) as reader:
+            assert len(reader.all()) == 4
+        assert path.with_name("results.sqlite-wal").exists()
+        writer.add(cells(SUITE)[4], RESULT)
+    with Store(path) as reader:
+        assert len(reader.all()) == 5
 
 
 def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
@@ -215,6 +254,11 @@ def test_overwriting_fails_while_another_run_writes(path):
 def test_a_missing_file_is_refused(tmp_path):
     assert "there is no" in refused(tmp_path / "none.sqlite")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_too_long_is_refused():
+    with pytest.raises(ValueError, match=r"^results x{100}\.\.\. cannot be looked up: File name too long$"):
+        Store(Path("x" * 300))
 
 
 def test_a_full_disk_loses_nothing(path):

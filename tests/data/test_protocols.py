@@ -155,6 +155,9 @@ def test_wrong_answers_are_refused(tmp_path: Path) -> None:
     (tmp_path / "answer.csv").write_text("question,worker,answer\nelse,w1,1\n")
     with pytest.raises(ValueError, match="the truth of no question"):
         read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
+    (tmp_path / "answer.csv").write_text("question,worker,answer\nq1,w1,yes\n")
+    with pytest.raises(ValueError, match=r"row 2: column 'answer' is 'yes'; it must be a number"):
+        read_crowd(tmp_path / "answer.csv", tmp_path / "truth.csv.gz")
 
 
 # --- attacks ------------------------------------------------------------------------------------------

@@ -41,6 +41,9 @@ SHAPES: Mapping[str, tuple[int, ...]] = {
 SIZE = sum(map(prod, SHAPES.values()))
 """Number of weights."""
 
+MAX_WEIGHT = 1e6
+"""Largest absolute value of a weight: with it, sums stay finite in single precision."""
+
 
 def start_weights(seed: int = 0) -> Floats:
     """Return weights to begin a training with, shape (n,): random layers, and a last one that says nothing.
@@ -78,7 +81,7 @@ class RaterNetworkTrust(LeaveOneOut):
         weights: Weights of the network in one row, in the order of `SHAPES`.
 
     Raises:
-        ValueError: The number of weights is wrong, or one is not finite.
+        ValueError: The number of weights is wrong, or one lies outside [-1e6, 1e6].
 
     Example:
         >>> model = RaterNetworkTrust(weights=tuple(start_weights()))
@@ -89,7 +92,7 @@ class RaterNetworkTrust(LeaveOneOut):
     """
 
     weights: Annotated[
-        tuple[Annotated[float, Field(allow_inf_nan=False)], ...],
+        tuple[Annotated[float, Field(ge=-MAX_WEIGHT, le=MAX_WEIGHT)], ...],
         Field(min_length=SIZE, max_length=SIZE),
     ] = Field(kw_only=True)
 

@@ -10,13 +10,23 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 from safetensors import numpy as safetensors
 
 from roletrust_agents.learned.cards import Count, Name, Plain, Text
-from roletrust_agents.learned.rater_network import FEATURES, SHAPES, SIZE, UNITS, Floats, RaterNetworkTrust, split
+from roletrust_agents.learned.rater_network import (
+    FEATURES,
+    MAX_WEIGHT,
+    SHAPES,
+    SIZE,
+    UNITS,
+    Floats,
+    RaterNetworkTrust,
+    split,
+)
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
+from roletrust_env.errors import explain
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted, read_limited
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
@@ -24,6 +34,7 @@ from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 MAX_JSON, MAX_SAFETENSORS = 100_000, 8 * SIZE + 10_000
 """Largest sizes of the two files, in bytes."""
 
+_MADE = "a saved defence is a .json and a .safetensors file, which `roletrust defend --defence network` writes"
 
 _PARAMETERS = tuple(field.name for field in fields(LeaveOneOut) if field.name != "initial")
 """Parameters of a saved model. Trust before any rating is the scenario's."""
@@ -44,7 +55,7 @@ class DefenceCard(UntrustedModel):
     """Parameters of the model besides its weights; those that are missing have their defaults."""
     conditions: Annotated[tuple[Text, ...], Field(max_length=100)]
     """Conditions of the training."""
-    iteration: Count
+    iteration: Annotated[Count, Field(ge=1)]
     """Iteration of the game in which it was trained, from 1."""
     seed: Count
     settings: Annotated[dict[Name, Plain], Field(max_length=100, default_factory=dict)]
@@ -98,18 +109,24 @@ def load_defence(path: str | Path) -> tuple[DefenceCard, Floats]:
     """
     path = Path(path)
     path = path.with_suffix("") if path.suffix in (".json", ".safetensors") else path
+    if not path.name:
+        raise ValueError(f"path is {str(path)!r}, which names no file; {_MADE}")
     files = [path.with_name(path.name + suffix) for suffix in (".json", ".safetensors")]
     for file in files:
-        if not file.is_file():
-            raise ValueError(
-                f"there is no file {file}; a saved defence is a .json and a .safetensors file, which "
-                "`roletrust defend --defence network` writes"
-            )
+        if not _is_file(file):
+            raise ValueError(f"there is no file {str(file)!r}; {_MADE}")
     text, data = (read_limited(file, limit) for file, limit in zip(files, (MAX_JSON, MAX_SAFETENSORS), strict=True))
     try:
         return _parsed(text, data)
     except ValueError as error:
         raise ValueError(f"saved defence {path}: {error}") from None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError as error:  # the name is too long
+        raise ValueError(f"path {str(path)[:100]!r}... cannot be looked up: {error.strerror}") from None
 
 
 def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:
@@ -124,8 +141,8 @@ def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:
         if weights[name].shape != shape or weights[name].dtype != np.float64:
             found = f"{weights[name].dtype} {weights[name].shape}"
             raise ValueError(f"weight {name!r} is {found}; the architecture has float64 {shape}")
-        if not np.isfinite(weights[name]).all():
-            raise ValueError(f"weight {name!r} has entries that are not finite")
+        if not (abs(weights[name]) <= MAX_WEIGHT).all():
+            raise ValueError(f"weight {name!r} has entries outside [-{MAX_WEIGHT:g}, {MAX_WEIGHT:g}]")
     return card, np.concatenate([weights[name].reshape(-1) for name in SHAPES])
 
 
@@ -146,6 +163,9 @@ class SavedTrust(RaterNetworkTrust):
     def __post_init__(self) -> None:
         """Read the weights and the parameters."""
         card, vector = load_defence(self.path)
-        made = RaterNetworkTrust(initial=self.initial, weights=tuple(vector.tolist()), **card.parameters)
+        try:
+            made = RaterNetworkTrust(initial=self.initial, weights=tuple(vector.tolist()), **card.parameters)
+        except ValidationError as error:
+            raise ValueError(f"saved defence {self.path}: {explain(error)}") from None
         for name in (*card.parameters, "weights"):
             object.__setattr__(self, name, getattr(made, name))  # the class is frozen

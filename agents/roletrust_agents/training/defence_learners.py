@@ -13,8 +13,9 @@ from roletrust_agents.learned.rater_network import SIZE, RaterNetworkTrust, star
 from roletrust_agents.training.defence import Floats, Learner
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
+from roletrust_env.evaluation.specs import named_factory, parse_named
 from roletrust_env.ranges import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
-from roletrust_env.trust import TrustModel, make_trust_model
+from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry
 
 _SCENARIO = ("initial",)  # what the scenario says about everybody is not learned
@@ -50,10 +51,10 @@ class ParameterLearner:
     Places outside [0, 1] are drawn to the nearest end. Trust before any rating is the scenario's, and is not learned.
 
     Attributes:
-        name: Name of the trust model.
+        name: Name of the trust model, or `package.module:Class`, whose module is imported.
 
     Raises:
-        ValueError: The name is unknown, or the model has no number with a range.
+        ValueError: The name is unknown or has parameters, or the model has no number with a range.
 
     Example:
         >>> learner = ParameterLearner("leave-one-out")
@@ -64,15 +65,17 @@ class ParameterLearner:
     name: str
 
     def __post_init__(self) -> None:
-        if self.name not in registry:
+        if ":" not in self.name and self.name not in registry:
             raise ValueError(f"unknown trust model {self.name!r}{suggest(self.name, ['network', *registry.names()])}")
+        if "=" in self.name:
+            raise ValueError(f"{self.name!r} has parameters; name the model alone, it begins at its defaults")
         if not self.ranges or not self._plays_in_rows():
             raise ValueError(f"trust model {self.name!r} has no number that can be learned")
 
     @cached_property
     def ranges(self) -> dict[str, tuple[_Range, float]]:
         """Range and default of each number, by name."""
-        factory: Any = registry.factory(self.name)
+        factory: Any = named_factory(registry, self.name)
         hints = get_type_hints(factory, include_extras=True) if isinstance(factory, type) else {}
         found = {}
         for name, parameter in inspect.signature(factory).parameters.items():
@@ -107,12 +110,9 @@ class ParameterLearner:
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
         """See `Learner.models`."""
-        given = registry.accepted_parameters(self.name, {"initial": initial})
-        rows = [self.parameters(vector) for vector in vectors]
-        return SideBySide(
-            make_trust_model(self.name, **given, **rows[0]),
-            _columns(rows),
-        )
+        initially = "initial" in inspect.signature(named_factory(registry, self.name)).parameters
+        spec = self.spec(vectors[0]) + f",initial={initial}" * initially
+        return SideBySide(parse_named(registry, spec), _columns([self.parameters(vector) for vector in vectors]))
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
@@ -212,7 +212,7 @@ class NetworkLearner:
 
 
 def learner_of(name: str) -> Learner:
-    """Return what a defence learns, by its name: a registered trust model, or `network`.
+    """Return what a defence learns, by its name: a trust model, see `ParameterLearner`, or `network`.
 
     Raises:
         ValueError: The name is unknown, or the model has no number that can be learned.

@@ -7,9 +7,10 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from pybtex.database import BibliographyData, parse_string
+from pybtex.exceptions import PybtexError
 
 from roletrust_env import __version__
-from roletrust_experiments.article.results import Results
+from roletrust_experiments.article.results import Results, read_text
 
 
 def page(folder: Path) -> str:
@@ -32,7 +33,7 @@ def page(folder: Path) -> str:
     results, sources = Results(folder), Sources(folder / "references.bib")
     names: dict[str, Any] = {
         **{name: getattr(results, name) for name in ("rows", "row", "first", "mark", "number", "mean", "interval")},
-        **{name: getattr(results, name) for name in ("answer", "fact")},
+        **{name: getattr(results, name) for name in ("answer", "breaking", "fact", "falling")},
         "cite": sources.cite,
         "references": sources.listed,
         "picture": lambda path: _picture(folder / path),
@@ -49,7 +50,11 @@ class Sources:
     """
 
     def __init__(self, path: Path) -> None:
-        self._entries = parse_string(path.read_text(encoding="utf-8"), "bibtex").entries
+        text = read_text(path)
+        try:
+            self._entries = parse_string(text, "bibtex").entries
+        except PybtexError as error:
+            raise ValueError(f"{path} is no BibTeX: {error}") from None
         self._cited: dict[str, int] = {}
 
     def cite(self, *keys: str) -> Markup:

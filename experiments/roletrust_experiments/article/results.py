@@ -1,6 +1,7 @@
 """The results in the repository, and the marked numbers that the report takes from them."""
 
 import csv
+import io
 import re
 from functools import cache
 from pathlib import Path
@@ -51,7 +52,7 @@ class Results:
         table = _read(self.folder / FILES[name])
         for column in where:
             _cell(name, table[0], column)
-        return [row for row in table if all(_same(row[column], value) for column, value in where.items())]
+        return [row for row in table if all(_same(name, row[column], value) for column, value in where.items())]
 
     def row(self, name: str, **where: Any) -> Row:
         """Return the only row of a table whose cells are as given.
@@ -74,7 +75,7 @@ class Results:
         """
         if cell == "":
             return Markup("\N{EN DASH}")
-        text = format(float(cell) + 0.0, form)
+        text = format(_number(name, cell) + 0.0, form)
         text = text.lstrip("-") if not re.search("[1-9]", text) else text.replace("-", "\N{MINUS SIGN}")
         return Markup('<data value="{}" data-from="{}">{}</data>').format(cell, FILES[name], text)
 
@@ -96,12 +97,26 @@ class Results:
 
     def first(self, name: str, column: str, *, least: bool = False, **where: Any) -> Row:
         """Return the row with the highest number in a column, or with the least one."""
-        found = [row for row in self.rows(name, **where) if row[column] != ""]
-        return (min if least else max)(found, key=lambda row: float(row[column]))
+        found = [row for row in self.rows(name, **where) if _cell(name, row, column) != ""]
+        if not found:
+            raise ValueError(f"{FILES[name]} has no {column} in the rows with {where}")
+        return (min if least else max)(found, key=lambda row: _number(name, row[column]))
+
+    def falling(self, name: str, column: str) -> list[Row]:
+        """Return the rows of a table, the highest number in a column first; those without one are left out."""
+        found = [row for row in self.rows(name) if _cell(name, row, column) != ""]
+        return sorted(found, key=lambda row: -_number(name, row[column]))
+
+    def breaking(self) -> list[tuple[Markup, Markup]]:
+        """Return the models of the answer about the breaking shares by range of shares, see `answer`."""
+        found = re.findall(r"(\d+% to \d+%) lie with ([^;.]+)", self.answer("breaking"))
+        if not found:
+            raise ValueError("findings.md names no shares in its answer 'breaking'")
+        return [(_quote("findings.md", share), _quote("findings.md", models)) for share, models in found]
 
     def answer(self, question: str) -> Markup:
         """Return the sentence that answers a question of `roletrust findings`, by the name of its figure."""
-        text = (self.folder / "findings.md").read_text(encoding="utf-8")
+        text = read_text(self.folder / "findings.md")
         found = re.search(rf"\n(.+)\n\n!\[[^\]]*\]\(findings/{re.escape(question)}\.png\)", text)
         if found is None:
             raise ValueError(f"findings.md has no answer {question!r}")
@@ -110,7 +125,7 @@ class Results:
     def fact(self, what: str) -> Markup:
         """Return a value of the table of facts about the equilibrium, by its name there."""
         path = "equilibrium/equilibrium.md"
-        text = (self.folder / path).read_text(encoding="utf-8")
+        text = read_text(self.folder / path)
         found = re.search(rf"^\| {re.escape(what)} \| (.+) \|$", text, flags=re.MULTILINE)
         if found is None:
             raise ValueError(f"{path} has no {what!r}")
@@ -124,16 +139,43 @@ def _cell(name: str, row: Row, column: str) -> str:
 
 
 def _quote(path: str, text: str) -> Markup:
-    return Markup('<q data-from="{}">{}</q>').format(path, escape(text))
+    """Return a copied text, with minus signs as those of marked numbers."""
+    signed = re.sub(r"(?<![\w-])-(?=\d)", "\N{MINUS SIGN}", text)
+    return Markup('<q data-from="{}">{}</q>').format(path, escape(signed))
 
 
 @cache
 def _read(path: Path) -> list[Row]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    rows = list(csv.DictReader(io.StringIO(read_text(path), newline=""), restkey="", restval=None))
+    if not rows:
+        raise ValueError(f"{path} has no rows")
+    for number, row in enumerate(rows, 2):
+        if "" in row or None in row.values():
+            raise ValueError(f"row {number} of {path} has another number of cells than its header")
+    return rows
 
 
-def _same(cell: str, value: Any) -> bool:
+def read_text(path: Path) -> str:
+    """Return a text file.
+
+    Raises:
+        ValueError: It is not UTF-8; the message names it.
+        OSError: It cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not UTF-8 text: {error.reason} at byte {error.start}") from None
+
+
+def _number(name: str, cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        raise ValueError(f"{FILES[name]} has {cell[:100]!r} where a number is needed") from None
+
+
+def _same(name: str, cell: str, value: Any) -> bool:
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return cell != "" and abs(float(cell) - value) < 1e-9
+        return cell != "" and abs(_number(name, cell) - value) < 1e-9
     return cell == str(value)

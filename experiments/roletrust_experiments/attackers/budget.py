@@ -2,15 +2,17 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from time import perf_counter
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+from pydantic import NonNegativeInt, model_validator
 
 from roletrust_env.benchmark.attackers import make_search, scripted_batches
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError, search_methods
 from roletrust_env.metrics.confidence import Estimate
+from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_experiments.attackers.condition import Condition
 from roletrust_experiments.attackers.runs import Run, mean_of
 
@@ -54,6 +56,22 @@ class Point(NamedTuple):
     def key(self) -> str:
         """Unique key of the search."""
         return "|".join(map(str, self))
+
+
+class Kept(UntrustedModel):
+    """What is kept of a search, see `play_point`."""
+
+    utility: float | None = None
+    rounds: NonNegativeInt = 0
+    seconds: float = 0.0
+    attack: str = ""
+    left_out: str = ""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.left_out and not {"utility", "rounds", "seconds"} <= self.model_fields_set:
+            raise ValueError("it has neither left_out nor utility, rounds and seconds")
+        return self
 
 
 class Level(NamedTuple):

@@ -13,6 +13,7 @@ from roletrust_env.benchmark.processes import WorkerPool
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.storage.files import write_json
+from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
 
 Run = dict[str, Any]
 """Result of a run as plain data; `failed` has the reason of a run that raised an error."""
@@ -20,36 +21,67 @@ Run = dict[str, Any]
 Work = Callable[..., Run]
 """Function of a module that plays a run."""
 
+Check = Callable[[str, Run], object]
+"""Check of a run with its key; a `ValueError` says what is damaged."""
 
-def read_runs(path: Path, settings: Mapping[str, Any]) -> dict[str, Run]:
+_INSTEAD = "give --force to begin again, or another --out"
+
+
+def read_runs(path: Path, settings: Mapping[str, Any], check: Check) -> dict[str, Run]:
     """Return the stored runs by key; none if the file does not exist.
 
     Args:
         path: Path of the file.
         settings: Settings that the runs must have, as plain data.
+        check: Check of each run, see `Check`.
 
     Raises:
-        ValueError: The file holds something else, or runs with other settings.
+        ValueError: The file or a run in it is damaged, or the runs have other settings; the message names the file.
     """
     if not path.exists():
         return {}
+    wanted = json.loads(json.dumps(settings))
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        made_with, runs = data["made_with"], {str(key): dict(run) for key, run in data["runs"].items()}
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise ValueError(f"{path} holds no runs of this command; remove it, or choose another folder") from None
-    if made_with != json.loads(json.dumps(settings)):
-        other = [name for name in settings if made_with.get(name) != json.loads(json.dumps(settings[name]))]
-        raise ValueError(
-            f"{path} holds runs with another {', '.join(other) or 'set of settings'}; "
-            "give --force to begin again, or choose another folder"
-        )
+        made_with, runs = _parts(parse_json(path.read_bytes()))
+        if made_with == wanted:
+            for key, run in runs.items():
+                _check_run(check, key, run)
+    except (ValueError, RecursionError) as error:
+        told = "it is nested too deeply" if isinstance(error, RecursionError) else reason(error)
+        raise ValueError(f"{path} holds no runs of this command: {told}; {_INSTEAD}") from None
+    if made_with != wanted:
+        other = [name for name in wanted if made_with.get(name) != wanted[name]]
+        raise ValueError(f"{path} holds runs with another {', '.join(other) or 'set of settings'}; {_INSTEAD}")
     return runs
 
 
+def _parts(data: Any) -> tuple[dict[str, Any], dict[str, Run]]:
+    """Return the settings and the runs of a file."""
+    if not isinstance(data, dict):
+        raise ValueError("it is no object with made_with and runs")
+    for name in ("made_with", "runs"):
+        if not isinstance(data.get(name), dict):
+            raise ValueError(f"it has no object {name}")
+    return data["made_with"], data["runs"]
+
+
+def _check_run(check: Check, key: str, run: Any) -> None:
+    try:
+        if not isinstance(run, dict):
+            raise ValueError("it is no object")
+        check(key, run)
+    except ValueError as error:
+        raise ValueError(f"run {key!r}: {reason(error)}") from None
+
+
+def of_kind(kind: type[UntrustedModel]) -> Check:
+    """Return the check of runs that all have the fields of a class."""
+    return lambda key, run: parse_untrusted(kind, json.dumps(run).encode())
+
+
 def write_runs(path: Path, settings: Mapping[str, Any], runs: Mapping[str, Run]) -> None:
-    """Write the runs and the settings that they have in common."""
-    write_json(path, {"made_with": settings, "runs": runs})
+    """Write the runs and the settings that they have in common, in an order that does not depend on their end."""
+    write_json(path, {"made_with": settings, "runs": {key: runs[key] for key in sorted(runs)}})
 
 
 def play_runs(work: Work, jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:

@@ -4,12 +4,15 @@ from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import NamedTuple
 
+from pydantic import NonNegativeInt
+
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.saved import load_attacker
 from roletrust_agents.training.coalition_methods import Evolve
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.evaluation.search import Budget, SearchResult
 from roletrust_env.metrics.confidence import Estimate
+from roletrust_env.storage.untrusted import UntrustedModel
 from roletrust_experiments.attackers.condition import Condition
 from roletrust_experiments.attackers.runs import Run, mean_of
 
@@ -39,6 +42,15 @@ class Coalition(NamedTuple):
     def key(self, seed: int) -> str:
         """Return the unique key of the run with a seed."""
         return f"{'universal' if self.universal else 'trained on'}|{self.name}|{seed}"
+
+
+class Kept(UntrustedModel):
+    """What is kept of a row, see `play_row`."""
+
+    rounds: NonNegativeInt
+    seconds: float
+    attack: str
+    utility: dict[str, float | None]
 
 
 class Cell(NamedTuple):

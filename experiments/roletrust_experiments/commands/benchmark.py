@@ -293,9 +293,8 @@ def _tell_cost(suite: AnySuite, workers: int | None) -> None:
         tell_learners_cost(suite)
         return
     found = estimate_cost(suite, cells(suite))
-    table = number_table(
-        f"{suite.name}, at the most", "time of one core, from a short trial", "cells", "rounds", "time"
-    )
+    told = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
+    table = number_table(f"{suite.name}, estimated", told, "cells", "rounds", "time")
     for name, cost in found.items():
         table.add_row(name, f"{cost.cells:,}", f"{cost.env_steps:,}", in_time(cost.seconds))
     total = sum(cost.seconds for cost in found.values())

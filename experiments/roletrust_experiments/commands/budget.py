@@ -15,6 +15,7 @@ from roletrust_experiments.attackers.budget import (
     BUDGETS,
     MODELS,
     WAYS,
+    Kept,
     Level,
     Point,
     known_ways,
@@ -24,7 +25,7 @@ from roletrust_experiments.attackers.budget import (
     points,
 )
 from roletrust_experiments.attackers.condition import Condition
-from roletrust_experiments.attackers.runs import Run, read_runs
+from roletrust_experiments.attackers.runs import Run, of_kind, read_runs
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, option, print_next
 from roletrust_experiments.commands.extras import require
@@ -119,7 +120,7 @@ def budget(
     searches = points(models, ways, sorted(set(budget or BUDGETS)), range(seed, seed + runs))
     settings = {"command": "roletrust budget", "condition": condition.describe(), "games": games, **software()}
     path = out / "budget.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, of_kind(Kept))
     prepare_folder(out)
     jobs = {point.key: (condition, point, games) for point in searches if point.key not in kept}
     failed = play_and_keep(play_point, jobs, kept, total=len(searches), workers=workers, settings=settings, path=path)

@@ -1,9 +1,9 @@
 """`roletrust defend`: defences that learn against attackers that learn, and what they are worth beside fixed models."""
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -11,30 +11,23 @@ from rich.markup import escape
 
 from roletrust_agents.training.runs import write_bytes
 from roletrust_env import __version__
-from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import Run, read_runs, write_runs
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, errors, number_table, option, print_next, progress_bar
+from roletrust_experiments.commands.console import console, errors, option, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, Again, ConditionSuite, Out, Seed
-from roletrust_experiments.commands.played import markdown_table
+from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed
 
 if TYPE_CHECKING:
-    from roletrust_experiments.defence.comparison import Row
     from roletrust_experiments.defence.double_oracle import Game
-    from roletrust_experiments.defence.progress import Iteration
 
 _FRONT = "SCENARIO/TRACK/SHARE"
 _LEARNERS = ("leave-one-out", "network")
 _MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "iterative-filtering")
 _FRONTS = ("crowd/raters/0.4", "crowd/coalition/0.2", "market/raters/0.2", "market/coalition/0.2")
 _WORLDS = ("diverse/raters/0.2", "diverse/coalition/0.1", "large/raters/0.2", "large/coalition/0.1")
-_NUMBERS = ("value", "attack", "defence", "nash_conv", "worst", "single")
-_COLUMNS = ("clean", "worst", "strangers", "worlds")
-_LONGEST = 300  # letters of a model with its numbers
-_SHOWN = 0.005  # least probability of a model in the text
+_SAVED = "roletrust_agents.learned.saved_defence:SavedTrust"
 
 
 def defend(
@@ -44,7 +37,7 @@ def defend(
             "--defence",
             metavar="NAME",
             help="Defence to train: the numbers of a trust model, by its name, or `network`; repeat for more. "
-            f"By default {', '.join(_LEARNERS)}.",
+            f"By default {', '.join(_LEARNERS)}. {OWN}",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -54,7 +47,7 @@ def defend(
         typer.Option(
             metavar=NAMED,
             help=f"Fixed trust model that the defence has at the beginning; repeat for more. By default "
-            f"{', '.join(_MODELS)}.",
+            f"{', '.join(_MODELS)}. {OWN}",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -63,7 +56,7 @@ def defend(
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help="Further trust model for the comparison at the end; repeat for more.",
+            help=f"Further trust model for the comparison at the end; repeat for more. {OWN}",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -87,7 +80,11 @@ def defend(
     ] = None,
     iterations: Annotated[int, typer.Option(min=1, help="Number of times that both sides respond.")] = 4,
     budget: Annotated[
-        int, typer.Option(min=1, help="Rounds x games of the training of an attacker in one condition.")
+        int,
+        typer.Option(
+            help="Rounds x games of the training of an attacker in one condition. The least number grows with the "
+            "rounds of a game and with the models of the mixture; a smaller one is refused with that number."
+        ),
     ] = 60_000,
     steps: Annotated[int, typer.Option(min=1, help="Steps of the training of a defence.")] = 20,
     games: Annotated[int, typer.Option(min=2, help="Games that choose, and as many others that measure.")] = 24,
@@ -129,12 +126,14 @@ def defend(
     """
     require("learned defence", "train", "scipy", "cma", "torch", "safetensors")
     from roletrust_agents.training.defence import Climb
-    from roletrust_agents.training.defence_learners import learner_of
+    from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
+    from roletrust_experiments.commands.defend_report import LONGEST, caveats, print_report, write_report
     from roletrust_experiments.defence.comparison import Comparison
     from roletrust_experiments.defence.double_oracle import Game, Setup
     from roletrust_experiments.defence.fronts import Front
     from roletrust_experiments.defence.progress import iterations as progress_of
     from roletrust_experiments.defence.response import least_budget
+    from roletrust_experiments.defence.stored import check_of
 
     learners = tuple(dict.fromkeys(learner or _LEARNERS))
     fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
@@ -154,8 +153,11 @@ def defend(
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
     settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions, **software()}
     path = out / "defence.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, check_of(setup, fresh))
     prepare_folder(out)
+    warnings = caveats([*fronts, *worlds], min(games, fresh))
+    for line in warnings:
+        console.print(f"[dark_orange3]{escape(line)}[/]", soft_wrap=True)
 
     def keep(key: str, run: Run) -> None:
         kept[key] = run
@@ -186,11 +188,13 @@ def defend(
             *option("--seed", seed, 0),
         ]
     )
-    _write(out, game, found, rows, command)
-    _print(found, rows)
+    write_report(out, game, found, rows, warnings, command)
+    print_report(found, rows)
     files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "defence.json", *saved]
     console.print(escape(f"Written to {out}: {', '.join(files)}"), soft_wrap=True)
-    print_next("equilibrium", "results/standard-4/results.sqlite")
+    best = next(row.name for row in rows if row.name in comparison.models and row.name not in (*fixed, *further))
+    spec = comparison.models[best]
+    print_next("benchmark", "--model", spec if len(spec) <= LONGEST else f"{_SAVED}:path={out / NetworkLearner.name}")
 
 
 def _watch(what: str, total: int, stages: Iterator[str]) -> None:
@@ -215,8 +219,13 @@ def _save_specs(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[s
 
     names = [name for name in learned if name != NetworkLearner.name]
     for name in names:
-        write_text(out / f"{name}.txt", game.runs[f"defence|{learned[name]}|{name}"]["spec"] + "\n")
-    return [f"{name}.txt" for name in names]
+        write_text(out / _file(name), game.runs[f"defence|{learned[name]}|{name}"]["spec"] + "\n")
+    return [_file(name) for name in names]
+
+
+def _file(name: str) -> str:
+    """Return the name of the file of a learner; not all systems allow the colon of an own class in it."""
+    return f"{name.replace(':', '.')}.txt"
 
 
 def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
@@ -241,93 +250,3 @@ def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list
     )
     save_defence(weights, card, out / name, write_bytes)
     return [f"{name}.safetensors", f"{name}.json"]
-
-
-def _write(out: Path, game: "Game", found: "Sequence[Iteration]", rows: "Sequence[Row]", command: str) -> None:
-    from roletrust_experiments.plots.figure_files import write_figure
-    from roletrust_experiments.plots.findings import Panel, Series, finding_figure
-
-    ends = ("", "_low", "_high")
-    header = ("iteration", *(f"{name}{end}" for name in _NUMBERS for end in ends))
-    lines = [[one.number, *(x for name in _NUMBERS for x in getattr(one, name))] for one in found]
-    write_csv(out / "iterations.csv", header, lines)
-    header = ("model", *(f"{name}{end}" for name in _COLUMNS for end in ends))
-    cells = [[row.name, *(x for name in _COLUMNS for x in getattr(row, name) or (None,) * 3)] for row in rows]
-    write_csv(out / "comparison.csv", header, cells)
-    at = [one.number + 1 for one in found]
-    wins = {"either side": "nash_conv", "attackers": "attack", "defence": "defence"}
-    skills = {"mixture, attackers respond": "worst", "best model alone": "single"}
-    names = [row.name for row in rows]
-    panels = [
-        Panel("what a best response wins", "iteration", "skill", _lines(at, found, wins)),
-        Panel("the defence", "iteration", "skill", _lines(at, found, skills)),
-        Panel("at the end: the worst attacker found", "", "skill", [Series("met", names, [row.worst for row in rows])]),
-        Panel("attackers that nobody has met", "", "skill", _strangers(names, rows)),
-    ]
-    note = f"{len(game.fronts)} conditions of {game.fronts[0].condition.suite.name}, 95% intervals over games"
-    question = "What do trust models and attackers reach when both are trained against each other?"
-    write_figure(out / "defence.png", finding_figure(question, panels, note), colours=256)
-    tables = [
-        markdown_table(["iteration", *_HEADINGS], [[str(one.number + 1), *_texts(one)] for one in found], names=1),
-        markdown_table(
-            ["model", "clean", "worst found", "strangers", "other worlds"],
-            [[f"`{row.name}`", *map(_text, (row.clean, row.worst, row.strangers, row.worlds))] for row in rows],
-            names=1,
-        ),
-        _mixture(game),
-        f"{note}. Made by `{command}`; `defence.json` has the settings, the software and every step.",
-    ]
-    write_text(out / "defence.md", "\n\n".join(tables) + "\n")
-
-
-_HEADINGS = ("value", "attackers win", "defence wins", "NashConv, at least", "mixture at worst", "best model alone")
-
-
-def _lines(at: Sequence[int], found: "Sequence[Iteration]", names: dict[str, str]) -> Any:
-    from roletrust_experiments.plots.findings import Series
-
-    return [Series(label, at, [getattr(one, name) for one in found]) for label, name in names.items()]
-
-
-def _strangers(names: Sequence[str], rows: "Sequence[Row]") -> Any:
-    from roletrust_experiments.plots.findings import Series
-
-    kinds = {"in the same worlds": "strangers", "in other worlds": "worlds"}
-    return [
-        Series(label, names, [getattr(row, kind) for row in rows])
-        for label, kind in kinds.items()
-        if all(getattr(row, kind) for row in rows)
-    ]
-
-
-def _mixture(game: "Game") -> str:
-    """Return the equilibrium at the end in words, with the numbers of the learned models in it."""
-    last = game.setup.iterations
-    models = game.known(last).defences
-    weights = zip(models.items(), game.solution(last).models, strict=True)
-    parts = [f"{_described(name, spec)}: {weight:.0%}" for (name, spec), weight in weights if weight >= _SHOWN]
-    return f"The defence's mixture at the end: {'; '.join(parts)}."
-
-
-def _described(name: str, spec: str) -> str:
-    """Return a model with its numbers; those of a network are too many."""
-    return name if len(spec) > _LONGEST or spec == name else f"{name} (`{spec}`)"
-
-
-def _texts(one: "Iteration") -> list[str]:
-    return [_text(getattr(one, name)) for name in _NUMBERS]
-
-
-def _text(value: Interval | None) -> str:
-    return "" if value is None else f"{value.value + 0.0:.3f} ± {(value.high - value.low) / 2:.3f}"
-
-
-def _print(found: "Sequence[Iteration]", rows: "Sequence[Row]") -> None:
-    table = number_table("Iterations", "", *_HEADINGS, name="iteration")
-    for one in found:
-        table.add_row(str(one.number + 1), *_texts(one))
-    console.print(table)
-    table = number_table("Trust models at the end", "", *_COLUMNS, name="model")
-    for row in rows:
-        table.add_row(escape(row.name), *map(_text, (row.clean, row.worst, row.strangers, row.worlds)))
-    console.print(table)

@@ -11,8 +11,8 @@ from roletrust_experiments.commands.console import option
 
 NAMED = "NAME[:key=value,...]"
 SEATED = "AGENT=NAME[:key=value,...]"
-_OWN = "NAME may be your own class, package.module:Class, whose module is then imported."
-_OWN_MODEL = f"{_OWN} A program is exec:COMMAND, a service its URL."
+OWN = "NAME may be your own class, package.module:Class, whose module is then imported."
+_OWN_MODEL = f"{OWN} A program is exec:COMMAND, a service its URL."
 
 Task = Annotated[
     str,
@@ -48,7 +48,7 @@ SeatedAttacks = Annotated[
     list[str] | None,
     typer.Option(
         metavar=SEATED,
-        help="Attack by an agent; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. " + _OWN,
+        help="Attack by an agent; repeat for more. AGENT may be a pattern such as 'sr_*'. Times are in rounds. " + OWN,
         autocompletion=completion.seated_attacks,
         show_default=False,
     ),
@@ -58,7 +58,7 @@ NamedAttacks = Annotated[
     typer.Option(
         metavar=NAMED,
         help="Attack to try and to search, with the given parameters fixed; repeat for a mixture. By default on-off "
-        f"for providers and bad-mouthing for raters. {_OWN}",
+        f"for providers and bad-mouthing for raters. {OWN}",
         autocompletion=completion.named_attacks,
         show_default=False,
     ),

@@ -1,6 +1,6 @@
 """Runs of a command: played with a progress bar, each kept in a file when it is finished."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ def play_and_keep(
     return failed
 
 
-def markdown_table(headings: list[str], rows: list[list[str]], names: int) -> str:
+def markdown_table(headings: Sequence[str], rows: list[list[str]], names: int) -> str:
     """Return a table in Markdown.
 
     Args:
@@ -70,5 +70,5 @@ def markdown_table(headings: list[str], rows: list[list[str]], names: int) -> st
         rows: Cells of each row.
         names: Number of leading columns with text; the others have numbers and are aligned to the right.
     """
-    lines = [headings, ["---"] * names + ["---:"] * (len(headings) - names), *rows]
+    lines = [list(headings), ["---"] * names + ["---:"] * (len(headings) - names), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,5 +1,6 @@
 """`roletrust strategic`: whether honest service stays the best response when providers and raters learn, too."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,6 +29,19 @@ _LABELS = {
     "honest, shuffled": "the same, shuffled",
     "random": "from random",
 }
+_MEASURES = {
+    "gain, provider": "provider_gain",
+    "gain, rater": "rater_gain",
+    "honest providers": "honest_providers",
+    "honest raters": "honest_raters",
+    "quality": "quality",
+    "welfare": "welfare",
+}
+_PRICE = "price of anarchy"
+_NAMES, _PAGE = ("world", "model", "start"), (*_MEASURES, _PRICE)
+_SCREEN = ("welfare", _PRICE, "honest providers", "honest raters", "gain, provider", "gain, rater", "quality")
+"""Columns of a terminal, which leaves out the last ones where it is narrow."""
+
 _QUESTION = "What is left of welfare when providers and raters learn, by trust model?"
 
 
@@ -87,7 +101,16 @@ def strategic(
     [cyan]roletrust strategic --model beta --scenario crowd --cost 0.5[/]
     """
     require("strategic agents", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_experiments.strategic.points import COSTS, MODELS, SCENARIOS, Effort, Level, play_point, points
+    from roletrust_experiments.strategic.points import (
+        COSTS,
+        MODELS,
+        SCENARIOS,
+        Effort,
+        Level,
+        check_of,
+        play_point,
+        points,
+    )
 
     if games % 2:
         raise ValueError(f"--games is {games}; it must be even, because one half chooses and the other one measures")
@@ -97,7 +120,7 @@ def strategic(
         point.game()
     settings = {"command": "roletrust strategic", "effort": effort._asdict(), **software()}
     path = out / "strategic.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, check_of(effort))
     prepare_folder(out)
     jobs = {point.key: (point, effort) for point in every if point.key not in kept}
     play_and_keep(play_point, jobs, kept, total=len(every), workers=workers, settings=settings, path=path)
@@ -105,18 +128,18 @@ def strategic(
     if not found:
         raise ValueError("no population was played, so there is nothing to show")
     chosen = [*option("--model", model), *option("--scenario", scenario), *option("--cost", cost)]
-    command = " ".join(
-        ["roletrust", "strategic", *chosen, f"--runs {runs} --steps {steps} --games {games} --seed {seed}"]
-    )
+    effort_options = ["--steps", steps, "--games", games, "--seed", seed]
+    command = shlex.join(map(str, ["roletrust", "strategic", *chosen, "--runs", runs, *effort_options]))
     note = f"{runs} runs of {steps} steps, {games} games each; 95% intervals over the runs"
     _write(out, found, f"{note}. Made by `{command}`.", f"{runs} runs; 95% intervals")
-    headings, rows = _table(found)
-    table = number_table("Strategic agents", note, *headings[3:], name="population")
-    for place, name, start, *numbers in rows:
+    table = number_table("Strategic agents", note, *_SCREEN, name="population")
+    for place, name, start, *numbers in _rows(found, _SCREEN):
         table.add_row(escape(f"{place}, {name}, {start}".replace("`", "")), *numbers)
     console.print(table)
     console.print(f"Written to {out}: strategic.md, strategic.csv, strategic.png, strategic.json", soft_wrap=True)
-    print_next("strategic", chosen, "--runs", 2 * runs, "--force")
+    more = 2 * runs
+    elsewhere = out.with_name(f"{out.name}-{more}-runs")
+    print_next("strategic", chosen, "--runs", more, effort_options, option("--workers", workers), "--out", elsewhere)
 
 
 def _write(out: Path, found: Sequence["Level"], caption: str, note: str) -> None:
@@ -140,8 +163,8 @@ def _write(out: Path, found: Sequence["Level"], caption: str, note: str) -> None
         for level in found
     ]
     write_csv(out / "strategic.csv", header, rows)
-    headings, cells = _table(found)
-    write_text(out / "strategic.md", markdown_table(headings, cells, 3) + f"\n\n{caption}\n")
+    cells = _rows(found, _PAGE)
+    write_text(out / "strategic.md", markdown_table([*_NAMES, *_PAGE], cells, len(_NAMES)) + f"\n\n{caption}\n")
     write_figure(out / "strategic.png", finding_figure(_QUESTION, _panels(found), note), colours=256)
 
 
@@ -167,18 +190,18 @@ def _panels(found: Sequence["Level"]) -> list[Any]:
     return panels
 
 
-def _table(found: Sequence["Level"]) -> tuple[list[str], list[list[str]]]:
-    """Return the headings, and a row for each population."""
-    headings = [
-        *("world", "model", "start", "gain, provider", "gain, rater", "honest providers", "honest raters"),
-        *("quality", "welfare", "price of anarchy"),
-    ]
-    names = "provider_gain", "rater_gain", "honest_providers", "honest_raters", "quality", "welfare"
+def _rows(found: Sequence["Level"], columns: Sequence[str]) -> list[list[str]]:
+    """Return a row for each population: its names, and the numbers of these columns."""
     rows = []
     for level in found:
         scenario, model, cost, start = level.point
-        price = level.anarchy
-        shown = "∞" if price.value == float("inf") else f"{price.value:.2f} ({price.low:.2f}, {price.high:.2f})"
-        numbers = [f"{one.mean + 0.0:.3f} ± {one.half:.3f}" for one in (level.estimates[name] for name in names)]
-        rows.append([f"{scenario}, {cost:g}", f"`{model}`", start, *numbers, shown])
-    return headings, rows
+        rows.append([f"{scenario}, {cost:g}", f"`{model}`", start, *(_number(level, column) for column in columns)])
+    return rows
+
+
+def _number(level: "Level", column: str) -> str:
+    if column != _PRICE:
+        one = level.estimates[_MEASURES[column]]
+        return f"{one.mean + 0.0:.3f} ± {one.half:.3f}"
+    price = level.anarchy
+    return "∞" if price.value == float("inf") else f"{price.value:.2f} ({price.low:.2f}, {price.high:.2f})"

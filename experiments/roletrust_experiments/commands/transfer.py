@@ -11,7 +11,7 @@ from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.storage.provenance import software
 from roletrust_env.trust import trust_models
 from roletrust_experiments.attackers.condition import Condition
-from roletrust_experiments.attackers.runs import Run, read_runs
+from roletrust_experiments.attackers.runs import Run, of_kind, read_runs
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, print_next
 from roletrust_experiments.commands.extras import require
@@ -89,7 +89,7 @@ def transfer(
     [cyan]roletrust transfer --model beta --model qor --on mypackage.mymodel:MyModel[/]
     """
     require("the transfer", "train", "scipy", "cma", "torch", "safetensors")
-    from roletrust_experiments.attackers.transfer import coalitions, missing_models, play_row, sentences, table
+    from roletrust_experiments.attackers.transfer import Kept, coalitions, missing_models, play_row, sentences, table
 
     condition = Condition.of(suite, stage, track, share)
     models = list(dict.fromkeys(model or trust_models()))
@@ -99,7 +99,7 @@ def transfer(
     condition_settings = {"condition": condition.describe(), "budget": budget, "games": games}
     settings = {"command": "roletrust transfer", **condition_settings, **software()}
     path = out / "transfer.json"
-    kept = {} if force else read_runs(path, settings)
+    kept = {} if force else read_runs(path, settings, of_kind(Kept))
     prepare_folder(out)
     jobs = {
         row.key(one): (condition, row, one, missing, budget, games)

@@ -15,7 +15,7 @@ from roletrust_experiments.defence.progress import best_trained
 from roletrust_experiments.defence.response import respond_by_attack
 
 _OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
-_SEEN, _HELD_OUT = "seen", "held out"
+_HELD_OUT = "held out"
 
 
 class Row(NamedTuple):
@@ -26,14 +26,15 @@ class Row(NamedTuple):
         clean: Skill where nobody attacks, in the conditions of the training.
         worst: Skill under the worst attacker that the game has found, or that is trained against this model alone
             with the same budget, in the same conditions.
-        strangers: Skill under the worst attacker that no training has met, in the same conditions.
-        worlds: Skill under the worst attacker that no training has met, in other conditions; None without any.
+        strangers: Skill under the worst attacker that no training has met, in the same conditions; None where a
+            condition has none.
+        worlds: The same in other conditions; None without any.
     """
 
     name: str
     clean: Interval
     worst: Interval
-    strangers: Interval
+    strangers: Interval | None
     worlds: Interval | None
 
 
@@ -53,7 +54,8 @@ class Comparison:
 
     def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front], games: int) -> None:
         self._game, self._worlds, self._games = game, tuple(worlds), games
-        last = game.setup.iterations
+        last = self._iterations = game.setup.iterations
+        self._seen = f"seen|{last}"
         self.learned = {name: best_trained(game, name) for name in game.setup.learners}
         known = game.known(last).defences
         learned = {one: known[one] for one in (label(name, k) for name, k in self.learned.items())}
@@ -66,13 +68,13 @@ class Comparison:
 
     def play(self) -> Iterator[str]:
         """Play what is missing, and yield a few words after each stage."""
-        population = self._game.known(self._game.setup.iterations).attackers
+        population = self._game.known(self._iterations).attackers
         for name, spec in self.models.items():
             for c, (front, attackers) in enumerate(zip(self._game.fronts, population, strict=True)):
-                own = f"own|{front.name}|{name}"
+                own = f"own|{self._iterations}|{front.name}|{name}"
                 self._game.once(own, self._own, c, name, spec)
                 met = [*attackers, KnownAttack(**self._game.runs[own]["attacker"])]
-                self._meet(_SEEN, front, name, spec, met)
+                self._meet(self._seen, front, name, spec, met)
                 self._meet(_HELD_OUT, front, name, spec, front.strangers(attackers))
                 self._game.once(f"clean|{front.name}|{name}", self._clean, front, spec)
                 yield f"{name} in {front.name}"
@@ -86,9 +88,9 @@ class Comparison:
             Row(
                 name,
                 estimate(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)).interval,
-                self._worst(_SEEN, self._game.fronts, name),
-                self._worst(_HELD_OUT, self._game.fronts, name),
-                self._worst(_HELD_OUT, self._worlds, name) if self._worlds else None,
+                self._worst(self._seen, self._game.fronts, name),
+                self._worst_stranger(self._game.fronts, name),
+                self._worst_stranger(self._worlds, name),
             )
             for name in self.models
         ]
@@ -97,13 +99,14 @@ class Comparison:
     def _own(self, c: int, name: str, spec: str) -> Run:
         """Train an attacker against one model, with the budget of an attacker in the game."""
         game = self._game
-        front, known = game.fronts[c], game.known(game.setup.iterations).attackers[c]
+        front, known = game.fronts[c], game.known(self._iterations).attackers[c]
         seed = game.seed(_OWN, c)
         attacker, rounds = respond_by_attack({name: front.arguments(spec)}, {name: 1.0}, known, game.setup.budget, seed)
         return {"attacker": front.known("trained against it alone", attacker).model_dump(), "rounds": rounds}
 
     def _meet(self, kind: str, front: Front, name: str, spec: str, attackers: Sequence[KnownAttack]) -> None:
-        self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
+        if attackers:
+            self._game.once(f"{kind}|{front.name}|{name}", self._met, front, spec, attackers)
 
     def _met(self, front: Front, spec: str, attackers: Sequence[KnownAttack]) -> Run:
         found = front.skills(spec, attackers, self._game.seed(_OWN), self._games)
@@ -114,6 +117,10 @@ class Comparison:
 
     def _clean_skill(self, front: Front, name: str) -> Floats:
         return np.array(self._game.runs[f"clean|{front.name}|{name}"]["skill"])
+
+    def _worst_stranger(self, fronts: Sequence[Front], name: str) -> Interval | None:
+        met = [f"{_HELD_OUT}|{front.name}|{name}" in self._game.runs for front in fronts]
+        return self._worst(_HELD_OUT, fronts, name) if met and all(met) else None
 
     def _worst(self, kind: str, fronts: Sequence[Front], name: str) -> Interval:
         """Return the skill in the games that measure, each condition under the attack that is worst in the others."""

@@ -100,23 +100,26 @@ class Front(NamedTuple):
             for batch in scripted_batches(task, self.condition.kinds(model), games):
                 seen = measure(task, batch.attacker, seed, (len(batch.names), games)).chosen
                 for k, name in enumerate(batch.names):
-                    worth[name] = float(_skill(seen["utility"][k], seen["blind"][k]).mean())
+                    worth[name] = float(self._skill(seen["utility"][k], seen["blind"][k]).mean())
             found |= {one.name: one for one in [min(scripts, key=lambda one: worth[one.name])]}
             coalitions = self.skills(model, ready, seed, games)
             found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
         return list(found.values())
 
+    @property
+    def has_strangers(self) -> bool:
+        """True if the suite knows attackers in this condition."""
+        return bool(self._known_there())
+
     def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
         """Return attackers that no training has met: those that the suite knows in this condition.
 
-        A suite that knows none there gives its scripts at their defaults.
+        A suite that knows none there gives its scripts at their defaults, as far as no training has met them.
 
         Args:
             met: Attackers that a training has met; scripts of these names are left out.
         """
-        where = self.condition
-        known = where.suite.known_in((where.scenario, where.track, where.share))
-        if known:
+        if known := self._known_there():
             return known
         names = {one.name for one in met}
         return [script for script in self._scripts() if script.name not in names]
@@ -135,13 +138,17 @@ class Front(NamedTuple):
             seen = measure(task, batch.attacker, seed, (len(batch.names), games))
             for k, name in enumerate(batch.names):
                 halves = (seen.chosen, seen.measured)
-                found[name] = Skills(*(_skill(half["utility"][k], half["blind"][k]) for half in halves))
+                found[name] = Skills(*(self._skill(half["utility"][k], half["blind"][k]) for half in halves))
         return found
 
     def clean(self, model: str, seed: int, games: int) -> Floats:
         """Return the skill where nobody attacks, shape (G,). Arguments as for `skills`."""
         seen = measure_honest(exact_task(self.arguments(model)), seed, games).measured
-        return _skill(seen["utility"][0], seen["blind"][0])
+        return self._skill(seen["utility"][0], seen["blind"][0])
+
+    def _known_there(self) -> list[KnownAttack]:
+        where = self.condition
+        return where.suite.known_in((where.scenario, where.track, where.share))
 
     def _scripts(self) -> list[KnownAttack]:
         """Return the scripted attacks of the suite at their defaults."""
@@ -149,6 +156,10 @@ class Front(NamedTuple):
         batches = scripted_batches(task, self.condition.kinds(_ANY), 1)
         return [self.known(name, Scripted(batch.scripts(k))) for batch in batches for k, name in enumerate(batch.names)]
 
-
-def _skill(utility: Floats, blind: Floats) -> Floats:
-    return np.round(skill(utility, blind), _DIGITS)
+    def _skill(self, utility: Floats, blind: Floats) -> Floats:
+        found = np.round(skill(utility, blind), _DIGITS)
+        if not np.isfinite(found).all():
+            raise ValueError(
+                f"the skill in {self.name} is undefined: in some game no choice is better than a blind one"
+            )
+        return found

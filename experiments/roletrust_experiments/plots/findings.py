@@ -62,7 +62,7 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
     Args:
         question: Question that the panels answer.
         panels: Panels, at least one.
-        note: Note below the panels.
+        note: Note below the panels, or above a legend that has no room beside it.
     """
     looks, columns = _looks(panels), min(len(panels), _COLUMNS)
     down = -(-len(panels) // columns)
@@ -84,7 +84,14 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
         figure.legend(
             keys.values(), keys.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9, labelcolor=INK
         )
-    figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
+    below = figure.supxlabel(note, x=0.99, ha="right", fontsize=8.5, color=QUIET)
+    figure.draw_without_rendering()
+    for legend in figure.legends:
+        if legend.get_window_extent().overlaps(below.get_window_extent()):  # both are at the bottom
+            below.set_text("")
+            legend.set_title(note)
+            legend.get_title().set(fontsize=8.5, color=QUIET)
+            legend.set_alignment("left")
     return figure
 
 

@@ -1,5 +1,6 @@
 """Populations that learn under a trust model, and what they come to."""
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -22,6 +23,8 @@ from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
+from roletrust_env.storage.untrusted import UntrustedModel, parse_untrusted
+from roletrust_experiments.attackers.runs import Check, Run
 
 MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "qor", "median", "beta", "own-experience")
 SCENARIOS, COSTS = ("crowd", "market"), (0.1, 0.3)
@@ -53,6 +56,7 @@ populations that play alike. `honest_providers`, `honest_raters`: share of the a
 from honest play in the last quarter of the learning.
 """
 
+_DEVIATIONS = "provider_deviation", "rater_deviation"
 _ROUNDS = 30
 _SMALL = 0.01  # of the best welfare: what is less is nothing
 _WORDS: dict[Side, tuple[str, str]] = {"providers": ("level", "reaction"), "raters": ("lift", "following")}
@@ -125,7 +129,7 @@ class Level(NamedTuple):
     def of(cls, point: Point, run: Mapping[str, Any]) -> Self:
         """Return the level of a point from its runs."""
         values = {name: np.asarray(run[name], np.float64) for name in MEASURES}
-        words = run["provider_deviation"], run["rater_deviation"]
+        words = [run[name] for name in _DEVIATIONS]
         common = [max(sorted(set(some)), key=list(some).count) for some in words]
         return cls(
             point,
@@ -138,6 +142,27 @@ class Level(NamedTuple):
 def points(scenarios: Sequence[str], models: Sequence[str], costs: Sequence[float]) -> list[Point]:
     """Return all populations, in order."""
     return [Point(s, m, c, start) for s in scenarios for c in costs for m in models for start in STARTS]
+
+
+class _Kept(UntrustedModel):
+    """What is kept of a population: one value for each run."""
+
+    numbers: dict[str, tuple[float, ...]]
+    deviations: dict[str, tuple[str, ...]]
+
+
+def check_of(effort: Effort) -> Check:
+    """Return the check of the stored runs of a population, see `play_point`."""
+
+    def check(key: str, run: Run) -> None:
+        parts = {"numbers": MEASURES, "deviations": _DEVIATIONS}
+        stored = {part: {name: run.get(name) for name in names} for part, names in parts.items()}
+        kept = parse_untrusted(_Kept, json.dumps(stored).encode())
+        for name, values in {**kept.numbers, **kept.deviations}.items():
+            if len(values) != effort.runs:
+                raise ValueError(f"{name} has {len(values)} runs; the settings have {effort.runs}")
+
+    return check
 
 
 def play_point(point: Point, effort: Effort) -> dict[str, Any]:
@@ -168,11 +193,8 @@ def play_point(point: Point, effort: Effort) -> dict[str, Any]:
         "rater_gain": rater.gain,
         "moved": moved,
     }
-    return {
-        **{name: values.tolist() for name, values in found.items()},
-        "provider_deviation": _in_words("providers", provider.parameters),
-        "rater_deviation": _in_words("raters", rater.parameters),
-    }
+    deviations = _in_words("providers", provider.parameters), _in_words("raters", rater.parameters)
+    return {name: values.tolist() for name, values in found.items()} | dict(zip(_DEVIATIONS, deviations, strict=True))
 
 
 def price_of_anarchy(best: Floats, welfare: Floats) -> Interval:

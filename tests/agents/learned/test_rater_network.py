@@ -142,8 +142,33 @@ def test_what_is_saved_plays_again(saved):
 def test_a_parameter_outside_its_range_is_refused(saved):
     path, _ = saved
     rewrite(path, parameters={"power": 99.0})
-    with pytest.raises(ValueError, match="power"):
+    with pytest.raises(ValueError, match=r"saved defence .*network: power .* must lie in"):
         SavedTrust(path=str(path))
+
+
+@pytest.mark.parametrize("weight", [1e39, -1.1e6, math.inf, math.nan])
+def test_a_weight_that_would_overflow_is_refused(weight):
+    with pytest.raises(ValueError, match="weights"):
+        RaterNetworkTrust(weights=(weight, *[0.0] * (SIZE - 1)))
+
+
+def test_the_largest_weights_give_a_trust():
+    check_trust_model(RaterNetworkTrust(weights=(1e6,) * SIZE))
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("", "path is '.', which names no file; a saved defence is"),
+        ("/", "path is '/', which names no file; a saved defence is"),
+        ("none", "there is no file 'none.json'; a saved defence is"),
+        ("a\0b", r"there is no file 'a\\x00b.json'"),
+        ("x" * 5000, "^path 'x{100}'... cannot be looked up: File name too long$"),
+    ],
+)
+def test_a_path_without_files_is_said_in_one_line(path, message):
+    with pytest.raises(ValueError, match=message):
+        load_defence(path)
 
 
 def test_other_weights_than_those_of_the_card_are_not_written(tmp_path):
@@ -182,7 +207,9 @@ def replace_weights(path, **changes):
         (lambda path: replace_weights(path, **{"pair.bias": None}), "the architecture has"),
         (lambda path: replace_weights(path, **{"pair.bias": np.zeros(3)}), "pair.bias"),
         (lambda path: replace_weights(path, **{"pair.bias": np.zeros(UNITS, np.float32)}), "float32"),
-        (lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, np.nan)}), "not finite"),
+        (lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, np.nan)}), r"entries outside \[-1e\+06"),
+        (lambda path: replace_weights(path, **{"pair.bias": np.full(UNITS, 1e39)}), "has entries outside"),
+        (lambda path: rewrite(path, iteration=0), "iteration is 0"),
     ],
 )
 def test_a_hostile_file_is_refused(saved, spoil, message):

@@ -81,7 +81,27 @@ def test_every_number_is_found_in_its_file(report):
 def test_every_copied_sentence_is_found_in_its_file(report):
     assert {path for path, _ in report.quotes} == {"findings.md", "equilibrium/equilibrium.md"}
     for path, text in report.quotes:
-        assert text in (DOCS / path).read_text(encoding="utf-8")
+        assert text.replace(MINUS, "-") in (DOCS / path).read_text(encoding="utf-8")
+
+
+def test_no_number_has_a_hyphen_for_its_sign(report):
+    shown = [text for _, _, text in report.numbers] + [text for _, text in report.quotes]
+    assert any(MINUS in text for text in shown)
+    assert [text for text in shown if re.search(r"(?<![\w-])-\d", text)] == []
+
+
+def test_the_largest_share_of_alpha_rank_is_named(report):
+    with (DOCS / FILES["equilibrium"]).open(encoding="utf-8", newline="") as file:
+        most = max(float(row["alpha_rank"]) for row in csv.DictReader(file))
+    assert f"{most:.3f}" in [text for path, _, text in report.numbers if path == FILES["equilibrium"]]
+
+
+def test_every_model_that_breaks_is_in_its_row():
+    rows = Results(DOCS).breaking()
+    answer = Results(DOCS).answer("breaking")
+    names = [name for _, models in rows for name in re.sub("<[^>]+>", "", models).split(", ")]
+    assert len(names) == len(set(names)) > 15
+    assert all(name in answer for name in names)
 
 
 def test_no_number_is_typed(report):
@@ -127,6 +147,41 @@ def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
         Results(DOCS).answer("dilutions")
     with pytest.raises(ValueError, match="has no 'worst mixture'"):
         Results(DOCS).fact("worst mixture")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "leaderboard.csv has no rows"),
+        (b"model,tier,clean,worst\n", "leaderboard.csv has no rows"),
+        (b"model,worst\nbeta\n", "row 2 of .*leaderboard.csv has another number of cells"),
+        (b"model,worst\nbeta,0.2,0.3\n", "row 2 of .*leaderboard.csv has another number of cells"),
+        (b"model,worst\nbeta,\xff\n", "leaderboard.csv is not UTF-8 text: invalid start byte at byte 17"),
+        (b"model,worst\nbeta,low\n", "leaderboard.csv has 'low' where a number is needed"),
+        (b"model,worst\nbeta,\n", "leaderboard.csv has no worst in the rows with {}"),
+        (b"model,best\nbeta,1\n", "leaderboard.csv has no column 'worst'"),
+    ],
+)
+def test_a_damaged_table_is_named(tmp_path, content, message):
+    path = tmp_path / FILES["leaderboard"]
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        Results(tmp_path).first("leaderboard", "worst")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\xff", "references.bib is not UTF-8 text"),
+        (b"@article{a,", "references.bib is no BibTeX"),
+        (b"@article{a, title={b}}@article{a, title={b}}", "references.bib is no BibTeX"),
+    ],
+)
+def test_a_damaged_bibliography_is_named(tmp_path, content, message):
+    (tmp_path / "references.bib").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        Sources(tmp_path / "references.bib")
 
 
 def test_numbers_are_rounded_and_signed():

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shlex
 
 import pytest
 
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from roletrust_agents.learned.saved_defence import SavedTrust, load_defence
 from roletrust_experiments.cli import app
+from roletrust_experiments.defence.fronts import Front
 
 SHORT = ["--iterations", "1", "--budget", "8000", "--steps", "1", "--games", "3", "--fresh", "3"]
 MODELS = ["--model", "mean", "--model", "role-trust", "--defence", "network"]
@@ -76,6 +78,50 @@ def test_a_model_is_saved_as_model_takes_it(tmp_path):
     assert spec == runs["defence|0|beta"]["spec"]
 
 
+def test_screen_and_page_have_the_same_headings_and_caveats(played):
+    folder, printed = played
+    page = (folder / "out" / "defence.md").read_text()
+    headings = [line for line in page.splitlines() if line.startswith(("| iteration", "| model"))]
+    assert len(headings) == 2
+    for heading in " ".join(headings).strip("| ").replace("| |", "|").split(" | "):
+        assert heading in printed
+    legend = "Strangers: under the worst attacker that no training has met."
+    scripts = (
+        "small/raters/0.25: the suite tiny knows no attackers there, so strangers are its scripts at their defaults."
+    )
+    few = "3 games choose the worst attack, which is mostly chance; give 12 or more."
+    for text in (legend, scripts, few):
+        assert text in printed
+        assert text in page
+    assert "1 condition of tiny" in page
+
+
+def test_what_is_next_can_be_given(played):
+    _, printed = played
+    words = shlex.split(printed.partition("Next: roletrust ")[2])
+    assert words[:2] == ["benchmark", "--model"]
+    assert SavedTrust.__name__ in words[2]
+    result = CliRunner().invoke(app, [*words, "--dry-run"])
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("name", ["beta", "roletrust_env.trust.models.central.leave_one_out:LeaveOneOut"])
+def test_two_games_are_enough_and_an_own_class_learns(tmp_path, name):
+    suite = tmp_path / "tiny.toml"
+    suite.write_text(SUITE)
+    options = ["--suite", str(suite), "--front", "small/raters/0.5", "--world", "small/raters/0.5", "--model", "mean"]
+    few = [*SHORT, "--games", "2", "--fresh", "2", "--defence", name, "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, ["defend", *options[:4], "--world", "small/raters/0.25", *options[6:], *few])
+    assert result.exit_code == 0, result.output
+    spec = (tmp_path / "out" / f"{name.replace(':', '.')}.txt").read_text()
+    assert spec.startswith(f"{name}:keep=")
+
+
+def test_a_condition_that_the_suite_attacks_has_strangers():
+    assert Front.of("standard-4", "crowd/raters/0.4").has_strangers
+    assert not Front.of("standard-4", "crowd/raters/0.35").has_strangers
+
+
 def test_a_repeat_says_the_same(played):
     folder, _ = played
     before = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"}
@@ -94,6 +140,9 @@ def test_other_settings_are_not_mixed(played):
     [
         (["--defence", "constant"], "has no number that can be learned"),
         (["--defence", "netwrk"], "did you mean 'network'"),
+        (["--defence", "beta:keep=0.5"], "'beta:keep=0.5' has parameters; name the model alone"),
+        (["--defence", "roletrust_env.nowhere:Model"], "'roletrust_env.nowhere:Model' cannot be loaded"),
+        (["--budget", "-1"], "an attacker needs 3072 or more"),
         (["--world", "small/raters/0.5"], "is a condition of the training"),
         (["--world", "small/raters/0.50"], "is a condition of the training"),
         (["--front", "small/raters"], "a front is SCENARIO/TRACK/SHARE"),
@@ -105,3 +154,48 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(tmp_path, argum
     code, printed = run(tmp_path, *arguments)
     assert (code, message in printed) == (2, True), printed
     assert not (tmp_path / "out").exists()
+
+
+def emptied(run):
+    run.clear()
+
+
+def beyond(run):
+    run["vector"].append(0.5)
+
+
+def undefined(run):
+    next(iter(run.values()))[0][0] = float("nan")
+
+
+def shorter(run):
+    next(iter(run.values()))[1].pop()
+
+
+@pytest.mark.parametrize(
+    ("key", "damage", "message"),
+    [
+        ("start|small/raters/0.5", emptied, "run 'start|small/raters/0.5': field attackers is missing"),
+        ("start|small/raters/0.5", lambda run: run["attackers"].clear(), "attackers"),
+        ("attack|0|small/raters/0.5", lambda run: run["attacker"].update(record="{}"), "must be an object with a kind"),
+        ("payoff|small/raters/0.5|mean", undefined, "NaN, which is not a number"),
+        ("payoff|small/raters/0.5|mean", shorter, "it has 2 games; the settings have 3"),
+        ("seen|1|small/raters/0.5|mean", emptied, "attacks"),
+        ("held out|small/raters/0.25|mean", shorter, "it has 2 games"),
+        ("clean|small/raters/0.5|mean", lambda run: run.update(skill=None), "skill is None"),
+        ("defence|0|network", beyond, "numbers; network has"),
+        ("defence|0|network", lambda run: run.update(spec="mean"), "spec and vector are not of one model"),
+        ("own|1|small/raters/0.5|mean", emptied, "field attacker is missing"),
+    ],
+)
+def test_a_damaged_step_is_one_line_that_names_it(played, tmp_path, key, damage, message):
+    folder, _ = played
+    data = json.loads((folder / "out" / "defence.json").read_text())
+    damage(data["runs"][key])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "defence.json").write_text(json.dumps(data))
+    code, printed = run(tmp_path)
+    assert (code, "defence.json holds no runs of this command: " in printed) == (2, True), printed
+    assert message in printed
+    assert printed.endswith("; give --force to begin again, or another --out")
+    assert len(printed) < 1500

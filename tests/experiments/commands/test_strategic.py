@@ -2,6 +2,8 @@
 
 import csv
 import json
+import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -54,6 +56,42 @@ def test_the_page_has_the_numbers_and_the_command(written):
     assert (written / "strategic.png").stat().st_size > 1000
 
 
+def test_what_is_next_overwrites_nothing_and_keeps_the_effort(written, tmp_path):
+    out = tmp_path / "here"
+    shutil.copytree(written, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    code, printed = strategic("--model", "beta", *FEW, "--out", out)
+    assert code == 0, printed
+    words = shlex.split(printed.partition("Next: roletrust strategic ")[2])
+    given = dict(zip(words[::2], words[1::2], strict=True))
+    assert given == {
+        **{"--model": "beta", "--scenario": "crowd", "--cost": "0.1", "--runs": "4", "--steps": "2", "--games": "2"},
+        **{"--seed": "0", "--workers": "1", "--out": str(tmp_path / "here-4-runs")},
+    }
+    code, printed = strategic(*words)
+    assert code == 0, printed
+    assert (out / "strategic.json").read_bytes() == before["strategic.json"]
+
+
+def test_the_order_of_the_runs_does_not_depend_on_when_they_end(written, tmp_path):
+    (tmp_path / "strategic.json").write_text((written / "strategic.json").read_text())
+    data = json.loads((tmp_path / "strategic.json").read_text())
+    data["runs"] = dict(list(data["runs"].items())[:0:-1])  # the first one is played again, after the others
+    (tmp_path / "strategic.json").write_text(json.dumps(data))
+    assert strategic("--model", "beta", "--model", "constant", *FEW, "--out", tmp_path)[0] == 0
+    assert (tmp_path / "strategic.json").read_bytes() == (written / "strategic.json").read_bytes()
+
+
+def test_a_narrow_terminal_shows_welfare(written, tmp_path):
+    shutil.copy(written / "strategic.json", tmp_path)
+    result = CliRunner().invoke(
+        app, ["strategic", "--model", "beta", *map(str, FEW), "--out", str(tmp_path)], env={"COLUMNS": "80"}
+    )
+    header = next(line for line in result.output.splitlines() if line.startswith("population"))
+    assert "welfare" in header
+    assert "price of anarchy" in header
+
+
 def test_it_continues_where_it_was_stopped(written):
     path = written / "strategic.json"
     data = json.loads(path.read_text())
@@ -86,6 +124,26 @@ def test_bad_input_is_refused_before_anything_is_written(arguments, message, tmp
     code, printed = strategic(*arguments, "--out", tmp_path / "none")
     assert (code, message in printed) == (2, True), printed
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda run: run.clear(), "numbers.welfare is None"),
+        (lambda run: run.update(welfare=[0.5]), "welfare has 1 runs; the settings have 2"),
+        (lambda run: run.update(welfare=[0.5, "high"]), "numbers.welfare.1 is 'high'"),
+        (lambda run: run.update(quality=[0.5, float("nan")]), "NaN, which is not a number"),
+        (lambda run: run.pop("rater_deviation"), "deviations.rater_deviation is None"),
+    ],
+)
+def test_a_damaged_population_is_one_line_that_names_it(written, tmp_path, damage, message):
+    data = json.loads((written / "strategic.json").read_text())
+    damage(data["runs"]["crowd|beta|0.1|honest"])
+    (tmp_path / "strategic.json").write_text(json.dumps(data))
+    code, printed = strategic("--model", "beta", *FEW, "--out", tmp_path)
+    assert (code, "strategic.json holds no runs of this command: " in printed) == (2, True), printed
+    assert message in printed
+    assert printed.endswith("; give --force to begin again, or another --out")
 
 
 def test_the_price_of_anarchy_has_the_interval_of_a_quotient():

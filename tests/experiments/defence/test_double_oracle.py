@@ -133,7 +133,7 @@ def test_models_stand_beside_each_other(game, fronts):
     for name, row in rows.items():
         worst = []
         for front in fronts:
-            met = game.runs[f"seen|{front.name}|{name}"]
+            met = game.runs[f"seen|2|{front.name}|{name}"]
             assert "trained against it alone" in met
             worst.append(min(met.values(), key=lambda halves: np.mean(halves[0]))[1])
         assert all(len(half) == 5 for half in worst)
@@ -142,6 +142,24 @@ def test_models_stand_beside_each_other(game, fronts):
             np.mean([game.runs[f"clean|{front.name}|{name}"]["skill"] for front in fronts])
         )
     assert list(rows) == sorted(rows, key=lambda name: -rows[name].worst.value)
+
+
+def test_a_comparison_after_more_iterations_is_the_one_without_a_stop(fronts, game):
+    short, kept = play(fronts, setup=SETUP.__class__(**{**SETUP.__dict__, "iterations": 1}))
+    assert list(Comparison(short, (), (), 5).play())
+    longer, _ = play(fronts, kept)
+    compared = []
+    for one in (longer, play(fronts, game.runs)[0]):
+        comparison = Comparison(one, (), (), 5)
+        assert list(comparison.play())
+        compared.append(comparison.rows())
+    assert compared[0] == compared[1]
+
+
+def test_a_skill_that_is_undefined_is_refused(fronts, monkeypatch):
+    monkeypatch.setattr("roletrust_experiments.defence.fronts.skill", lambda utility, blind: utility * np.nan)
+    with pytest.raises(ValueError, match=r"the skill in small/raters/0\.25 is undefined"):
+        fronts[0].clean("mean", 0, 2)
 
 
 def test_strangers_are_attackers_that_no_training_has_met(fronts):
