@@ -147,9 +147,9 @@ def _is_date(text: str) -> bool:
 def _seconds(texts: Texts, what: str, row: str, first: int) -> Floats:
     """Return dates and times of ISO 8601 as seconds since 1970."""
     try:
-        dates = np.array(texts, "datetime64[s]")
+        dates = np.array(texts, "datetime64[us]")
         if all("-" in text[1:] for text in texts):
-            return dates.astype(np.float64)
+            return dates.astype(np.float64) / 1e6
     except ValueError:
         pass  # the row is looked for below
     wrong = next(at for at, text in enumerate(texts) if not _is_date(text))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from log_cases import BAD, GOOD
+from log_cases import BAD, GOOD, HEADER
 
 from roletrust_env.data.log import read_ratings
 from roletrust_env.data.rounds import log_rounds
@@ -56,12 +56,18 @@ def test_a_log_of_many_blocks_counts_its_rows(tmp_path: Path) -> None:
     assert seen == [50_000, 100_000]
 
 
+def test_parts_of_seconds_count(tmp_path: Path) -> None:
+    log = read_ratings(written(tmp_path, HEADER + "a,x,1,2024-01-31T12:00:00.25\nb,x,1,2024-01-31T12:00:01\n"), TIMED)
+    assert log.times is not None
+    assert log.times.tolist() == [1706702400.25, 1706702401.0]
+
+
 def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
     for one, other, message in (
-        ("2024-01-31", "1706659200", "row 60002: the time is '1706659200'; it must be a date"),
-        ("1706659200", "2024-01-31", "row 60002: the time is '2024-01-31'; it must be a number"),
+        ("2024-01-31", "1706659200", "row 50002: the time is '1706659200'; it must be a date"),
+        ("1706659200", "2024-01-31", "row 50002: the time is '2024-01-31'; it must be a number"),
     ):
-        lines = [f"r{n},p,0.5,{one}\n" for n in range(60_000)] + [f"r,p,0.5,{other}\n"]
+        lines = [f"r{n},p,0.5,{one}\n" for n in range(50_000)] + [f"r,p,0.5,{other}\n"]
         with pytest.raises(ValueError, match=message):
             read_ratings(written(tmp_path, "rater,ratee,rating,time\n" + "".join(lines)), TIMED)
 
