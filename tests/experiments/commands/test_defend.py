@@ -129,6 +129,16 @@ def test_a_repeat_says_the_same(played):
     assert {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"} == before
 
 
+def test_an_interruption_keeps_what_is_finished(tmp_path, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("roletrust_experiments.defence.double_oracle.train_defence", stopped)
+    code, printed = run(tmp_path)
+    assert (code, "Stopped. Finished steps are saved; repeat the command without --force." in printed) == (130, True)
+    assert "attack|0|small/raters/0.5" in json.loads((tmp_path / "out" / "defence.json").read_text())["runs"]
+
+
 def test_other_settings_are_not_mixed(played):
     folder, _ = played
     code, printed = run(folder, "--seed", "1")
