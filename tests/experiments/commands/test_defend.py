@@ -178,6 +178,10 @@ def undefined(run):
     next(iter(run.values()))[0][0] = float("nan")
 
 
+def beyond_all(run):
+    next(iter(run.values()))[0][0] = 1e308
+
+
 def shorter(run):
     next(iter(run.values()))[1].pop()
 
@@ -189,6 +193,7 @@ def shorter(run):
         ("start|small/raters/0.5", lambda run: run["attackers"].clear(), "attackers"),
         ("attack|0|small/raters/0.5", lambda run: run["attacker"].update(record="{}"), "must be an object with a kind"),
         ("payoff|small/raters/0.5|mean", undefined, "NaN, which is not a number"),
+        ("payoff|small/raters/0.5|mean", beyond_all, "less than or equal to 1000000"),
         ("payoff|small/raters/0.5|mean", shorter, "it has 2 games; the settings have 3"),
         ("seen|1|small/raters/0.5|mean", emptied, "attacks"),
         ("held out|small/raters/0.25|mean", shorter, "it has 2 games"),
