@@ -92,9 +92,9 @@ class Store:
                         _remove(path)
                 mode = "mode=rwc"
                 if suite is None:
-                    journals = [Path(f"{path}{suffix}") for suffix in _JOURNALS]
-                    mode = "mode=ro" if any(one.exists() for one in journals) else "immutable=1"
-                    self._left = [one for one in journals if not one.exists()]
+                    there = [end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()]
+                    mode = "mode=ro" if there else "immutable=1"  # a finished run has no journal
+                    self._left = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
                 self._file = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None)
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)

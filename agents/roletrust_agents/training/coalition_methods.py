@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, ClassVar
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
@@ -68,9 +69,7 @@ class CoalitionSearch(ABC):
         limit, spent, progress = budget.left, 0, list[tuple[int, float]]()
         known = known_starts(self.start, self.known)
         training = self._training([task], settings, seed, limit, known)
-        if training.best is not None:  # a known network
-            progress.append((training.rounds, training.best.score))
-        for judged in training.within(limit):
+        for judged in chain([True], training.within(limit)):  # a known network is judged before the first step
             if judged and training.best is not None:
                 progress.append((training.rounds, training.best.score))
             budget.spend(training.rounds - spent)

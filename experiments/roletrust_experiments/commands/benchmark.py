@@ -33,7 +33,7 @@ from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import (
     ALLOW_CODE,
     console,
-    errors,
+    interruptible,
     needs_code,
     number_table,
     option,
@@ -170,12 +170,8 @@ def benchmark(
         names += option("--known", known)
         print_next("benchmark", "--suite", suite, names, "--allow-code" if allow_code else None, "--out", out)
         return
-    try:
-        with _pool(workers, ray) as pool:
-            kept = _play(asked, pool, force, out)
-    except KeyboardInterrupt:
-        errors.print("Stopped. Finished cells are saved; repeat the command without --force.", soft_wrap=True)
-        raise typer.Exit(130) from None
+    with interruptible("cells"), _pool(workers, ray) as pool:
+        kept = _play(asked, pool, force, out)
     if isinstance(asked, LearnersSuite):
         tell_learners(asked, kept, out)
     else:

@@ -3,9 +3,11 @@
 import json
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
+import typer
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
@@ -84,6 +86,23 @@ def progress_bar(where: Console = console, columns: Sequence[ProgressColumn] = (
     """
     usual = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*(columns or usual), console=where, transient=True, disable=not where.file.isatty())
+
+
+@contextmanager
+def interruptible(what: str) -> Iterator[None]:
+    """Say what to do when the user interrupts work of which each finished part is saved.
+
+    Args:
+        what: The parts, such as `runs`.
+
+    Raises:
+        typer.Exit: The user interrupted it.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        errors.print(f"Stopped. Finished {what} are saved; repeat the command without --force.", soft_wrap=True)
+        raise typer.Exit(130) from None
 
 
 def print_json(data: Mapping[str, Any]) -> None:

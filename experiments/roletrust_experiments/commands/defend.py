@@ -15,7 +15,7 @@ from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import Run, read_runs, write_runs
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, errors, option, print_next, progress_bar
+from roletrust_experiments.commands.console import console, interruptible, option, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed
 
@@ -198,19 +198,11 @@ def defend(
 
 
 def _watch(what: str, total: int, stages: Iterator[str]) -> None:
-    """Play stages with a progress bar.
-
-    Raises:
-        typer.Exit: The user interrupted the command.
-    """
-    with progress_bar() as progress:
+    """Play stages with a progress bar."""
+    with progress_bar() as progress, interruptible("steps"):
         bar = progress.add_task(what, total=total)
-        try:
-            for words in stages:
-                progress.update(bar, advance=1, description=escape(words))
-        except KeyboardInterrupt:
-            errors.print("Stopped. Finished steps are saved; repeat the command without --force.", soft_wrap=True)
-            raise typer.Exit(130) from None
+        for words in stages:
+            progress.update(bar, advance=1, description=escape(words))
 
 
 def _save_specs(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:

@@ -4,12 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import typer
 from rich.markup import escape
 
 from roletrust_env.benchmark.pool import cores
 from roletrust_experiments.attackers.runs import Run, Work, play_runs, write_runs
-from roletrust_experiments.commands.console import console, errors, progress_bar
+from roletrust_experiments.commands.console import console, interruptible, progress_bar
 
 
 def play_and_keep(
@@ -46,7 +45,7 @@ def play_and_keep(
         bar = progress.add_task("Playing", total=total, completed=total - len(jobs))
         if len(jobs) < total:
             progress.console.print(f"[dim]{total - len(jobs):,} of {total:,} runs are there already.[/]")
-        try:
+        with interruptible("runs"):
             for key, run in play_runs(work, jobs, workers or cores()):
                 progress.advance(bar)
                 if "failed" in run:
@@ -54,9 +53,6 @@ def play_and_keep(
                     continue
                 runs[key] = merge(runs.get(key, {}), run)
                 write_runs(path, settings, runs)
-        except KeyboardInterrupt:
-            errors.print("Stopped. Finished runs are saved; repeat the command without --force.", soft_wrap=True)
-            raise typer.Exit(130) from None
     for line in failed:
         console.print(f"[red]{escape(line)}[/]", soft_wrap=True)
     return failed

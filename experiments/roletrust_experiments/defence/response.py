@@ -52,7 +52,9 @@ def respond_by_attack(
     training = EvolutionStrategy(tasks, StrategySettings(), seed, budget, starts, (weights / weights.sum()).tolist())
     needed = training.rounds + training.most_rounds
     if needed > budget:
-        raise ValueError(f"the budget of the training of an attacker is {budget} rounds; give {needed} or more")
+        raise ValueError(
+            f"--budget is {budget} rounds; training an attacker against {len(many)} models needs {needed} or more"
+        )
     for _ in training.within(budget):
         pass
     return CoalitionAttacker(training.network), training.rounds

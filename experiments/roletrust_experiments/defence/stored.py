@@ -6,13 +6,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, NonNegativeInt
 
+from roletrust_agents.learned.cards import Number
 from roletrust_agents.training.defence_learners import learner_of
 from roletrust_env.benchmark.known_attacks import KnownAttack, check_records
 from roletrust_env.storage.untrusted import Kind, UntrustedModel, parse_untrusted
 from roletrust_experiments.attackers.runs import Check, Run
 from roletrust_experiments.defence.double_oracle import Setup
 
-Numbers = tuple[float, ...]
+Numbers = tuple[Number, ...]
 
 
 class _Begun(UntrustedModel):

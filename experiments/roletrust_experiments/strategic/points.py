@@ -1,7 +1,7 @@
 """Populations that learn under a trust model, and what they come to."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -24,7 +24,6 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_env.storage.untrusted import UntrustedModel, parse_untrusted
-from roletrust_experiments.attackers.runs import Check, Run
 
 MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "qor", "median", "beta", "own-experience")
 SCENARIOS, COSTS = ("crowd", "market"), (0.1, 0.3)
@@ -151,10 +150,10 @@ class _Kept(UntrustedModel):
     deviations: dict[str, tuple[str, ...]]
 
 
-def check_of(effort: Effort) -> Check:
+def check_of(effort: Effort) -> Callable[[str, Mapping[str, Any]], None]:
     """Return the check of the stored runs of a population, see `play_point`."""
 
-    def check(key: str, run: Run) -> None:
+    def check(key: str, run: Mapping[str, Any]) -> None:
         parts = {"numbers": MEASURES, "deviations": _DEVIATIONS}
         stored = {part: {name: run.get(name) for name in names} for part, names in parts.items()}
         kept = parse_untrusted(_Kept, json.dumps(stored).encode())

@@ -129,6 +129,16 @@ def test_a_repeat_says_the_same(played):
     assert {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"} == before
 
 
+def test_an_interruption_keeps_what_is_finished(tmp_path, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("roletrust_experiments.defence.double_oracle.train_defence", stopped)
+    code, printed = run(tmp_path)
+    assert (code, "Stopped. Finished steps are saved; repeat the command without --force." in printed) == (130, True)
+    assert "attack|0|small/raters/0.5" in json.loads((tmp_path / "out" / "defence.json").read_text())["runs"]
+
+
 def test_other_settings_are_not_mixed(played):
     folder, _ = played
     code, printed = run(folder, "--seed", "1")
@@ -168,6 +178,10 @@ def undefined(run):
     next(iter(run.values()))[0][0] = float("nan")
 
 
+def beyond_all(run):
+    next(iter(run.values()))[0][0] = 1e308
+
+
 def shorter(run):
     next(iter(run.values()))[1].pop()
 
@@ -179,6 +193,7 @@ def shorter(run):
         ("start|small/raters/0.5", lambda run: run["attackers"].clear(), "attackers"),
         ("attack|0|small/raters/0.5", lambda run: run["attacker"].update(record="{}"), "must be an object with a kind"),
         ("payoff|small/raters/0.5|mean", undefined, "NaN, which is not a number"),
+        ("payoff|small/raters/0.5|mean", beyond_all, "less than or equal to 1000000"),
         ("payoff|small/raters/0.5|mean", shorter, "it has 2 games; the settings have 3"),
         ("seen|1|small/raters/0.5|mean", emptied, "attacks"),
         ("held out|small/raters/0.25|mean", shorter, "it has 2 games"),

@@ -18,6 +18,7 @@ from roletrust_experiments.defence.comparison import Comparison
 from roletrust_experiments.defence.double_oracle import Game, Setup, label
 from roletrust_experiments.defence.fronts import Front
 from roletrust_experiments.defence.progress import best_trained, iterations
+from roletrust_experiments.defence.response import respond_by_attack
 
 SETUP = Setup(
     learners=("leave-one-out",),
@@ -160,6 +161,13 @@ def test_a_skill_that_is_undefined_is_refused(fronts, monkeypatch):
     monkeypatch.setattr("roletrust_experiments.defence.fronts.skill", lambda utility, blind: utility * np.nan)
     with pytest.raises(ValueError, match=r"the skill in small/raters/0\.25 is undefined"):
         fronts[0].clean("mean", 0, 2)
+
+
+def test_a_budget_that_the_models_of_the_mixture_exceed_is_refused(fronts):
+    models = ("mean", "median", "beta", "role-trust")
+    arguments = {model: fronts[0].arguments(model) for model in models}
+    with pytest.raises(ValueError, match=r"--budget is 3100 rounds; .* against 4 models needs"):
+        respond_by_attack(arguments, dict.fromkeys(models, 0.25), (), 3_100, 0)
 
 
 def test_strangers_are_attackers_that_no_training_has_met(fronts):
