@@ -1,8 +1,8 @@
 """The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what is summed over them.
 
 The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and whose second axis is
-its cells. On a `Grid` a rater has a cell for every provider. On `Slots` it has as many as it meets providers in a round,
-so that time and memory grow with the services of a round, not with S times P.
+its cells. On a `Grid` a rater has a cell for every provider. On `Slots` it has one for each provider that it meets in a
+round, so that time and memory grow with the services of a round, not with S times P.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -19,6 +19,9 @@ from roletrust_env.trust.model_checks import check_trust_model, needs_watching, 
 from roletrust_env.world.access import meet
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Encounters, Scenario
+
+MOST_CELLS = 4_000_000
+"""Number of pairs up to which encounters are played on a grid."""
 
 Met = Any
 """Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of the cell."""
@@ -97,9 +100,14 @@ class Grid:
         """Try the model on one round.
 
         Raises:
-            ValueError: The model fails, see `check_trust_model`.
+            ValueError: The model fails, see `check_trust_model`; or the scenario is for a `SparseGame`.
         """
-        xp = namespace(like)
+        xp, cells = namespace(like), roster.n_raters * roster.n_providers
+        if isinstance(scenario.access, Encounters) and cells > MOST_CELLS:
+            raise ValueError(
+                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, few of which "
+                "meet; it is played by roletrust_env.SparseGame, in Python or by `roletrust scale`"
+            )
         self.width, self._rule, self._model = roster.n_providers, scenario.access, model
         self.not_self = xp.asarray(roster.not_self, device=like.device)
         self._peers = xp.asarray(~roster.not_self, device=like.device)
@@ -180,7 +188,7 @@ class Slots:
         """Take a model that runs on edges; with `fused`, its sums are compiled, see `Ledger`.
 
         Raises:
-            ValueError: The model does not run on edges, or takes peers while agents have two roles; or numba is missing.
+            ValueError: The model does not run on edges, or takes peers while agents have two roles; numba is missing.
         """
         self.width, self._rule, self._model, self._fused = rule.providers, rule, edge_model(model), fused
         if takes_peers(model) and roster.n_both:

@@ -17,6 +17,7 @@ from roletrust_env.game.brief import game_facts
 from roletrust_env.game.cells import Cells, Grid, over
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
@@ -93,7 +94,12 @@ class Game:
 
     def _make_cells(self) -> Cells:
         """Return the pairs for which a round of this game has numbers."""
-        return Grid(self.scenario, self.roster, self.model, self.like)
+        grid = Grid(self.scenario, self.roster, self.model, self.like)
+        self._not_self = grid.not_self
+        return grid
+
+    def check_policy(self, policy: Policy, memory: Any) -> None:
+        """Refuse a policy that this game cannot seat, by its memory before the first round; here every one can play."""
 
     def random(self, seed: int | None = None) -> Random:
         """Return a source of random numbers with the array library, dtype and device of this game.
@@ -133,6 +139,7 @@ class Game:
         nothing = xp.zeros_like(noise.perception)
         trust, of_providers = self._cells.start(nothing)
         met, nobody = self._cells.nobody(nothing.shape)
+        traits = noise.ability, noise.bias, noise.scale
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
         return State(
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
@@ -151,9 +158,7 @@ class Game:
             if isinstance(rules.access, InRange)
             else None,
             transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
-            properties=self._property_sampler.start(
-                nothing[:, 0, ...], of_providers, noise.ability, noise.bias, noise.scale
-            ),
+            properties=self._property_sampler.start(nothing[:, 0, ...], of_providers, *traits),
             full=False,
             met=met,
         )
@@ -209,8 +214,8 @@ class Game:
         if actions.treatment is not None:
             quality = mean_or_zero(chosen, served)
         else:
-            chosen = quality = copy(chosen) if self._everyone else xp.where(
-                cells.anywhere(served, met), chosen, self._zero
+            chosen = quality = (
+                copy(chosen) if self._everyone else xp.where(cells.anywhere(served, met), chosen, self._zero)
             )
         strength, perception = self._perturbations.strength(state.round), state.properties.perception
         offered = chosen if met is None else cells.of_providers(chosen, met)
@@ -249,7 +254,7 @@ class Game:
         A rater has a view of its own under a personal model, and knows the published trust under any other.
         """
         shape, judge_trust = state.ratings.shape, getattr(self.model, "judge_trust", None)
-        own = over(self._constant(self.roster.not_self), shape)
+        own = over(self._not_self, shape)
         known = self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
         return namespace(known).where(own, known, self._nowhere)
 

@@ -148,6 +148,16 @@ class Roster:
         return self.names[self._count["SR"] :]
 
     @cached_property
+    def rater_places(self) -> dict[str, int]:
+        """Index of each rater among the raters, by its name."""
+        return {name: place for place, name in enumerate(self.rater_names)}
+
+    @cached_property
+    def provider_places(self) -> dict[str, int]:
+        """Index of each provider among the providers, by its name."""
+        return {name: place for place, name in enumerate(self.provider_names)}
+
+    @cached_property
     def owners(self) -> dict[str, str]:
         """Name of the owner of each agent, by the name of the agent. An owner has the name of its first identity."""
         owners: dict[str, str] = {}
