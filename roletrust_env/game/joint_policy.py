@@ -176,7 +176,7 @@ class JointPolicy:
             quality=_arrange(qualities, providers),
             ratings=_arrange(ratings, raters),
             presence=_arrange(wanted, agents) if wanted else None,
-            withheld=_unusual([one.withheld for one in rating], ratings, _sent, raters),
+            withheld=_unusual([one.withheld for one in rating], ratings, lambda rates: rates < 0, raters),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
         )
         return actions, tuple(after)
@@ -329,11 +329,6 @@ def _take(view: ProviderView | RaterView, places: Places) -> list[Array]:
 def _own_axis_first(of_others: Array | None) -> Array | None:
     """Swap the axes of actions towards other agents, (others, n, ...), to (n, others, ...)."""
     return None if of_others is None else of_others.swapaxes(0, 1)
-
-
-def _sent(ratings: Array) -> Array:
-    """Return that no rating is withheld."""
-    return ratings < 0
 
 
 def _unusual(

@@ -20,7 +20,8 @@ class SparseGame(Game):
 
     It is `Game` on other cells: where an array of `Game` has shape (S, P), that of this game has shape (S, K), with K
     the `providers` that a rater meets in a round, and `State.met` has the index of the provider of each cell. With the
-    same noise for each pair, trust, quality and rewards are those of `Game`. A round takes time and memory as S K + P. A model with a memory of pairs keeps every pair that ever met.
+    same noise for each pair, trust, quality and rewards are those of `Game`. A round takes time and memory in
+    proportion to S K + P. A model with a memory of pairs keeps every pair that ever met.
 
     What differs:
 

@@ -88,9 +88,9 @@ class State(NamedTuple):
 class Noise(NamedTuple):
     """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal. None where unused.
 
-    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P, ...), for encounters with
-    k providers (S, k, ...); `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only `position`
-    (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
+    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P, ...), for encounters
+    with k providers (S, k, ...); `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only
+    `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: Array
