@@ -93,15 +93,15 @@ def scale(
         harms = measure_harm(sizes, models, _SHARES, rounds=rounds, seeds=chosen, advance=advance)
         costs = measure_rounds(cost_sizes, models, fused=fused, seed=seed, advance=advance)
     harm_caption = (
-        "Skill is 1 for the best of the five providers in every round, and 0 for a blind choice. Shown is the skill that "
-        "honest agents bring, and the skill that is lost to each attack in the same luck: means of "
-        f"{seeds} seeds with 95% intervals, games of {rounds} rounds."
+        "Skill is 1 for the best of the five providers in every round, and 0 for a blind choice. Shown is the skill "
+        "that honest agents bring, and the skill that is lost to each attack in the same luck: means of "
+        f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With 25 agents, all raters meet all providers."
     )
     cost_caption = (
         "Milliseconds of a round in which a fifth of the raters bad-mouths, the median; noise, policies and step are "
         f"its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. Fused: sums compiled by numba. "
-        "Memory: the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that ever "
-        "met."
+        "Memory: the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that "
+        "ever met."
     )
     harm_lines, cost_lines = _harm_lines(harms), _cost_lines(costs)
     for title, caption, (headings, *lines) in (
