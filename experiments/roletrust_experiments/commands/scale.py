@@ -28,7 +28,17 @@ _SHARES = 0.2, 0.4
 _TITLE = "Cities of up to a million agents"
 _HARM = "Skill that consumers lose to attackers"
 _COSTS = "What a round costs"
-_COST_HEADINGS = ("model", "agents", "services", "ms", "least - greatest", "noise", "policies", "step", "times plain")
+_COST_HEADINGS: tuple[str, ...] = (
+    "model",
+    "agents",
+    "services",
+    "ms",
+    "least - greatest",
+    "noise",
+    "policies",
+    "step",
+    "times plain",
+)
 _COST_HEADINGS += ("memory",)
 
 
