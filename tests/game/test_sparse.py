@@ -154,6 +154,16 @@ def test_the_same_policies_play_both_games() -> None:
     assert 0 < top.min() < top.max() < 1
 
 
+def test_a_rater_that_is_not_there_buys_nothing() -> None:
+    agents = [{"role": "SR", "count": 3}, {"role": "SR", "joins": 2}, {"role": "SP", "count": 4}]
+    game = SparseGame(Scenario.model_validate(MARKET | {"agents": agents, "max_cycles": 5}))
+    random, best = game.random(0), []
+    for played in rollout(JointPolicy(game, {}), random, random):
+        best.append(game.bought(*played[:3]).best)
+    assert best[:2] == [0.75, 0.75]
+    assert best[-1] == 1.0
+
+
 # --- who meets whom -----------------------------------------------------------------------------------
 
 
