@@ -184,13 +184,13 @@ class Slots:
         width: Number of providers K that a rater meets in a round.
     """
 
-    def __init__(self, rule: Encounters, roster: Roster, model: Any, *, fused: bool = False) -> None:
-        """Take a model that runs on edges; with `fused`, its sums are compiled, see `Ledger`.
+    def __init__(self, rule: Encounters, roster: Roster, model: Any) -> None:
+        """Take a model that runs on edges.
 
         Raises:
-            ValueError: The model does not run on edges, or takes peers while agents have two roles; numba is missing.
+            ValueError: The model does not run on edges, or takes peers while agents have two roles.
         """
-        self.width, self._rule, self._model, self._fused = rule.providers, rule, edge_model(model), fused
+        self.width, self._rule, self._model = rule.providers, rule, edge_model(model)
         if takes_peers(model) and roster.n_both:
             raise ValueError(
                 f"trust model {model!r} depends on which rater is which provider, and a sparse game does not tell it; "
@@ -199,11 +199,10 @@ class Slots:
         self._shape = roster.n_raters, roster.n_providers
         self._own = roster.own_provider
         self._raters = np.repeat(np.arange(self._shape[0]), self.width)
-        Ledger(self._model, fused=fused)  # numba is missing here, if anywhere
 
     def start(self, nothing: Array) -> tuple[Any, Array]:
         """See `Cells.start`."""
-        ledger, first = Ledger(self._model, fused=self._fused), start_on_edges(self._model, self._shape)
+        ledger, first = Ledger(self._model), start_on_edges(self._model, self._shape)
         ledger.join(*self._shape)
         trust = self._model.rater_trust(first), self._model.provider_trust(first)
         return Standing(ledger, 0, *trust), np.zeros(self._shape[1])

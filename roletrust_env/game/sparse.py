@@ -34,11 +34,9 @@ class SparseGame(Game):
     Args:
         scenario: Scenario with access of kind `encounters`.
         trust_model: Name of a trust model, or a trust model, see `Game`.
-        fused: Whether sums of the trust model are compiled by numba, see `roletrust_env.trust.fused`.
 
     Raises:
-        ValueError: The scenario has another access, late ratings or cameras; the model does not run on edges; numba is
-            missing.
+        ValueError: The scenario has another access, late ratings or cameras; the model does not run on edges.
 
     Example:
         >>> from roletrust_env import JointPolicy, Scenario, SparseGame
@@ -55,18 +53,15 @@ class SparseGame(Game):
         True
     """
 
-    def __init__(
-        self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust", *, fused: bool = False
-    ) -> None:
+    def __init__(self, scenario: Scenario, trust_model: str | TrustModel[Any] = "role-trust") -> None:
         if isinstance(scenario, Scenario):
             _check(scenario)
-        self._fused = fused
         super().__init__(scenario, trust_model)
 
     def _make_cells(self) -> Cells:
         """Return the pairs that meet."""
         assert isinstance(self.scenario.access, Encounters)
-        return Slots(self.scenario.access, self.roster, self.model, fused=self._fused)
+        return Slots(self.scenario.access, self.roster, self.model)
 
     def check_policy(self, policy: Policy, memory: Any) -> None:
         """Refuse a policy that remembers each provider, or that treats raters differently. See `Game.check_policy`.

@@ -1,8 +1,9 @@
 """`roletrust scale`: cities of up to a million agents: what liars cost consumers, and what a round costs."""
 
-import importlib.util
+import math
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import mean
 from typing import Annotated
 
 import typer
@@ -17,8 +18,8 @@ from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar
 from roletrust_experiments.commands.costs import machine
 from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed
-from roletrust_experiments.playing.cities import ATTACKS, Harm, city, measure_harm
-from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds
+from roletrust_experiments.playing.cities import ATTACKS, LEAST, Harm, city, measure_harm
+from roletrust_experiments.timing.cities import MET, PLAIN, RoundCost, measure_rounds
 from roletrust_experiments.timing.contestants import Spread
 
 _SIZES = 25, 100, 1000, 10_000
@@ -81,7 +82,7 @@ def scale(
     [cyan]roletrust scale --agents 25 --agents 1000 --cost 10000 --seeds 3[/]
 
     [dim]# the page in docs/, up to half an hour[/]
-    [cyan]roletrust scale --out results/scale[/]
+    [cyan]roletrust scale --seeds 20 --out results/scale[/]
     """
     sizes, cost_sizes = sorted(set(agents or _SIZES)), sorted(set(cost or _COST_SIZES))
     scenario = make_scenario("city")
@@ -90,10 +91,9 @@ def scale(
         city(size, rounds)  # refuses what is too small
     if out is not None:
         prepare_folder(out)
-    fused = importlib.util.find_spec("numba") is not None
     with progress_bar() as progress:
         conditions = 1 + len(ATTACKS) * len(_SHARES)
-        steps = len(sizes) * len(models) * conditions + len(cost_sizes) * (len(models) * (1 + fused) + 1)
+        steps = len(sizes) * len(models) * conditions + len(cost_sizes) * (len(models) + 1)
         task = progress.add_task("", total=steps)
 
         def advance(what: str) -> None:
@@ -101,17 +101,12 @@ def scale(
 
         chosen = range(seed, seed + seeds)
         harms = measure_harm(sizes, models, _SHARES, rounds=rounds, seeds=chosen, advance=advance)
-        costs = measure_rounds(cost_sizes, models, fused=fused, seed=seed, advance=advance)
-    harm_caption = (
-        "Skill is 1 for the best of the five providers in every round, and 0 for a blind choice. Shown is the skill "
-        "that honest agents bring, and the skill that is lost to each attack in the same luck: means of "
-        f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With 25 agents, all raters meet all providers."
-    )
+        costs = measure_rounds(cost_sizes, models, seed=seed, advance=advance)
+    harm_caption = _harm_caption(harms, seeds, rounds)
     cost_caption = (
-        "Milliseconds of a round in which a fifth of the raters bad-mouths, the median; noise, policies and step are "
-        f"its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. Fused: sums compiled by numba. "
-        "Memory: the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that "
-        "ever met."
+        "Milliseconds of processor time of a round in which a fifth of the raters bad-mouths, the median; noise, "
+        f"policies and step are its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. Memory: "
+        "the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that ever met."
     )
     harm_lines, cost_lines = _harm_lines(harms), _cost_lines(costs)
     for title, caption, (headings, *lines) in (
@@ -128,6 +123,28 @@ def scale(
             path.write_text(_page(harm_caption, harm_lines, cost_caption, cost_lines), encoding="utf-8")
         console.print(f"Written to {out}: scale-harm.csv, scale-costs.csv, scale.md", soft_wrap=True)
     print_next("costs", "--ratings", 1_000_000)
+
+
+def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
+    """Return what the table of harm shows, and how harm changes with the number of agents."""
+    text = (
+        "Skill is 1 for the best of the five providers in every round, and 0 for a blind choice. Shown is the skill "
+        "that honest agents bring, and the skill that is lost to each attack in the same luck: means of "
+        f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With {LEAST} agents, all raters meet all "
+        "providers, so that whoever rates all alike changes no order."
+    )
+    sizes = sorted({one.agents for one in found if one.agents // 5 > MET})
+    if len(sizes) < 2:
+        return text
+    small, large = ([one.harm for one in found if one.agents == size and one.share] for size in (sizes[0], sizes[-1]))
+    pairs = list(zip(small, large, strict=True))
+    changes = [high.mean - low.mean for low, high in pairs]
+    clear = sum(abs(high.mean - low.mean) > math.hypot(high.half, low.half) for low, high in pairs)
+    return (
+        f"{text} From {sizes[0]:,} to {sizes[-1]:,} agents the harm of a condition changes by {mean(changes):+.3f} "
+        f"on average, from {min(changes):+.3f} to {max(changes):+.3f}; in {clear} of {len(pairs)} conditions the change is "
+        "more than its 95% interval, and one in twenty is so by chance."
+    )
 
 
 def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:

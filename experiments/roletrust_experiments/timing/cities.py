@@ -37,8 +37,9 @@ class RoundCost(NamedTuple):
         agents: Number of agents.
         services: Number of services, and of ratings, in a round.
         name: Name of the trust model, or `PLAIN`.
-        seconds: Seconds of the rounds that were timed.
-        by_hand: Seconds of the rounds in plain NumPy that were timed in turn with them.
+        seconds: Processor time of the rounds that were timed, in seconds, which other work on the machine does not add
+            to.
+        by_hand: The same of the rounds in plain NumPy that were timed in turn with them.
         parts: Medians of its parts; None for plain NumPy, which has no such parts.
         memory: Peak of the memory of three rounds beyond that of the agents and their names, in bytes.
     """
@@ -57,7 +58,6 @@ def measure_rounds(
     models: Mapping[str, Any],
     *,
     repeats: int = 5,
-    fused: bool = False,
     seed: int = 0,
     advance: Callable[[str], None] = lambda what: None,
 ) -> list[RoundCost]:
@@ -67,7 +67,6 @@ def measure_rounds(
         sizes: Numbers of agents.
         models: Central trust models by name.
         repeats: Number of timed rounds of each.
-        fused: Whether every model is also played with sums compiled by numba.
         seed: Random seed.
         advance: Called with what is measured next, once for each model and size, and for plain NumPy.
     """
@@ -78,15 +77,13 @@ def measure_rounds(
         by_hand, memory = _traced(partial(plain, raters, providers, seed))
         rows = []
         for name, model in models.items():
-            for way in (False, True)[: 1 + fused]:
-                advance(f"{agents:,} agents, {name}")
-                play, peak = _traced(_player(SparseGame(scenario, model, fused=way), seed))
-                turns = [(play(), sum(by_hand())) for _ in range(repeats)]
-                parts = Parts(*(median(column) for column in zip(*(taken for taken, _ in turns), strict=True)))
-                seconds, hand = tuple(sum(taken) for taken, _ in turns), tuple(taken for _, taken in turns)
-                label = f"{name}, fused" if way else name
-                rows.append(RoundCost(agents, MET * raters, label, seconds, hand, parts, peak))
-                del play
+            advance(f"{agents:,} agents, {name}")
+            play, peak = _traced(_player(SparseGame(scenario, model), seed))
+            turns = [(play(), sum(by_hand())) for _ in range(repeats)]
+            parts = Parts(*(median(column) for column in zip(*(taken for taken, _ in turns), strict=True)))
+            seconds, hand = tuple(sum(taken) for taken, _ in turns), tuple(taken for _, taken in turns)
+            rows.append(RoundCost(agents, MET * raters, name, seconds, hand, parts, peak))
+            del play
         hand = rows[0].by_hand
         found += [*rows, RoundCost(agents, MET * raters, PLAIN, hand, hand, None, memory)]
     return found
@@ -108,14 +105,14 @@ def _player(game: SparseGame, seed: int) -> Callable[[], Callable[[], Parts]]:
 
         def play() -> Parts:
             nonlocal state, memories
-            began = time.perf_counter()
+            began = time.process_time()
             noise: Noise = game.draw(random)
-            drawn = time.perf_counter()
+            drawn = time.process_time()
             actions, memories = seats.act(state, memories, random)
-            asked = time.perf_counter()
+            asked = time.process_time()
             after: State = game.step(state, actions, noise)[0]
             state = after
-            return Parts(drawn - began, asked - drawn, time.perf_counter() - asked)
+            return Parts(drawn - began, asked - drawn, time.process_time() - asked)
 
         return play
 
@@ -133,7 +130,7 @@ def plain(raters: int, providers: int, seed: int) -> Callable[[], Parts]:
 
     def play() -> Parts:
         nonlocal top
-        began = time.perf_counter()
+        began = time.process_time()
         whom = rng.integers(0, providers, (raters, MET))
         seen = np.clip(ability[whom] + 0.05 * rng.standard_normal((raters, MET)), 0, 1)
         rated = np.where(liars[:, None], 0.0, seen).ravel()
@@ -141,7 +138,7 @@ def plain(raters: int, providers: int, seed: int) -> Callable[[], Parts]:
         counts = np.bincount(whom, minlength=providers)
         average = np.bincount(whom, rated, providers) / np.maximum(counts, 1)
         top = np.where(counts > 0, top + 0.5 * (average - top), top)
-        return Parts(0.0, 0.0, time.perf_counter() - began)
+        return Parts(0.0, 0.0, time.process_time() - began)
 
     return play
 

@@ -8,10 +8,11 @@ from typer.testing import CliRunner
 from roletrust_baselines import OnOff
 from roletrust_env import JointPolicy, SparseGame, make_trust_model
 from roletrust_env.game.rollout import rollout
+from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.metrics.consumers import skill
 from roletrust_experiments.cli import app
-from roletrust_experiments.commands.scale import _cost_lines
-from roletrust_experiments.playing.cities import attackers, city, measure_harm
+from roletrust_experiments.commands.scale import _cost_lines, _harm_caption
+from roletrust_experiments.playing.cities import Harm, attackers, city, measure_harm
 from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds, plain
 
 
@@ -115,6 +116,17 @@ def test_costs_are_those_of_the_same_city():
         assert min(one.seconds) > 0
         assert one.memory > 8 * one.services
         assert one.parts is None or sum(one.parts) == pytest.approx(np.median(one.seconds), rel=0.5)
+
+
+def test_the_caption_says_how_harm_changes_with_size():
+    def harm(agents, attack, value, half):
+        return Harm(agents, "mean", attack, 0.2, Estimate(0.5, 0.1), Estimate(value, half))
+
+    rows = [harm(25, "a", 9.0, 0.1), harm(25, "b", 9.0, 0.1), harm(100, "a", 0.3, 0.03), harm(100, "b", 0.1, 0.03)]
+    assert "From" not in _harm_caption(rows, 3, 5)
+    caption = _harm_caption([*rows, harm(1000, "a", 0.34, 0.04), harm(1000, "b", 0.16, 0.04)], 3, 5)
+    assert "From 100 to 1,000 agents the harm of a condition changes by +0.050 on average" in caption
+    assert "from +0.040 to +0.060; in 1 of 2 conditions" in caption
 
 
 def test_ratios_are_to_plain_numpy_in_the_same_turns():
