@@ -142,8 +142,8 @@ def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
     clear = sum(abs(high.mean - low.mean) > math.hypot(high.half, low.half) for low, high in pairs)
     return (
         f"{text} From {sizes[0]:,} to {sizes[-1]:,} agents the harm of a condition changes by {mean(changes):+.3f} "
-        f"on average, from {min(changes):+.3f} to {max(changes):+.3f}; in {clear} of {len(pairs)} conditions the change is "
-        "more than its 95% interval, and one in twenty is so by chance."
+        f"on average, from {min(changes):+.3f} to {max(changes):+.3f}; in {clear} of {len(pairs)} conditions the "
+        "change is more than its 95% interval, and one in twenty is so by chance."
     )
 
 
