@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-all test-slow test-site test-extras test-live test-soak test-ros2 test-clients setup format pictures costs edge-costs live-load better-model \
+.PHONY: run docs test test-all test-slow test-site test-extras test-live test-soak test-ros2 test-clients setup format pictures costs edge-costs scale live-load better-model \
 	leave-one-out leave-one-out-logs first-hand real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
@@ -89,6 +89,11 @@ costs: setup
 edge-costs: setup
 	$(BIN)/roletrust costs --ratings 1000000 --ratings 10000000 --out $(OUT)/edge-costs
 	cp $(OUT)/edge-costs/edge-costs.md $(OUT)/edge-costs/edge-costs.csv docs/
+
+# What liars cost in cities of up to 10,000 agents, and what a round costs up to a million; some 20 minutes.
+scale: setup
+	$(BIN)/roletrust scale --seeds 20 --out $(OUT)/scale
+	cp $(OUT)/scale/scale.md $(OUT)/scale/scale-harm.csv $(OUT)/scale/scale-costs.csv docs/
 
 # The leaderboard and its report, of which the README has the table; an hour or two on two cores.
 benchmark: setup

@@ -22,6 +22,7 @@ from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import attackers, make_attacker, register_attacker
 from roletrust_env.game.rollout import History, record
 from roletrust_env.game.schedule import WindowedAttack
+from roletrust_env.game.sparse import SparseGame
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel, make_trust_model, register_trust_model, trust_models
@@ -55,6 +56,7 @@ __all__ = [
     "RoleVecEnv",
     "Scaled",
     "Scenario",
+    "SparseGame",
     "State",
     "TrustModel",
     "WindowedAttack",

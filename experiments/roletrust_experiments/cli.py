@@ -29,6 +29,7 @@ from roletrust_experiments.commands.real import real
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
 from roletrust_experiments.commands.reruns import reruns
+from roletrust_experiments.commands.scale import scale
 from roletrust_experiments.commands.serve import serve
 from roletrust_experiments.commands.speed import speed
 from roletrust_experiments.commands.strategic import strategic
@@ -139,6 +140,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "findings": findings,
     "speed": speed,
     "costs": costs,
+    "scale": scale,
     "rate": rate,
     "real": real,
 }

@@ -14,15 +14,16 @@ import numpy as np
 
 from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
+from roletrust_env.game.cells import Cells, Grid, over
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
 from roletrust_env.game.views import Layout, ProviderView, RaterView, look
 from roletrust_env.randomness import Random
-from roletrust_env.trust import TrustModel, check_trust_model
-from roletrust_env.trust.model import Traits, start_model
+from roletrust_env.trust import TrustModel
+from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.trust.model_checks import needs_watching, watched_update
 from roletrust_env.world import access, mobility, rating_delivery
 from roletrust_env.world.heterogeneity import AgentPropertySampler
 from roletrust_env.world.perturbation import Perturbations
@@ -65,32 +66,40 @@ class Game:
             raise ValueError(f"trust_model is {trust_model!r}; it must be a trust model, or the name of one")
         self.model = trust_model
         self.roster = roster = Roster.of(scenario)
-        self._peers = self._constant(~roster.not_self)
-        check_trust_model(trust_model, self._peers, like)
+        self._cells = self._make_cells()
         self.layout = Layout(roster.n_raters, roster.n_providers, scenario.max_cycles)
         self.service = make_service(scenario, roster, like)
         self.presence = Presence(scenario, roster, like)
         self._property_sampler = AgentPropertySampler(roster, like)
         self._on_numpy = isinstance(like, np.ndarray)
-        self._noise_source = NoiseSource(scenario, roster, self.presence.changes, like)
-        self._not_self = self._constant(roster.not_self)
+        self._noise_source = NoiseSource(scenario, roster, self.presence.changes, like, self._cells.width)
         self._nowhere = self._constant(np.nan, like.dtype)
         self._zero = self._constant(0, like.dtype)  # `where` takes a number at twice the cost of a small array
         self._perturbations = Perturbations(scenario, like)
-        rating, providing = roster.role_schedule(scenario.max_cycles)
-        always = bool(rating.all() and providing.all())
-        self._duty = None if always else (self._constant(rating), self._constant(providing))
+        always, self._duty = True, None
+        if any(group.turns for group in scenario.agents):
+            rating, providing = roster.role_schedule(scenario.max_cycles)
+            always = bool(rating.all() and providing.all())
+            self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
-        self._watched = needs_watching(trust_model)
         self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
-        self._everyone = open_to_all and bool(roster.not_self.all())  # then no service is ever masked
+        self._everyone = open_to_all and not roster.n_both  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is read out once.
         self._published: tuple[Any, tuple[Array, Array] | None] = (None, None)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({game_facts(self)})"
+
+    def _make_cells(self) -> Cells:
+        """Return the pairs for which a round of this game has numbers."""
+        grid = Grid(self.scenario, self.roster, self.model, self.like)
+        self._not_self = grid.not_self
+        return grid
+
+    def check_policy(self, policy: Policy, memory: Any) -> None:
+        """Refuse a policy that this game cannot seat, by its memory before the first round; here every one can play."""
 
     def random(self, seed: int | None = None) -> Random:
         """Return a source of random numbers with the array library, dtype and device of this game.
@@ -128,16 +137,19 @@ class Game:
         """Return the state before the first round."""
         xp, rules, roster = namespace(self.like), self.scenario, self.roster
         nothing = xp.zeros_like(noise.perception)
+        trust, of_providers = self._cells.start(nothing)
+        met, nobody = self._cells.nobody(nothing.shape)
+        traits = noise.ability, noise.bias, noise.scale
         # No two parts share an array: a compiler would have to compile anew when later ones do not.
         return State(
             round=xp.zeros_like(nothing[0, 0, ...], dtype=xp.int64),
-            trust=start_model(self.model, nothing, self._peers),
+            trust=trust,
             ratings=nothing,
-            rated=self._over(self._not_self & False, nothing.shape),
-            quality=xp.zeros_like(nothing[0]),
+            rated=nobody,
+            quality=xp.zeros_like(of_providers),
             service=xp.zeros_like(nothing),
-            awaiting=self._over(self._not_self & False, nothing.shape),
-            value=self._payoff.next_value(nothing[0] + 1, noise.value),
+            awaiting=self._cells.nobody(nothing.shape)[1],
+            value=self._payoff.next_value(of_providers + 1, noise.value),
             counts=Counts(0.0 * nothing[: roster.n_both, 0, ...], 0.0 * nothing[: roster.n_both, 0, ...])
             if roster.n_both
             else None,
@@ -146,8 +158,9 @@ class Game:
             if isinstance(rules.access, InRange)
             else None,
             transit=rating_delivery.start(rules.ratings, nothing) if rules.ratings.late > 0 else None,
-            properties=self._property_sampler.start(nothing, noise.ability, noise.bias, noise.scale),
+            properties=self._property_sampler.start(nothing[:, 0, ...], of_providers, *traits),
             full=False,
+            met=met,
         )
 
     def step(self, state: State, actions: Actions, noise: Noise) -> tuple[State, Array]:
@@ -165,7 +178,7 @@ class Game:
         Raises:
             ValueError: The shapes of the actions are not those of the state, or a trust model fails.
         """
-        xp, rules, roster = namespace(self.like), self.scenario, self.roster
+        xp, rules, roster, cells = namespace(self.like), self.scenario, self.roster, self._cells
         actions = fitted(actions, state)
         withheld, population = actions.withheld, state.population
         sent = state.awaiting if withheld is None else state.awaiting & ~withheld
@@ -176,11 +189,7 @@ class Game:
         if full:
             ratings = copy(ratings)  # whoever sent them may write to theirs again
         mask = None if full and self._takes_full_rounds else rated
-        if self._watched:
-            trust, tor, top = watched_update(self.model, state.trust, ratings, mask, state.round)
-        else:
-            trust = self.model.update(state.trust, ratings, mask)
-            tor, top = self.model.rater_trust(trust), self.model.provider_trust(trust)
+        trust, tor, top = cells.update(state.trust, state.met, ratings, mask, state.round)
         if self._on_numpy:
             self._published = trust, (tor, top)
 
@@ -190,7 +199,7 @@ class Game:
             # one that is published.
             counts = Counts(
                 counts.rated + roster.both(rated.sum(axis=1, dtype=tor.dtype)),
-                counts.provided + roster.both(state.awaiting.sum(axis=0, dtype=top.dtype)),
+                counts.provided + roster.both(cells.counts(state.awaiting, state.met, top.dtype)),
             )
 
         if population is not None:
@@ -200,14 +209,17 @@ class Game:
         if motion is not None and isinstance(rules.access, InRange):
             motion = mobility.move(rules.access, motion, noise.goal)
 
-        served = self._served(state, population, motion, top, noise)
+        met, served = self._served(state, population, motion, top, noise)
         chosen = intended(actions, state.properties)
         if actions.treatment is not None:
             quality = mean_or_zero(chosen, served)
         else:
-            chosen = quality = copy(chosen) if self._everyone else xp.where(served.any(axis=0), chosen, self._zero)
+            chosen = quality = (
+                copy(chosen) if self._everyone else xp.where(cells.anywhere(served, met), chosen, self._zero)
+            )
         strength, perception = self._perturbations.strength(state.round), state.properties.perception
-        service = self.service.perceive(chosen, strength, state.round, noise.perception, perception)
+        offered = chosen if met is None else cells.of_providers(chosen, met)
+        service = self.service.perceive(offered, strength, state.round, noise.perception, perception)
         if not self._everyone:
             service = xp.where(served, service, self._zero)
         after = State(
@@ -225,6 +237,7 @@ class Game:
             transit=transit,
             properties=state.properties,
             full=self._everyone,
+            met=met,
         )
         return after, self._payoff.rewards(tor, top, counts, quality, state.value)
 
@@ -233,7 +246,7 @@ class Game:
         trust, published = self._published
         if trust is state.trust and published is not None:  # most often that of the last round
             return published
-        return self.model.rater_trust(state.trust), self.model.provider_trust(state.trust)
+        return self._cells.read(state.trust)
 
     def known_trust(self, state: State) -> Array:
         """Return the trust of each provider as each rater knows it, shape (S, P, ...); NaN where they are one agent.
@@ -241,7 +254,7 @@ class Game:
         A rater has a view of its own under a personal model, and knows the published trust under any other.
         """
         shape, judge_trust = state.ratings.shape, getattr(self.model, "judge_trust", None)
-        own = self._over(self._not_self, shape)
+        own = over(self._not_self, shape)
         known = self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
         return namespace(known).where(own, known, self._nowhere)
 
@@ -312,33 +325,23 @@ class Game:
         motion: mobility.Motion | None,
         top: Array,
         noise: Noise,
-    ) -> Array:
-        """Return whether each provider serves each rater in this round, boolean, shape (S, P, ...)."""
-        rules, roster = self.scenario, self.roster
-        served = self._over(self._not_self, state.awaiting.shape)
+    ) -> tuple[Any, Array]:
+        """Return the providers of the cells in this round, and whether each serves the rater, boolean, (S, K, ...)."""
+        rules, roster, cells = self.scenario, self.roster, self._cells
+        met, served = cells.meet(state.awaiting.shape, noise.choice)
         for rating, providing in self._acting(state, population):
-            served = served & rating[:, None, ...] & providing[None, ...]
+            served = served & rating[:, None, ...] & cells.of_providers(providing, met)
         if motion is not None and isinstance(rules.access, InRange):
             position = motion.position
             near = access.in_range(roster.raters(position), roster.providers(position), rules.access.radius)
             served = served & near
         if isinstance(rules.access, Choice):
             served = access.choose(rules.access, top, served, noise.choice)
-        return served
+        return met, served
 
     def _clock(self, state: State) -> Array:
         """Return the number of the round, in the dtype of the game."""
         return cast(state.round, self.like.dtype)
-
-    def _over(self, constant: Array, shape: tuple[int, ...]) -> Array:
-        """Return a constant, such as one of shape (S, P), for every game of a batch.
-
-        It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.
-        """
-        if constant.shape == shape:
-            return constant
-        batch = (1,) * (len(shape) - constant.ndim)
-        return namespace(constant).broadcast_to(constant.reshape(constant.shape + batch), shape)
 
     def _constant(self, values: Any, dtype: Any = None) -> Array:
         return namespace(self.like).asarray(values, dtype=dtype, device=self.like.device)

@@ -1,5 +1,6 @@
 """The joint policy: policies seated at the agents of a game, in one game or a batch."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,6 +18,7 @@ from roletrust_env.world.presence import PRESENT
 from roletrust_env.world.roster import role_in_name, shown
 
 Memory = TypeVar("Memory")
+Places = Any  # indices of agents: an array on NumPy, which is quicker with many, and a list on torch
 
 _CHANNELS: dict[Role, frozenset[Channel]] = {
     "SR": frozenset({"ratings"}),
@@ -77,9 +79,9 @@ class _Group(NamedTuple):
     """Agents that share a policy and a role, by their indices on the provider, the rater and the agent axis."""
 
     policy: Policy
-    provider: list[int]
-    rater: list[int]
-    agent: list[int]
+    provider: Places
+    rater: Places
+    agent: Places
 
 
 class _GroupActions(NamedTuple):
@@ -109,20 +111,25 @@ class JointPolicy:
     def __init__(self, game: Game, policies: Mapping[str, Policy]) -> None:
         self.game = game
         self.policies = dict(policies)
-        for name, policy in policies.items():
-            _check_seat(game, name, policy)
         honest, roster = Policy(), game.roster
+        identities = Counter(roster.owners.values())
+        for name, policy in policies.items():
+            _check_seat(game, name, policy, identities[name] - 1)
         seated = roster.with_reserves(policies)
         groups: dict[tuple[Role, Policy], _Group] = {}
         for place, name in enumerate(roster.names):
             policy = seated.get(name, honest)
-            group = groups.setdefault((game.roster.role(name), policy), _Group(policy, [], [], []))
+            group = groups.setdefault((roster.roles[name], policy), _Group(policy, [], [], []))
             group.agent.append(place)
-            if name in roster.provider_names:
-                group.provider.append(roster.provider_names.index(name))
-            if name in roster.rater_names:
-                group.rater.append(roster.rater_names.index(name))
-        self._groups = tuple(groups.values())
+            if name in roster.provider_places:
+                group.provider.append(roster.provider_places[name])
+            if name in roster.rater_places:
+                group.rater.append(roster.rater_places[name])
+        indices = np.asarray if isinstance(game.like, np.ndarray) else list
+        self._groups = tuple(_Group(group.policy, *map(indices, group[1:])) for group in groups.values())
+        self._orders = tuple(
+            _order(list(places)) for places in zip(*(group[1:] for group in groups.values()), strict=True)
+        )
         self._has_reserve = any(roster.identity_index)
         self._before = list(roster.previous_identity)
         self._turn = namespace(game.like).asarray(roster.identity_index, dtype=game.like.dtype, device=game.like.device)
@@ -138,8 +145,15 @@ class JointPolicy:
         return tuple(name for name, policy in policies.items() if policy.attacks)
 
     def begin(self, random: Random, batch: tuple[int, ...] = ()) -> tuple[Any, ...]:
-        """Return the memories of the policies before the first round."""
-        return tuple(group.policy.begin(random, (len(group.agent), *batch)) for group in self._groups)
+        """Return the memories of the policies before the first round.
+
+        Raises:
+            ValueError: The game cannot seat a policy, see `Game.check_policy`.
+        """
+        memories = tuple(group.policy.begin(random, (len(group.agent), *batch)) for group in self._groups)
+        for group, memory in zip(self._groups, memories, strict=True):
+            self.game.check_policy(group.policy, memory if len(group.rater) else None)
+        return memories
 
     def act(self, state: State, memories: tuple[Any, ...], random: Random) -> tuple[Actions, tuple[Any, ...]]:
         """Return the actions of all agents in a state, and the new memories."""
@@ -148,21 +162,21 @@ class JointPolicy:
         providing, rating, wanted, after = [], [], [], []
         for group, memory in zip(self._groups, memories, strict=True):
             chosen, remembered = self._ask(group, state, *views, memory, random)
-            providing += [chosen] if group.provider else []
-            rating += [chosen] if group.rater else []
+            providing += [chosen] if len(group.provider) else []
+            rating += [chosen] if len(group.rater) else []
             if identities is not None:
                 mine = IdentityView(*(field[group.agent, ...] for field in identities))
                 there, remembered = group.policy.presence(mine, remembered, random)
                 wanted.append(there)
             after.append(remembered)
-        providers, raters = [i for s in self._groups for i in s.provider], [i for s in self._groups for i in s.rater]
+        providers, raters, agents = self._orders
         qualities, ratings = [one.quality for one in providing], [one.ratings for one in rating]
         treatment = _unusual([one.treatment for one in providing], qualities, self._alike, providers)
         actions = Actions(
             quality=_arrange(qualities, providers),
             ratings=_arrange(ratings, raters),
-            presence=_arrange(wanted, [i for s in self._groups for i in s.agent]) if wanted else None,
-            withheld=_unusual([one.withheld for one in rating], ratings, _sent, raters),
+            presence=_arrange(wanted, agents) if wanted else None,
+            withheld=_unusual([one.withheld for one in rating], ratings, lambda rates: rates < 0, raters),
             treatment=None if treatment is None else treatment.swapaxes(0, 1),
         )
         return actions, tuple(after)
@@ -195,8 +209,8 @@ class JointPolicy:
         self, group: _Group, state: State, providers: ProviderView, raters: RaterView, memory: Any, random: Random
     ) -> tuple[_GroupActions, Any]:
         """Return the actions of agents that share a policy, and their new memory."""
-        provider = ProviderView(*_take(providers, group.provider)) if group.provider else None
-        rater = RaterView(*_take(raters, group.rater)) if group.rater else None
+        provider = ProviderView(*_take(providers, group.provider)) if len(group.provider) else None
+        rater = type(raters)(*_take(raters, group.rater)) if len(group.rater) else None
         quality = treatment = given = withheld = None
         if provider is not None and rater is not None:
             trust = self.game.agent_trust(state)[group.agent, ...]
@@ -259,15 +273,20 @@ def _check_actions(actions: Actions, game: Game, where: str) -> None:
             raise ValueError(f"{where}: the policy of {agent!r} chose {channel} that are NaN or outside [0, 1]")
 
 
-def _check_seat(game: Game, name: str, policy: Policy) -> None:
+def _order(parts: Sequence[list[int]]) -> list[int] | None:
+    """Return the order that brings the rows of all groups to their places; None if they are there."""
+    places = [place for part in parts for place in part]
+    return None if places == sorted(places) else np.argsort(places).tolist()
+
+
+def _check_seat(game: Game, name: str, policy: Policy, reserve: int) -> None:
     names, owners = game.roster.names, game.roster.owners
-    if name in names and owners[name] != name:
+    if name in owners and owners[name] != name:
         raise ValueError(f"agent {name!r} is an identity in reserve of {owners[name]!r}; name the policy of that")
-    if name not in names:
+    if name not in owners:
         raise ValueError(f"there is no agent {name!r}; the scenario has {shown(names)}")
-    reserve = list(owners.values()).count(name) - 1
-    further = _TREATMENT if name in game.roster.provider_names else _NONE
-    further |= (_SILENCE if name in game.roster.rater_names else _NONE) | (_PRESENCE if reserve else _NONE)
+    further = _TREATMENT if name in game.roster.provider_places else _NONE
+    further |= (_SILENCE if name in game.roster.rater_places else _NONE) | (_PRESENCE if reserve else _NONE)
     _check_channels(name, game.roster.role(name), policy, further, reserve)
 
 
@@ -301,7 +320,7 @@ def _words(channels: frozenset[Channel]) -> str:
     return " and ".join(sorted(channels))
 
 
-def _take(view: ProviderView | RaterView, places: list[int]) -> list[Array]:
+def _take(view: ProviderView | RaterView, places: Places) -> list[Array]:
     """Return the fields of a view of all agents for some of them."""
     _xp, one = namespace(view.trust), view.trust.ndim
     return [field[..., places, *[slice(None)] * (one - 1)] for field in view]
@@ -312,22 +331,17 @@ def _own_axis_first(of_others: Array | None) -> Array | None:
     return None if of_others is None else of_others.swapaxes(0, 1)
 
 
-def _sent(ratings: Array) -> Array:
-    """Return that no rating is withheld."""
-    return ratings < 0
-
-
 def _unusual(
-    parts: Sequence[Array | None], actions: Sequence[Array], usual: Callable[[Array], Array], places: list[int]
+    parts: Sequence[Array | None], actions: Sequence[Array], usual: Callable[[Array], Array], order: list[int] | None
 ) -> Array | None:
     """Arrange actions on a channel that few policies use. None stands for the usual action; all None stay None."""
     if all(part is None for part in parts):
         return None
     whole = [usual(action) if part is None else part for part, action in zip(parts, actions, strict=True)]
-    return _arrange(whole, places)
+    return _arrange(whole, order)
 
 
-def _arrange(parts: Sequence[Array], places: list[int]) -> Array:
-    """Concatenate the parts and put their rows in their places."""
+def _arrange(parts: Sequence[Array], order: list[int] | None) -> Array:
+    """Concatenate the parts and put their rows in order; None where they are."""
     rows = namespace(parts[0]).concat(parts) if len(parts) > 1 else parts[0]
-    return rows if places == sorted(places) else rows[np.argsort(places).tolist()]
+    return rows if order is None else rows[order]

@@ -12,7 +12,7 @@ from roletrust_env.game.state import Noise
 from roletrust_env.randomness import POLICIES, STREAMS
 from roletrust_env.world.heterogeneity import varies
 from roletrust_env.world.roster import Roster
-from roletrust_env.world.scenario import Choice, InRange, Scenario
+from roletrust_env.world.scenario import Choice, Encounters, InRange, Scenario
 
 _AHEAD = 256
 """Number of rounds of a single small game for which noise is made at once."""
@@ -37,19 +37,23 @@ class NoiseSource:
         roster: Agents of the scenario.
         changes: Whether agents join, leave or are cut off.
         like: Array of the library, dtype and device to work with.
+        width: Number of cells of each rater: P, or fewer in a `SparseGame`.
 
     Attributes:
         starts: Whether the start uses further noise, for positions of agents or for their properties.
     """
 
-    def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array) -> None:
+    def __init__(self, scenario: Scenario, roster: Roster, changes: bool, like: Array, width: int) -> None:
         s, p, n = roster.n_raters, roster.n_providers, roster.n_agents
         moves = isinstance(scenario.access, InRange)
+        choice: _Kind | None = None
+        if isinstance(scenario.access, Choice | Encounters):
+            choice = counter_rng.uniform, (s, p if isinstance(scenario.access, Choice) else scenario.access.providers)
         fields: dict[str, _Kind | None] = {
-            "perception": (counter_rng.normal, (s, p)),
-            "lost": (counter_rng.uniform, (s, p)) if scenario.ratings.lost > 0 else None,
-            "late": (counter_rng.uniform, (s, p)) if scenario.ratings.late > 0 else None,
-            "choice": (counter_rng.uniform, (s, p)) if isinstance(scenario.access, Choice) else None,
+            "perception": (counter_rng.normal, (s, width)),
+            "lost": (counter_rng.uniform, (s, width)) if scenario.ratings.lost > 0 else None,
+            "late": (counter_rng.uniform, (s, width)) if scenario.ratings.late > 0 else None,
+            "choice": choice,
             "presence": (counter_rng.uniform, (n,)) if changes else None,
             "value": (counter_rng.uniform, (p,)) if len(set(scenario.values)) > 1 else None,
             "goal": (counter_rng.uniform, (n, 2)) if moves else None,

@@ -59,6 +59,8 @@ class State(NamedTuple):
         transit: Ratings that are late; None where none can be.
         properties: Properties in which agents differ.
         full: Whether every service awaits its rating, in every game, so that `awaiting` need not be read.
+        met: Index of the provider of each cell of `service` and `awaiting`, shape (S, K), in a `SparseGame`, whose
+            cells are (S, K) in place of (S, P, ...); None elsewhere.
     """
 
     round: Array
@@ -75,9 +77,10 @@ class State(NamedTuple):
     transit: InTransit | None
     properties: AgentProperties
     full: bool
+    met: Array | None = None
 
     def __repr__(self) -> str:
-        s, p, *batch = self.ratings.shape
+        s, p, batch = self.ratings.shape[0], self.quality.shape[0], self.round.shape
         at = f"round: {int(self.round)}" if not batch else f"batch: {tuple(batch)}"
         return f"State({at}, raters: {s}, providers: {p}, trust: {type(self.trust).__name__})"
 
@@ -85,8 +88,9 @@ class State(NamedTuple):
 class Noise(NamedTuple):
     """The noise of one round: uniform in [0, 1), except `perception`, which is standard normal. None where unused.
 
-    Shapes: `perception`, `lost`, `late`, `choice` (S, P, ...); `presence` (N, ...); `value` (P, ...); `goal`
-    (N, 2, ...); and at the start only `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
+    Shapes: `perception`, `lost`, `late` (S, P, ...), in a `SparseGame` (S, K); `choice` (S, P, ...), for encounters
+    with k providers (S, k, ...); `presence` (N, ...); `value` (P, ...); `goal` (N, 2, ...); and at the start only
+    `position` (N, 2, ...), `ability` (P, ...), `bias` and `scale` (S, ...).
     """
 
     perception: Array

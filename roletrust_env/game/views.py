@@ -62,6 +62,35 @@ class RaterView(NamedTuple):
         return shapes(self)
 
 
+class SparseRaterView(NamedTuple):
+    """The view of a rater in a `SparseGame`: a `RaterView` with a row for each of the K providers that it met.
+
+    A policy that takes providers one by one reads it like a `RaterView`.
+
+    Attributes:
+        round: Number of the round, shape (...).
+        trust: Its own ToR, shape (...).
+        published: Published ToP of the providers that it met, shape (K, ...).
+        service: Perceived quality of the services that await its rating, shape (K, ...); 0 where none does.
+        awaiting: Whether a service awaits its rating, boolean, shape (K, ...).
+        ratings: Its ratings of those that it met the round before, as they arrived, shape (K, ...); 0 where none did.
+        rated: Whether such a rating arrived, boolean, shape (K, ...).
+        met: Index of the provider of each row, whole, shape (K, ...).
+    """
+
+    round: Array
+    trust: Array
+    published: Array
+    service: Array
+    awaiting: Array
+    ratings: Array
+    rated: Array
+    met: Array
+
+    def __repr__(self) -> str:
+        return shapes(self)
+
+
 class AgentView(NamedTuple):
     """The view of an SR+SP agent: its own ToA, shape (...), and the views of its two roles."""
 

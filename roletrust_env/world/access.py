@@ -1,7 +1,7 @@
 """Access: which providers serve each rater, and so which providers it can rate."""
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.world.scenario import Choice
+from roletrust_env.world.scenario import Choice, Encounters
 
 
 def in_range(raters: Array, providers: Array, radius: float) -> Array:
@@ -42,3 +42,31 @@ def choose(rule: Choice, top: Array, available: Array, noise: Array) -> Array:
     preference = xp.where(available, preference, -xp.inf)
     rank = xp.argsort(xp.argsort(preference, axis=1), axis=1)
     return available & (rank >= noise.shape[1] - rule.providers)
+
+
+def meet(rule: Encounters, own: Array, n_providers: int, noise: Array) -> Array:
+    """Return the providers that each rater meets, all different and none of them itself.
+
+    Every set of providers is equally likely: Floyd's algorithm (Bentley and Floyd 1987, "A Sample of Brilliance").
+
+    Args:
+        rule: Number k of providers to meet.
+        own: Index of the provider that is the same agent as the rater, whole, shape (S, ...); P where there is none.
+        n_providers: Number of providers P.
+        noise: Uniform noise, shape (S, k, ...).
+
+    Returns:
+        Indices of providers, whole, shape (S, k, ...).
+    """
+    xp = namespace(noise)
+    others = n_providers - xp.astype(own < n_providers, xp.int64)
+    met: list[Array] = []
+    for n in range(rule.providers):
+        last = others - rule.providers + n
+        drawn = xp.minimum(xp.astype(noise[:, n, ...] * (last + 1), xp.int64), last)
+        repeated = drawn < 0
+        for earlier in met:
+            repeated = repeated | (drawn == earlier)
+        met.append(xp.where(repeated, last, drawn))
+    places = xp.stack(met, axis=1)
+    return places + xp.astype(places >= own[:, None, ...], xp.int64)

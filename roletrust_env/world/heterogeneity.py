@@ -58,20 +58,23 @@ class AgentPropertySampler:
         subjective = any(group.subjective for group in roster.groups)
         self._perception = (bounds("bias"), bounds("scale")) if subjective else None
 
-    def start(self, zeros: Array, ability: Array | None, bias: Array | None, scale: Array | None) -> AgentProperties:
+    def start(
+        self, raters: Array, providers: Array, ability: Array | None, bias: Array | None, scale: Array | None
+    ) -> AgentProperties:
         """Return the properties of the agents at the start of a batch of games.
 
         Args:
-            zeros: Zeros of shape (S, P, ...).
+            raters: Zeros of shape (S, ...).
+            providers: Zeros of shape (P, ...).
             ability: Uniform noise of shape (P, ...); None if no group gives a range.
             bias: Uniform noise of shape (S, ...); None if no group gives a range.
             scale: Uniform noise of shape (S, ...); None if no group gives a range.
         """
         perception = None
         if self._perception is not None:
-            rows = zeros[:, 0, ...]
-            perception = Perception(_scale(rows, self._perception[0], bias), _scale(rows, self._perception[1], scale))
-        return AgentProperties(None if self._ability is None else _scale(zeros[0], self._ability, ability), perception)
+            of_bias, of_scale = self._perception
+            perception = Perception(_scale(raters, of_bias, bias), _scale(raters, of_scale, scale))
+        return AgentProperties(None if self._ability is None else _scale(providers, self._ability, ability), perception)
 
 
 def varies(roster: Roster, name: Property) -> bool:
@@ -82,7 +85,7 @@ def varies(roster: Roster, name: Property) -> bool:
 
 def _ranges(roster: Roster, name: Property) -> npt.NDArray[np.float64]:
     """Return the lowest and the highest value of a property for each agent, shape (N, 2)."""
-    return np.asarray([np.broadcast_to(getattr(group, name), 2) for group in roster.groups], float)
+    return roster.of_groups(lambda group: np.broadcast_to(getattr(group, name), 2)).astype(float)
 
 
 def _scale(zeros: Array, bounds: tuple[Array, Array], noise: Array | None) -> Array:

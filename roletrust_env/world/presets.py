@@ -7,6 +7,7 @@ from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.scenario import (
     Admission,
     Choice,
+    Encounters,
     InRange,
     Perturbation,
     RatingDelivery,
@@ -167,6 +168,17 @@ for _preset in (
         tags=("crowd", "open"),
         agents=(*_crowd(10), AgentGroup(role="SR", count=15, joins=60, noise=0.005)),
         max_cycles=200,
+    ),
+    Scenario(
+        name="city",
+        description="Eight thousand raters meet five of two thousand providers in each round, for SparseGame",
+        tags=("sparse", "large", "ability"),
+        agents=(
+            AgentGroup(role="SR", count=8000, noise=0.05),
+            AgentGroup(role="SP", count=2000, ability=(0.3, 1.0)),
+        ),
+        access=Encounters(providers=5),
+        max_cycles=50,
     ),
 ):
     register_scenario(_preset)

@@ -1,9 +1,9 @@
 """Roster: names and roles of the agents of a scenario, and their indices among raters, providers and agents."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -79,6 +79,25 @@ class Roster:
         return {"SR": roles.count("SR"), "SP": roles.count("SP"), "SR+SP": roles.count("SR+SP")}
 
     @cached_property
+    def _distinct(self) -> tuple[list[AgentGroup], npt.NDArray[np.intp]]:
+        """Return each group once, and the place of each agent's group among them. Groups are told apart as objects."""
+        distinct = {id(group): group for group in self.groups}
+        places = {key: n for n, key in enumerate(distinct)}
+        return list(distinct.values()), np.asarray([places[id(group)] for group in self.groups])
+
+    def of_groups(self, value: Callable[[AgentGroup], Any]) -> npt.NDArray[Any]:
+        """Return a value of the group of each agent, shape (N, ...); it is computed once for each group."""
+        distinct, places = self._distinct
+        return np.asarray([value(group) for group in distinct])[places]
+
+    @cached_property
+    def own_provider(self) -> npt.NDArray[np.int64]:
+        """Index of the provider that is the same agent as each rater, shape (S,); P where there is none."""
+        own = np.full(self.n_raters, self.n_providers)
+        own[self.n_raters - self.n_both :] = np.arange(self.n_providers - self.n_both, self.n_providers)
+        return own
+
+    @cached_property
     def n_agents(self) -> int:
         """Number of agents, N."""
         return len(self.groups)
@@ -129,6 +148,16 @@ class Roster:
         return self.names[self._count["SR"] :]
 
     @cached_property
+    def rater_places(self) -> dict[str, int]:
+        """Index of each rater among the raters, by its name."""
+        return {name: place for place, name in enumerate(self.rater_names)}
+
+    @cached_property
+    def provider_places(self) -> dict[str, int]:
+        """Index of each provider among the providers, by its name."""
+        return {name: place for place, name in enumerate(self.provider_names)}
+
+    @cached_property
     def owners(self) -> dict[str, str]:
         """Name of the owner of each agent, by the name of the agent. An owner has the name of its first identity."""
         owners: dict[str, str] = {}
@@ -148,8 +177,7 @@ class Roster:
     @cached_property
     def not_self(self) -> npt.NDArray[np.bool_]:
         """Boolean array of shape (S, P), true where rater and provider are not the same agent."""
-        raters, providers = np.asarray(self.rater_names), np.asarray(self.provider_names)
-        return np.asarray(raters[:, None] != providers)
+        return np.asarray(self.own_provider[:, None] != np.arange(self.n_providers))
 
     def raters(self, of_agents: Array) -> Array:
         """Return the rows of the raters, shape (S, ...), of an array over agents, shape (N, ...)."""
@@ -182,8 +210,7 @@ class Roster:
         """
 
         def plays(role: Role) -> npt.NDArray[np.bool_]:
-            rounds = {group: [role in group.role_in(r) for r in range(max_cycles)] for group in set(self.groups)}
-            return np.asarray([rounds[group] for group in self.groups])
+            return self.of_groups(lambda group: [role in group.role_in(round) for round in range(max_cycles)])
 
         return self.raters(plays("SR")).T, self.providers(plays("SP")).T
 

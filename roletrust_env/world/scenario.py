@@ -52,6 +52,15 @@ class Choice(FrozenModel):
     """Temperature of the softmax of trust, without replacement. At 0 the choice is greedy, and ties break at random."""
 
 
+class Encounters(FrozenModel):
+    """Access by chance: each rater meets a few providers, drawn anew in each round, and those that act serve it."""
+
+    kind: Literal["encounters"] = "encounters"
+    """`encounters`."""
+    providers: PositiveInt = 5
+    """Number of providers that each rater meets in a round, all different."""
+
+
 class RatingDelivery(FrozenModel):
     """Losses and delays of ratings on their way to the trust manager."""
 
@@ -118,7 +127,7 @@ class Scenario(FrozenModel):
     """Keywords for searching."""
     agents: tuple[AgentGroup, ...]
     """Groups of agents."""
-    access: Annotated[Everyone | InRange | Choice, Field(discriminator="kind")] = Everyone()
+    access: Annotated[Everyone | InRange | Choice | Encounters, Field(discriminator="kind")] = Everyone()
     """Rule by which providers serve raters, who can then rate them. No agent serves or rates itself."""
     service: Literal["synthetic", "hog"] = "synthetic"
     """Service: `synthetic`, with a number as perceived quality, or `hog`, a people detector on camera frames."""
@@ -156,6 +165,9 @@ class Scenario(FrozenModel):
         providers = sum(group.count for group in self.agents if group.role != "SR")
         if isinstance(self.access, Choice) and self.access.providers > providers:
             raise ValueError(f"access.providers is {self.access.providers}; there are only {providers} providers")
+        others = self._providers_to_meet()
+        if isinstance(self.access, Encounters) and self.access.providers > others:
+            raise ValueError(f"access.providers is {self.access.providers}; a rater can meet only {others} providers")
         if self.frames == "" or (isinstance(self.frames, int) and not 0 <= self.frames < 2**31):
             raise ValueError(f"frames is {self.frames!r}; it must be a path, or a camera number from 0 on")
         if self.frames is not None and self.service != "hog":
@@ -165,6 +177,11 @@ class Scenario(FrozenModel):
         if self.playback == "loop" and not isinstance(self.frames, str):
             raise ValueError(f"playback is 'loop', for a video or a folder of images; frames is {self.frames!r}")
         return self
+
+    def _providers_to_meet(self) -> int:
+        """Return the number of providers that every rater can meet, with identities in reserve; nobody meets itself."""
+        providers = sum(group.count * (1 + group.reserve) for group in self.agents if group.role != "SR")
+        return providers - any(group.role == "SR+SP" for group in self.agents)
 
     def _somebody_rates(self, round: int) -> bool:
         """Return whether, in a round, one agent can rate and another one can provide."""

@@ -46,7 +46,7 @@ class SyntheticService:
         def constant(values: Any) -> Array:
             return namespace(like).asarray(values, dtype=like.dtype, device=like.device)
 
-        noise = roster.raters(np.asarray([group.noise for group in roster.groups]))
+        noise = roster.raters(roster.of_groups(lambda group: group.noise))
         all_equal = bool((noise == noise[0]).all())
         self._deviation = constant(noise[0] if all_equal else noise[:, None])
         # Arrays, because Python numbers take twice the time of small arrays, and so does `clip`.

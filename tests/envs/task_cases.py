@@ -13,7 +13,7 @@ from roletrust_env.envs.attack_env import AttackEnv
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.world.roster import Roster
 
-PRESETS = [name for name in roletrust_env.scenarios() if "hog" not in name]
+PRESETS = [name for name in roletrust_env.scenarios() if "hog" not in name and name != "city"]
 LEVELS = ("black_box", "grey_box", "white_box")
 PROVIDER, RATER, DUAL, COLLUSION = TASKS
 

@@ -16,7 +16,7 @@ import roletrust_env
 from roletrust_env import RoleTrustParallelEnv
 
 # A preset, and the length to play where its own would take too long here.
-LENGTHS: dict[str, int | None] = dict.fromkeys(roletrust_env.scenarios())
+LENGTHS: dict[str, int | None] = dict.fromkeys(name for name in roletrust_env.scenarios() if name != "city")
 LENGTHS |= {"crowd-100x100": 3, "crowd-10x10": 40, "paper-3x3-hog": 2, "robots-that-move": 80, "peers": 60}
 LENGTHS |= {"market": 40, "subjective": 40, "newcomers": 62}
 

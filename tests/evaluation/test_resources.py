@@ -145,7 +145,7 @@ def test_intervals_of_very_many_games():
 
 
 def test_every_scenario_can_be_tried_out():
-    for name in scenarios():
+    for name in [name for name in scenarios() if "sparse" not in make_scenario(name).tags]:
         game = Game(make_scenario(name))
         cost = foresee([JointPolicy(game, {})], {})
         assert cost.memory > 0

@@ -12,7 +12,20 @@ PACKAGES = (
     "experiments/roletrust_experiments",
 )
 COMMANDS = (
-    *("benchmark", "costs", "figures", "findings", "ladder", "list", "live", "models", "play", "report", "speed"),
+    *(
+        "benchmark",
+        "costs",
+        "figures",
+        "findings",
+        "ladder",
+        "list",
+        "live",
+        "models",
+        "play",
+        "report",
+        "scale",
+        "speed",
+    ),
     *("submit", "train", "verify", "zoo", "budget", "transfer"),
 )
 HELPS = f"""

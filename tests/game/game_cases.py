@@ -44,6 +44,7 @@ ACCESS = {
     "in-range": {"kind": "in-range", "radius": 4.0, "arena": 8.0, "speed": 1.5},
     "greedy": {"kind": "choice", "providers": 2},
     "softmax": {"kind": "choice", "providers": 3, "temperature": 0.3},
+    "encounters": {"kind": "encounters", "providers": 3},
 }
 EVERY_ACCESS = pytest.mark.parametrize("access", ACCESS.values(), ids=ACCESS)
 
@@ -84,9 +85,11 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         st.integers(1, providers),
         st.sampled_from([0.0, 0.2]),
     )
+    to_meet = providers - any(group["role"] == "SR+SP" for group in agents)
+    encounters = st.builds(lambda k: {"kind": "encounters", "providers": k}, st.integers(1, to_meet))
     fields = {
         "agents": agents,
-        "access": draw(st.sampled_from([ACCESS["everyone"], ACCESS["in-range"]]) | choices),
+        "access": draw(st.sampled_from([ACCESS["everyone"], ACCESS["in-range"]]) | choices | encounters),
         "ratings": {"lost": draw(shares), "late": draw(shares), "delay": draw(st.integers(1, 9))},
         "perturbations": draw(st.sampled_from([[], [{"start": 1, "stop": 3, "strength": 0.5}]])),
         "values": draw(st.lists(st.sampled_from([0.5, 1.0, 7.0]), min_size=1, max_size=3)),

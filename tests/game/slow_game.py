@@ -153,13 +153,13 @@ class Slow:
         access = self.rules.access
         self.awaiting = set()
         for s, i in enumerate(self.raters):
-            within = []
+            within, met = [], self.meet(i, noise.choice[s]) if access.kind == "encounters" else self.providers
             for p, j in enumerate(self.providers):
                 near = self.place is None or (
                     hypot(self.place[i][0] - self.place[j][0], self.place[i][1] - self.place[j][1]) <= access.radius
                 )
                 duty = self.on_duty(i, "SR") and self.on_duty(j, "SP")
-                if i != j and {i, j} <= acting and duty and near:
+                if i != j and {i, j} <= acting and duty and near and j in met:
                     within.append((p, j))
             if access.kind == "choice":
                 luck, t = noise.choice[s], access.temperature
@@ -182,6 +182,15 @@ class Slow:
                     self.service[i, j] = min(max(seen, 0.0), 1.0)
 
         self.quality = {j: sum(services) / len(services) if services else 0.0 for j, services in got.items()}
+
+    def meet(self, i: str, luck: np.ndarray) -> set[str]:
+        """Floyd's sample of other providers."""
+        others, met = [j for j in self.providers if j != i], set()
+        for n, u in enumerate(luck):
+            last = len(others) - len(luck) + n
+            drawn = others[int(u * (last + 1))]
+            met.add(others[last] if drawn in met else drawn)
+        return met
 
     def rewards(self) -> dict[str, float]:
         weights, rewards = self.rules.rewards, {}

@@ -157,9 +157,11 @@ def test_who_serves_whom(scenario: Scenario, seed: int) -> None:
 def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: int, random: Any) -> None:
     game = Game(scenario)
     roster, (start, actions, noises) = game.roster, luck(game, seed)
-    order = list(range(roster.n_agents))
+    order, chance = list(range(roster.n_agents)), scenario.access.kind == "encounters"
     for group in dict.fromkeys(map(id, roster.groups)):
         places = [n for n in order if id(roster.groups[n]) == group]
+        if chance and roster.groups[places[0]].role != "SR":
+            continue  # whom a rater meets goes by the places of the providers
         for n, m in zip(places, random.sample(places, len(places)), strict=True):
             order[n] = m
     by_name = [roster.names[n] for n in order]
@@ -168,7 +170,7 @@ def test_permuting_agents_of_a_group_permutes_results(scenario: Scenario, seed: 
     cells = np.ix_(i, j)
 
     def shuffle(noise: Noise) -> Noise:
-        axes = Noise(cells, cells, cells, cells, order, j, order, order, j, i, i)
+        axes = Noise(cells, cells, cells, i if chance else cells, order, j, order, order, j, i, i)
         return Noise(*(None if a is None else a[axis] for a, axis in zip(noise, axes, strict=True)))
 
     permuted = play(

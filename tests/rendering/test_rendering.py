@@ -19,7 +19,7 @@ from roletrust_env.rendering.scene import make_scene
 from roletrust_env.rendering.text import as_text
 from roletrust_env.world.group import AgentGroup
 
-PRESETS = [name for name in scenarios() if "hog" not in name]
+PRESETS = [name for name in scenarios() if "hog" not in name and name != "city"]
 LIARS = {"sr_2": BadMouthing(level=0.5)}
 
 

@@ -3,7 +3,7 @@
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from roletrust_baselines.agent_indices import AgentIndices, index_mask
+from roletrust_baselines.agent_indices import AgentIndices, provider_mask
 from roletrust_baselines.rater.ballot_stuffing import praise
 from roletrust_baselines.rater.lying import LyingRater
 from roletrust_env.arrays import Array, namespace
@@ -41,7 +41,7 @@ class SelfPromotion(LyingRater):
 
     def lies(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """Return praise of the accomplices, and `of_others` for the others. See `LyingRater.lies`."""
-        own = index_mask(self.accomplices, view.service, "accomplices")
+        own = provider_mask(self.accomplices, view, "accomplices")
         praised = praise(view.service, self.lift)
         return namespace(praised).where(own, praised, self.of_others(view)), memory
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from roletrust_baselines.agent_indices import AgentIndices, index_mask
+from roletrust_baselines.agent_indices import AgentIndices, provider_mask
 from roletrust_baselines.rater.lying import LyingRater
 from roletrust_env.arrays import Array
 from roletrust_env.game.views import RaterView
@@ -37,7 +37,7 @@ class BallotStuffing(LyingRater):
         active = self.active(view.round)
         if self.accomplices is None:
             return active
-        return active & index_mask(self.accomplices, view.service, "accomplices")
+        return active & provider_mask(self.accomplices, view, "accomplices")
 
 
 def praise(service: Array, level: float) -> Array:

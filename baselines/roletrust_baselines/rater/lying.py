@@ -3,7 +3,7 @@
 from dataclasses import field
 from typing import Annotated, Any, ClassVar
 
-from roletrust_baselines.agent_indices import AgentIndices, index_mask
+from roletrust_baselines.agent_indices import AgentIndices, provider_mask
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
@@ -56,4 +56,4 @@ class TargetedLyingRater(LyingRater):
     def about(self, view: RaterView) -> Array:
         """Return a mask of the targets while active. See `LyingRater.about`."""
         active = self.active(view.round)
-        return active if self.targets is None else active & index_mask(self.targets, view.service, "targets")
+        return active if self.targets is None else active & provider_mask(self.targets, view, "targets")

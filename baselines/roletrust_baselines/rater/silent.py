@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar
 
-from roletrust_baselines.agent_indices import AgentIndices, index_mask
+from roletrust_baselines.agent_indices import AgentIndices, provider_mask
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Channel
 from roletrust_env.game.schedule import WindowedAttack
@@ -31,4 +31,4 @@ class Silent(WindowedAttack):
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """Return a mask of the ratings that it withholds while active: all, or the targets. See `Policy.withholds`."""
         due = view.awaiting & self.active(view.round)
-        return due if self.targets is None else due & index_mask(self.targets, view.service, "targets"), memory
+        return due if self.targets is None else due & provider_mask(self.targets, view, "targets"), memory

@@ -150,7 +150,7 @@ def _costs_of_lists(names: list[str] | None, sizes: Sequence[int], threads: int,
             seed=seed,
             advance=lambda what: progress.update(task, description=what, advance=1),
         )
-    show_lists(found, copied, _machine(threads), out)
+    show_lists(found, copied, machine(threads), out)
 
 
 def _lines(models: Mapping[str, TrustModel[Any]], found: Found, sides: Sequence[int], library: str) -> list[list[str]]:
@@ -197,11 +197,12 @@ def _page(tables: Mapping[str, list[list[str]]], caption: str, reasons: Sequence
         parts += [f"## Nanoseconds per rating, {library}", "\n".join(f"| {' | '.join(line)} |" for line in lines)]
     if reasons:
         parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
-    parts.append(f"Written by `roletrust costs` on {_machine(threads)}; `make costs` measures again.")
+    parts.append(f"Written by `roletrust costs` on {machine(threads)}; `make costs` measures again.")
     return "\n\n".join(parts) + "\n"
 
 
-def _machine(threads: int) -> str:
+def machine(threads: int) -> str:
+    """Return the machine and the software that timings are of, in words."""
     packages = [f"Python {platform.python_version()}"]
     for name in ("numpy", "torch"):
         try:

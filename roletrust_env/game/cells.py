@@ -1,0 +1,265 @@
+"""The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what is summed over them.
+
+The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and whose second axis is
+its cells. On a `Grid` a rater has a cell for every provider. On `Slots` it has one for each provider that it meets in a
+round, so that time and memory grow with the services of a round, not with S times P.
+"""
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.trust.edge_state import edge_model, start_on_edges, takes_peers
+from roletrust_env.trust.edges import sum_at
+from roletrust_env.trust.ledger import Floats, Ledger
+from roletrust_env.trust.model import TrustModel, start_model
+from roletrust_env.trust.model_checks import check_trust_model, needs_watching, watched_update
+from roletrust_env.world.access import meet
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Encounters, Scenario
+
+MOST_CELLS = 4_000_000
+"""Number of pairs up to which encounters are played on a grid."""
+
+Met = Any
+"""Index of the provider of each cell, whole, shape (S, K); None on a grid, where it is the place of the cell."""
+
+
+class Cells(Protocol):
+    """The cells of a game.
+
+    Attributes:
+        width: Number of cells K of each rater.
+    """
+
+    width: int
+
+    def start(self, nothing: Array) -> tuple[Any, Array]:
+        """Return the state of the trust model before any rating, and zeros of shape (P, ...).
+
+        Args:
+            nothing: Zeros of shape (S, K, ...).
+        """
+        ...
+
+    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
+        """Return providers of the cells, and flags that are false, where nobody has met yet. Shape (S, K, ...)."""
+        ...
+
+    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
+        """Return the providers of the cells of a round, and whether rater and provider meet, boolean.
+
+        Args:
+            shape: Shape (S, K, ...) of the cells.
+            noise: Uniform noise of encounters, shape (S, k, ...); of no use where nobody meets by chance.
+        """
+        ...
+
+    def update(
+        self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
+    ) -> tuple[Any, Array, Array]:
+        """Return the state of the trust model after the ratings of a round, and the trust as `read` does.
+
+        Args:
+            trust: State of the trust model before the round.
+            met: Providers of the cells.
+            ratings: Ratings, shape (S, K, ...).
+            rated: Whether there is a rating, boolean, shape (S, K, ...); None if everywhere.
+            round: Number of the round, shape (...).
+        """
+        ...
+
+    def read(self, trust: Any) -> tuple[Array, Array]:
+        """Return the trust of the raters, shape (S, ...), and of the providers, shape (P, ...), in a state."""
+        ...
+
+    def of_providers(self, values: Array, met: Met) -> Array:
+        """Return the provider's value for each cell, from shape (P, ...), in a shape that broadcasts with the cells."""
+        ...
+
+    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
+        """Return in how many cells of each provider a flag is true, shape (P, ...)."""
+        ...
+
+    def anywhere(self, flags: Array, met: Met) -> Array:
+        """Return whether a flag is true in any cell of each provider, shape (P, ...)."""
+        ...
+
+
+class Grid:
+    """Cells of all pairs: arrays of shape (S, P, ...), for any trust model and array library. See `Cells`.
+
+    Attributes:
+        width: Number of providers P.
+        not_self: Whether rater and provider are two agents, boolean, shape (S, P).
+    """
+
+    def __init__(self, scenario: Scenario, roster: Roster, model: TrustModel[Any], like: Array) -> None:
+        """Try the model on one round.
+
+        Raises:
+            ValueError: The model fails, see `check_trust_model`; or the scenario is for a `SparseGame`.
+        """
+        xp, cells = namespace(like), roster.n_raters * roster.n_providers
+        if isinstance(scenario.access, Encounters) and cells > MOST_CELLS:
+            raise ValueError(
+                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, few of which "
+                "meet; it is played by roletrust_env.SparseGame, in Python or by `roletrust scale`"
+            )
+        self.width, self._rule, self._model = roster.n_providers, scenario.access, model
+        self.not_self = xp.asarray(roster.not_self, device=like.device)
+        self._peers = xp.asarray(~roster.not_self, device=like.device)
+        self._own = xp.asarray(roster.own_provider, device=like.device)
+        self._places = xp.arange(roster.n_providers, device=like.device)
+        check_trust_model(model, self._peers, like)
+        self._watched = needs_watching(model)
+
+    def start(self, nothing: Array) -> tuple[Any, Array]:
+        """See `Cells.start`."""
+        return start_model(self._model, nothing, self._peers), nothing[0]
+
+    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
+        """See `Cells.nobody`."""
+        return None, over(self.not_self & False, shape)
+
+    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
+        """See `Cells.meet`."""
+        if not isinstance(self._rule, Encounters):
+            return None, over(self.not_self, shape)
+        batch = (1,) * (len(shape) - 2)
+        own, places = self._own.reshape(-1, *batch), self._places.reshape(1, -1, *batch)
+        met, mask = meet(self._rule, own, self.width, noise), over(self.not_self & False, shape)
+        for n in range(self._rule.providers):
+            mask = mask | (met[:, n : n + 1, ...] == places)
+        return None, mask
+
+    def update(
+        self, trust: Any, met: Met, ratings: Array, rated: Array | None, round: Array
+    ) -> tuple[Any, Array, Array]:
+        """See `Cells.update`."""
+        if self._watched:
+            return watched_update(self._model, trust, ratings, rated, round)
+        after = self._model.update(trust, ratings, rated)
+        return after, *self.read(after)
+
+    def read(self, trust: Any) -> tuple[Array, Array]:
+        """See `Cells.read`."""
+        return self._model.rater_trust(trust), self._model.provider_trust(trust)
+
+    def of_providers(self, values: Array, met: Met) -> Array:
+        """See `Cells.of_providers`."""
+        return values[None, ...]
+
+    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
+        """See `Cells.counts`."""
+        return flags.sum(axis=0, dtype=dtype)
+
+    def anywhere(self, flags: Array, met: Met) -> Array:
+        """See `Cells.anywhere`."""
+        return flags.any(axis=0)
+
+
+class Standing(NamedTuple):
+    """Trust of a game on slots after a round. The ledger is shared and goes on, so a state is stepped from once.
+
+    Attributes:
+        ledger: Ledger of all agents and pairs.
+        rounds: Number of rounds that the ledger had played.
+        tor: Trust of the raters, shape (S,).
+        top: Trust of the providers, shape (P,).
+    """
+
+    ledger: Ledger
+    rounds: int
+    tor: Floats
+    top: Floats
+
+
+class Slots:
+    """Cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on NumPy. See `Cells`.
+
+    Attributes:
+        width: Number of providers K that a rater meets in a round.
+    """
+
+    def __init__(self, rule: Encounters, roster: Roster, model: Any) -> None:
+        """Take a model that runs on edges.
+
+        Raises:
+            ValueError: The model does not run on edges, or takes peers while agents have two roles.
+        """
+        self.width, self._rule, self._model = rule.providers, rule, edge_model(model)
+        if takes_peers(model) and roster.n_both:
+            raise ValueError(
+                f"trust model {model!r} depends on which rater is which provider, and a sparse game does not tell it; "
+                "give the scenario agents of one role, SR and SP, or take another model"
+            )
+        self._shape = roster.n_raters, roster.n_providers
+        self._own = roster.own_provider
+        self._raters = np.repeat(np.arange(self._shape[0]), self.width)
+
+    def start(self, nothing: Array) -> tuple[Any, Array]:
+        """See `Cells.start`."""
+        ledger, first = Ledger(self._model), start_on_edges(self._model, self._shape)
+        ledger.join(*self._shape)
+        trust = self._model.rater_trust(first), self._model.provider_trust(first)
+        return Standing(ledger, 0, *trust), np.zeros(self._shape[1])
+
+    def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
+        """See `Cells.nobody`."""
+        return np.zeros(shape, np.int64), np.zeros(shape, bool)
+
+    def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
+        """See `Cells.meet`."""
+        return meet(self._rule, self._own, self._shape[1], noise), np.ones(shape, bool)
+
+    def update(
+        self, trust: Standing, met: Met, ratings: Array, rated: Array | None, round: Array
+    ) -> tuple[Standing, Array, Array]:
+        """See `Cells.update`.
+
+        Raises:
+            ValueError: The state has been stepped from already.
+        """
+        if trust.rounds != trust.ledger.rounds:
+            raise ValueError(
+                f"round {trust.rounds} of this sparse game has been played, and its trust has gone on to round "
+                f"{trust.ledger.rounds}; step from the newest state, or start another game"
+            )
+        flags: npt.NDArray[np.bool_] = np.ones(ratings.shape, bool) if rated is None else rated
+        where = np.flatnonzero(flags)
+        trust.ledger.play(self._raters[where], met.reshape(-1)[where], ratings.reshape(-1)[where])
+        ledger = trust.ledger
+        after = Standing(ledger, ledger.rounds, ledger.rater_trust, ledger.provider_trust)
+        return after, *self.read(after)
+
+    def read(self, trust: Standing) -> tuple[Array, Array]:
+        """See `Cells.read`."""
+        return trust.tor, trust.top
+
+    def of_providers(self, values: Array, met: Met) -> Array:
+        """See `Cells.of_providers`."""
+        return values[met]
+
+    def counts(self, flags: Array, met: Met, dtype: Any) -> Array:
+        """See `Cells.counts`."""
+        return sum_at(met[flags], np.ones(int(flags.sum()), dtype), self._shape[1])
+
+    def anywhere(self, flags: Array, met: Met) -> Array:
+        """See `Cells.anywhere`."""
+        found = np.zeros(self._shape[1], bool)
+        found[met[flags]] = True
+        return found
+
+
+def over(constant: Array, shape: tuple[int, ...]) -> Array:
+    """Return a constant, such as one of shape (S, P), for every game of a batch.
+
+    It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.
+    """
+    if constant.shape == shape:
+        return constant
+    batch = (1,) * (len(shape) - constant.ndim)
+    return namespace(constant).broadcast_to(constant.reshape(constant.shape + batch), shape)
