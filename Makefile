@@ -45,7 +45,7 @@ test-site: docs
 test-extras: setup
 	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
 
-# Teams of processes on DDS, one after the other. They run in real time, so a test that a busy machine failed is repeated.
+# Teams of processes on DDS, two at a time. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
 	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m live tests/live
 
