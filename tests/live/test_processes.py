@@ -50,7 +50,11 @@ def test_a_process_ends_with_its_parent(script, tmp_path):
         parent.send_signal(signal.SIGKILL)
         parent.wait()
     child = int((tmp_path / "one").read_text())
-    until(lambda: not is_running(child), "the process goes on")
+    try:
+        until(lambda: not is_running(child), "the process goes on")
+    finally:
+        if is_running(child):
+            os.kill(child, signal.SIGKILL)
 
 
 def until(holds, why):
