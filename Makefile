@@ -45,9 +45,9 @@ test-site: docs
 test-extras: setup
 	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
 
-# Teams of processes on DDS, one after the other. They run in real time, so a test that a busy machine failed is repeated.
+# Teams of processes on DDS, two at a time. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
-	$(BIN)/pytest --reruns 2 -m live tests/live
+	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m live tests/live
 
 # Minutes of a team: the longer of the demos, and strangers around it; the numbers are printed.
 test-soak: setup
@@ -55,7 +55,7 @@ test-soak: setup
 
 # A peer of ROS 2 in an environment of its own, which is made first.
 test-ros2: setup
-	$(BIN)/pytest --reruns 2 -m ros2 tests/live
+	$(BIN)/pytest --reruns 2 -n 2 --dist loadfile -m ros2 tests/live
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup

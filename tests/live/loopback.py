@@ -1,49 +1,44 @@
 """The raters of a team on loopback, without robots. Tests make them silent, late, lossy or too loud."""
 
 import contextlib
-import multiprocessing
-import os
 import threading
 import time
 
 import numpy as np
 import pytest
+from domains import own_dds_domain
 
 from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.run_loop import run_with_parent
 from roletrust_env.live.nodes.signatures import read_diagnostics, sign
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.trust import make_trust_model
+from roletrust_experiments.commands.live.processes import node_context
 
 PERIOD = 250_000_000
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 PATIENCE_S = 120.0
 FLOOD = 1000  # messages per second
 
-# A server that has imported the modules of the nodes, so that they start quickly.
-SPAWN = multiprocessing.get_context("forkserver")
-SPAWN.set_forkserver_preload(
-    [f"roletrust_env.live.nodes.{name}" for name in ("rater_node", "camera_node", "manager_node")]
-)
-
-
+NODES = node_context()
 _started = []
 
 
 @contextlib.contextmanager
 def domain():
     """Use a DDS domain of this process, and stop all nodes at the end."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-        patch.delenv("CYCLONEDDS_URI", raising=False)
-        yield
-        while _started:
-            left = _started.pop()
-            left.kill()
-            left.join()
+    with own_dds_domain():
+        try:
+            yield
+        finally:
+            while _started:
+                left = _started.pop()
+                left.kill()
+                left.join()
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +72,7 @@ def made_keys(folder):
 
 def process(run, **arguments):
     """Start a process that runs a node."""
-    made = SPAWN.Process(target=run, kwargs=arguments, daemon=True)
+    made = NODES.Process(target=run_with_parent, args=(run,), kwargs=arguments, daemon=True)
     made.start()
     _started.append(made)
     return made

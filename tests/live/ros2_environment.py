@@ -1,5 +1,6 @@
 """An environment with ROS 2 for tests: its wheels, and the project's messages built with colcon."""
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -55,6 +56,7 @@ class Home(NamedTuple):
         prefix = self.python.parents[1]
         return _clean() | {
             "ROS_DOMAIN_ID": str(domain),
+            "FASTDDS_DEFAULT_PROFILES_FILE": str(HOUSE / "docs" / "guide" / "ros2" / "fastdds.xml"),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
             "PYTHONPATH": str(package),
             "AMENT_PREFIX_PATH": f"{self.messages}:{prefix}",
@@ -68,17 +70,27 @@ def ros2_environment() -> Home:
     home = Home(root / "bin" / "python", root / "messages" / "roletrust_msgs")
     if not shutil.which("c++"):
         pytest.skip("ROS 2 needs a C++ compiler to build messages, and there is none")
-    with _made_of(root / ".wheels", repr(PINS).encode()) as old:
-        if old:
-            shutil.rmtree(root, ignore_errors=True)
-            subprocess.run([sys.executable, "-m", "venv", root], check=True)
-            _install(home.python)
-            _mend(root)
-    sources = sorted(path for package in PACKAGES for path in package.rglob("*") if path.is_file())
-    with _made_of(root / ".messages", b"".join(path.read_bytes() for path in sources)) as old:
-        if old:
-            _build(root)
+    with _one_at_a_time(root):
+        with _made_of(root / ".wheels", repr(PINS).encode()) as old:
+            if old:
+                shutil.rmtree(root, ignore_errors=True)
+                subprocess.run([sys.executable, "-m", "venv", root], check=True)
+                _install(home.python)
+                _mend(root)
+        sources = sorted(path for package in PACKAGES for path in package.rglob("*") if path.is_file())
+        with _made_of(root / ".messages", b"".join(path.read_bytes() for path in sources)) as old:
+            if old:
+                _build(root)
     return home
+
+
+@contextmanager
+def _one_at_a_time(root: Path) -> Iterator[None]:
+    """Wait while another process of tests builds the environment."""
+    root.parent.mkdir(parents=True, exist_ok=True)
+    with root.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 @contextmanager

@@ -1,13 +1,13 @@
 """The paper's robots on real middleware with real people detection, as fast as this machine allows."""
 
 import json
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from domains import own_dds_domain
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
@@ -40,27 +40,23 @@ def speed():
         pytest.param("on-off", 3, 70, marks=pytest.mark.soak),
     ],
 )
-def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
-    attack, figure, seconds, speed, tmp_path, monkeypatch
-):
+def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(attack, figure, seconds, speed, tmp_path):
     """The claims' tolerance of 0.06 is the effect of perception noise of 0.005: QoR falls by 0.822 sqrt(0.005) = 0.058.
 
     The simulation sees the same scene through the same detector, with other noise on its links and without JPEG.
     """
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    for attempt in range(3):  # a round that this machine was too busy for is no evidence about trust
+    for attempt in range(3):
         out = tmp_path / str(attempt)
         options = ["--attack", attack, "--seconds", str(seconds), "--speed", str(speed / 2**attempt), "--out", str(out)]
-        done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
+        with own_dds_domain():
+            done = CliRunner().invoke(app, ["live", "demo", *options, "--no-view"])
         assert done.exit_code == 0, done.output
         results = json.loads((out / "results.json").read_text())
-        if not results["partial_rounds"]:
-            break
+        wrong = wrong_claims(results)
+        if not (wrong and results["partial_rounds"]):
+            break  # what differs is no evidence if this machine was too busy for some rounds
     assert {claim["figure"] for claim in results["claims"]} == {figure}
-    assert [claim for claim in results["claims"] if not claim["ok"]] == []
-    for claim, simulated in zip(results["claims"], results["claims_simulated"], strict=True):
-        if claim["what"].startswith("steady"):
-            assert claim["values"] == pytest.approx(simulated["values"], abs=0.06)
+    assert wrong == []
     entries = list(read_journal(out / "journal.jsonl"))
     assert len(entries) == results["rounds"] > 0.9 * seconds / 0.5
     assert replay_journal(make_trust_model("role-trust"), out / "journal.jsonl").trust == entries[-1].trust
@@ -68,3 +64,14 @@ def test_the_plateaus_are_those_of_the_paper_and_of_the_simulation(
     live, simulated = (np.genfromtxt(out / name, delimiter=",", names=True) for name in results["files"][:2])
     assert len(simulated) == seconds / 0.5
     assert live.dtype.names == simulated.dtype.names
+
+
+def wrong_claims(results):
+    """Return the claims of the paper that do not hold, or differ from the simulation."""
+    both = zip(results["claims"], results["claims_simulated"], strict=True)
+    return [
+        (claim, simulated)
+        for claim, simulated in both
+        if not claim["ok"]
+        or (claim["what"].startswith("steady") and claim["values"] != pytest.approx(simulated["values"], abs=0.06))
+    ]

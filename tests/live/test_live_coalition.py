@@ -1,10 +1,10 @@
 """Members of a trained coalition as nodes of a team with real people detection. Run by `make test-live`."""
 
-import os
 import time
 
 import numpy as np
 import pytest
+from domains import own_dds_domain
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_attacks
@@ -27,12 +27,10 @@ TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 ATTACKS = ["sr_2=learned:path=universal-raters", "sp_2=learned:path=universal-providers,accomplices=[sp_2]"]
 
 
-def test_a_trained_rater_lies_and_loses_its_trust_beside_a_trained_camera(tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+def test_a_trained_rater_lies_and_loses_its_trust_beside_a_trained_camera(tmp_path):
     policies, journal = parse_attacks(ATTACKS, RULES), tmp_path / "journal"
     make_keys(tmp_path, [MANAGER, *TEAM.raters, *TEAM.providers])
-    with NodeProcesses() as nodes:
+    with own_dds_domain(), NodeProcesses() as nodes:
         model = make_trust_model("role-trust")
         nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=tmp_path)
         for names, run in ((TEAM.raters, run_rater_node), (TEAM.providers, run_camera_node)):

@@ -1,13 +1,13 @@
 """A team with a rater written for ROS 2, which interoperates with the other nodes. Run by `make test-ros2`."""
 
 import json
-import os
-import subprocess
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from domains import own_dds_domain
+from guests import guest
 from ros2_environment import ros2_environment
 
 from roletrust_baselines import BadMouthing
@@ -40,12 +40,10 @@ PEER = Path(__file__).parent / "clients" / "ros2.py"
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
     """Return the rounds of a team, and the report of its ROS 2 rater."""
-    home, folder, domain = ros2_environment(), tmp_path_factory.mktemp("ros2"), 100 + os.getpid() % 100
+    home, folder = ros2_environment(), tmp_path_factory.mktemp("ros2")
     make_keys(folder, [MANAGER, *TEAM.raters, *TEAM.providers])
     journal, report = folder / "journal", folder / "report.json"
-    with pytest.MonkeyPatch.context() as patch, NodeProcesses() as nodes:
-        patch.setenv("ROS_DOMAIN_ID", str(domain))
-        patch.delenv("CYCLONEDDS_URI", raising=False)
+    with own_dds_domain() as domain, NodeProcesses() as nodes:
         model = make_trust_model("role-trust")
         nodes.start("manager", run_manager_node, model=model, journal=journal, period=PERIOD, team=TEAM, keys=folder)
         for name in TEAM.raters[:-1]:
@@ -55,10 +53,10 @@ def played(tmp_path_factory):
             nodes.start(name, run_camera_node, name=name, scenario=RULES, keys=folder)
         nodes.ready()
         command = [home.python, PEER, THEIRS, folder / f"{THEIRS}.key", LEVEL, ROUNDS, report]
-        peer = subprocess.Popen([*map(str, command)], env=home.environment(domain))
-        nodes.begin("manager")
-        nodes.begin(*TEAM.raters[:-1], *TEAM.providers, timeline=Timeline.aligned(PERIOD))
-        assert peer.wait(300) == 0
+        with guest(command, env=home.environment(domain)) as peer:
+            nodes.begin("manager")
+            nodes.begin(*TEAM.raters[:-1], *TEAM.providers, timeline=Timeline.aligned(PERIOD))
+            assert peer.wait(300) == 0
         nodes.check()
     return list(read_journal(journal)), json.loads(report.read_text()), home
 

@@ -19,7 +19,7 @@ from roletrust_experiments.timing.live_load import cpu_s
 pytestmark = pytest.mark.live
 __all__ = ["keys", "own_domain"]
 
-PERIOD = 500_000_000
+PERIODS = 500_000_000, 1_000_000_000, 2_000_000_000  # the longer ones for a busy machine
 SHADE = cv2.imencode(".jpg", np.zeros((96, 128, 3), np.uint8))[1].tobytes()
 PICTURE = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8))[1].tobytes()
 
@@ -40,12 +40,13 @@ class Cameras:
     """The three cameras of the scenario and a listener to the ratings of `sr_0`.
 
     Attributes:
+        period: Time between rounds, nanoseconds.
         delays: Time from the stamp of each round to the arrival of its ratings by all three cameras, seconds.
         rated: Names of all rated cameras.
     """
 
-    def __init__(self, keys):
-        self.node = Node("cameras")
+    def __init__(self, keys, period):
+        self.node, self.period = Node("cameras"), period
         names = ("sp_0", "sp_1", "sp_2")
         self._writers = {name: self.node.writer(f"/{name}/image_raw/compressed", messages.IMAGE) for name in names}
         self._signers = {name: None if keys is None else Signer(keys, name) for name in names}
@@ -56,11 +57,11 @@ class Cameras:
         """Send pictures for some rounds, and return the delays."""
         self.delays = []
         for _ in range(rounds):
-            stamp = (time.time_ns() // PERIOD + 1) * PERIOD
+            stamp = (time.time_ns() // self.period + 1) * self.period
             time.sleep(max(0, stamp - time.time_ns()) / 1e9)
             for name, writer in self._writers.items():
                 writer.write(signed_picture(stamp, name, PICTURE, self._signers[name]))
-            while time.time_ns() < stamp + 0.9 * PERIOD:
+            while time.time_ns() < stamp + 0.9 * self.period:
                 self.node.wait(0.02)
                 self._read(stamp)
         return self.delays
@@ -73,29 +74,41 @@ class Cameras:
                 self.delays.append((time.time_ns() - stamp) / 1e9)
 
 
-def rater(folder=None):
+def rater(period, folder=None):
     scenario = make_scenario("paper-3x3")
-    return process(run_rater_node, name="sr_0", scenario=scenario, timeline=Timeline.aligned(PERIOD), keys=folder)
+    return process(run_rater_node, name="sr_0", scenario=scenario, timeline=Timeline.aligned(period), keys=folder)
+
+
+def team(folder):
+    """Return cameras, a rater, and its usual CPU time for eight rounds, with a period that this machine can keep."""
+    for period in PERIODS:
+        cameras, one = Cameras(folder, period), rater(period, folder)
+        until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")  # noqa: B023
+        complete, longest, usual = measured(cameras, one)
+        if complete == 8 and longest < 0.4 * period / 1e9:
+            break
+        if period != PERIODS[-1]:
+            one.kill()
+            one.join()
+    return cameras, one, usual
 
 
 def measured(cameras, one, rounds=8):
     """Return the number of complete rounds, the longest delay and the CPU time of the rater for some rounds."""
     before = cpu_s(one.pid)
     delays = cameras.send(rounds)
-    return len(delays), max(delays), cpu_s(one.pid) - before
+    return len(delays), max(delays, default=np.inf), cpu_s(one.pid) - before
 
 
 @pytest.mark.parametrize("signed", [False, True])
 def test_unknown_cameras_cost_a_rater_nothing(signed, keys):
     folder = keys if signed else None
-    cameras, one = Cameras(folder), rater(folder)
-    until(lambda: len(cameras.send(1)) == 1, "the rater does not rate")
-    _, _, usual = measured(cameras, one)
-    stranger = process(strange_cameras, count=200, period=PERIOD)
+    cameras, one, usual = team(folder)
+    stranger = process(strange_cameras, count=200, period=cameras.period)
     cameras.send(4)
     complete, longest, during = measured(cameras, one)
     assert complete == 8
-    assert longest < 0.7 * PERIOD / 1e9
+    assert longest < 0.7 * cameras.period / 1e9
     assert during < 1.3 * usual + 0.1
     if not signed:  # on a busy machine, the rater seldom has time for strangers
         until(lambda: cameras.send(1) is not None and len(cameras.rated) > 3, "no stranger is ever rated")
@@ -110,7 +123,7 @@ def test_unknown_cameras_cost_a_rater_nothing(signed, keys):
 
 def test_a_rater_waits_again_when_its_cameras_have_gone():
     """Trust that arrives while no picture does must not keep the rater awake."""
-    cameras, one = Cameras(None), rater()
+    cameras, one = Cameras(None, PERIODS[0]), rater(PERIODS[0])
     trust = cameras.node.writer("/trust", messages.TRUST)
     until(lambda: trust.readers and len(cameras.send(1)) == 1, "the rater does not rate")
     nothing, none = np.empty(0), np.empty(0, np.uint8)

@@ -1,7 +1,6 @@
 """The page of a team on DDS, in a real browser."""
 
 import asyncio
-import os
 import socket
 import statistics
 import threading
@@ -10,12 +9,14 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import pytest
+from domains import own_dds_domain
 from light_team import run_robots
-from loopback import SPAWN
+from loopback import NODES
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
+from roletrust_env.live.nodes.run_loop import run_with_parent
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
@@ -34,7 +35,7 @@ VIEWERS = 20
 
 def started(run, *args, **kwargs):
     """Start a function in a new process."""
-    process = SPAWN.Process(target=run, args=args, kwargs=kwargs, daemon=True)
+    process = NODES.Process(target=run_with_parent, args=(run, *args), kwargs=kwargs, daemon=True)
     process.start()
     return process
 
@@ -75,9 +76,7 @@ class Stage:
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
-        patch.delenv("CYCLONEDDS_URI", raising=False)
+    with own_dds_domain():
         found = Stage(tmp_path_factory.mktemp("view"))
         found.wait_for(4)
         yield found

@@ -20,8 +20,12 @@ class Camera(Node):
         super().__init__("cam", namespace=f"/{name}")
         self._topic, self._key = f"/{name}/image_raw/compressed", key and read_key(key)
         self._jpeg, self._pictures = Path(picture).read_bytes(), self.create_publisher(CompressedImage, self._topic, 10)
-        time.sleep(-time.time() % PERIOD_S)  # rounds begin at whole periods, for all cameras
-        self.create_timer(PERIOD_S, self.publish)
+
+        self.wait()
+
+    def wait(self):
+        """Wait for the next round; rounds begin at whole periods, for all cameras."""
+        time.sleep(-time.time() % PERIOD_S)
 
     def publish(self):
         """Publish the picture with the stamp of the round."""
@@ -35,4 +39,7 @@ class Camera(Node):
 
 if __name__ == "__main__":
     rclpy.init()
-    rclpy.spin(Camera(*sys.argv[1:]))
+    camera = Camera(*sys.argv[1:])
+    while rclpy.ok():  # a timer of ROS 2 would keep the delay of a busy machine
+        camera.publish()
+        camera.wait()

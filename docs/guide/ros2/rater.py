@@ -37,9 +37,9 @@ class Rater(Node):
 
     def hear(self, diagnostics):
         """Log the refusals of this rater's messages."""
-        for pair in diagnostics.status[0].values:
-            if pair.key.startswith(f"{self._name}: "):
-                self.get_logger().warning(f"refused: {pair.key}: {pair.value}", throttle_duration_sec=10)
+        counts = [f"{pair.key}: {pair.value}" for pair in diagnostics.status[0].values]
+        if refused := [count for count in counts if count.startswith(f"{self._name}: ")]:
+            self.get_logger().warning(f"refused: {', '.join(refused)}", throttle_duration_sec=10)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
-from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal, run_with_parent
 from roletrust_env.live.nodes.signatures import sign
 from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
@@ -141,7 +141,8 @@ def _signed(name: str, stamp: int, team: Team, signer: Signer, random: np.random
 @contextmanager
 def _process(run: Callable[..., None], **arguments: Any) -> Iterator[int]:
     """Run a process in a context, and yield its id."""
-    process = multiprocessing.get_context("spawn").Process(target=run, kwargs=arguments, daemon=True)
+    context = multiprocessing.get_context("spawn")
+    process = context.Process(target=run_with_parent, args=(run,), kwargs=arguments, daemon=True)
     process.start()
     try:
         yield process.pid or 0

@@ -1,12 +1,16 @@
 """The run loop of a node: the times of the rounds, and the end by a signal."""
 
+import multiprocessing
+import os
 import signal
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 SECOND = 1_000_000_000
+_STOP_S = 5.0
 
 
 class Timeline(NamedTuple):
@@ -67,3 +71,22 @@ def run_until_signal() -> Iterator[RunState]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def run_with_parent(run: Callable[..., object], /, *args: Any, **kwargs: Any) -> None:
+    """Run a function in a process of `multiprocessing` that ends with its parent, even if the parent is killed."""
+    end_with_parent()
+    run(*args, **kwargs)
+
+
+def end_with_parent() -> None:
+    """End this process as SIGTERM does when its parent has ended, or some seconds later if it ignores that."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if (parent := multiprocessing.parent_process()) is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_STOP_S)
+        os._exit(1)

@@ -7,22 +7,18 @@ import os
 import re
 import time
 from collections import Counter
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException, InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState, WaitSet
 from cyclonedds.domain import Domain, DomainParticipant
-from cyclonedds.idl import make_idl_struct
-from cyclonedds.idl import types as idl_types
 from cyclonedds.internal import InvalidSample
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
-from rosbags.interfaces import Nodetype
 
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.endpoints import make_endpoint
 
 _LOOPBACK = '<General><Interfaces><NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>'
 
@@ -35,11 +31,6 @@ _AT_ONCE = 1000  # messages in one read
 _LAST_DOMAIN = 232  # DDS has no ports for higher numbers
 _TOPIC = re.compile(r"rt(/[A-Za-z_][A-Za-z0-9_]*)+")  # names that ROS 2 allows; others are ignored
 _DISCOVERY = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-
-idl: Any = idl_types  # its generic types are built at run time, which type checkers cannot follow
-
-_PLAIN = {"string": str, "bool": bool, "char": idl.uint8}
-"""Types with another name in the middleware; a `char` of ROS 2 is a byte."""
 
 _domains: dict[int, Domain] = {}
 
@@ -160,8 +151,9 @@ class Node:
         self._conditions: dict[str, ReadCondition] = {}
         self._attach(self._builtin_reader)
         self._gids: dict[str, list[Any]] = {"reader": [], "writer": []}
-        topic, carrier = self._topic("ros_discovery_info", _DISCOVERY)
-        self._announcement = Writer(DataWriter(self._participant, topic, _ONCE), carrier)
+        self._announcement = Writer(
+            *make_endpoint(DataWriter, self._participant, "ros_discovery_info", _DISCOVERY, _ONCE)
+        )
         self._announce()
 
     def writer(self, topic: str, kind: str, *, depth: int = 10) -> Writer:
@@ -172,8 +164,7 @@ class Node:
             kind: Type of its messages, such as `std_msgs/msg/Float64`.
             depth: Number of messages that are stored for slow readers.
         """
-        made, carrier = self._topic("rt" + topic, kind)
-        writer = DataWriter(self._participant, made, _qos(kind, depth))
+        writer, carrier = make_endpoint(DataWriter, self._participant, "rt" + topic, kind, _qos(kind, depth))
         self._gids["writer"].append(writer.guid)
         self._announce()
         return Writer(writer, carrier)
@@ -187,8 +178,7 @@ class Node:
             depth: Number of messages that are stored until `Reader.take` is called.
             quota: Limit on the messages of each writer; None for no limit.
         """
-        made, _ = self._topic("rt" + topic, kind)
-        reader = DataReader(self._participant, made, _qos(kind, depth))
+        reader, _ = make_endpoint(DataReader, self._participant, "rt" + topic, kind, _qos(kind, depth))
         self._attach(reader)
         self._gids["reader"].append(reader.guid)
         self._announce()
@@ -230,10 +220,6 @@ class Node:
             elif one := _publication(sample):
                 self._known[str(sample.key)] = one
                 self._new.append(one)
-
-    def _topic(self, name: str, kind: str) -> tuple[Any, type[Any]]:
-        carrier = _carrier(kind)
-        return Topic(self._participant, name, carrier), carrier
 
     def _attach(self, reader: Any) -> None:
         condition = self._conditions[str(reader.guid)] = ReadCondition(reader, _ANY)
@@ -280,43 +266,6 @@ def _participant(network: bool) -> Any:
             else str(error)
         )
         raise ValueError(f"the middleware cannot join ROS_DOMAIN_ID {domain}; {why}") from None
-
-
-@cache
-def _idl(kind: str) -> type[Any]:
-    """Return the middleware's description of a type: its name and fields."""
-    fields = {name: _field_type(*field) for name, field in messages.typestore().fielddefs[kind][1]}
-    package, _, name = kind.split("/")
-    return make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields)
-
-
-def _field_type(node: Nodetype, detail: Any) -> Any:
-    """Return the middleware's type of a field."""
-    if node == Nodetype.NAME:
-        return _idl(detail)
-    if node == Nodetype.BASE:
-        name, bound = detail
-        plain = _PLAIN.get(name) or getattr(idl, name)
-        return idl.bounded_str[bound] if bound else plain
-    item, count = detail
-    if node == Nodetype.ARRAY:
-        return idl.array[_field_type(*item), count]
-    return idl.sequence[_field_type(*item), count] if count else idl.sequence[_field_type(*item)]
-
-
-@cache
-def _carrier(kind: str) -> type[Any]:
-    """Return a type whose messages are bytes, so that the middleware does not convert them."""
-    carrier = _idl(kind)
-
-    def wrap(raw: bytes, **_: Any) -> Any:
-        message = object.__new__(carrier)
-        message.raw = bytes(raw)
-        return message
-
-    carrier.serialize = lambda message, **_: message.raw
-    carrier.wrap = carrier.deserialize = carrier.deserialize_key = staticmethod(wrap)
-    return carrier
 
 
 _QOS = Qos(Policy.DataRepresentation(use_cdrv0_representation=True))

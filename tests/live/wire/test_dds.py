@@ -6,10 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.sub import DataReader
+from domains import own_dds_domain
 
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader
+from roletrust_env.live.wire.endpoints import make_endpoint
 from roletrust_experiments.timing.live_load import memory_mb
 
 PATIENCE_S = 120.0  # far more than a busy machine takes
@@ -17,9 +20,7 @@ PATIENCE_S = 120.0  # far more than a busy machine takes
 
 @pytest.fixture(scope="module", autouse=True)
 def _own_domain():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))  # other tests may run on this machine
-        patch.delenv("CYCLONEDDS_URI", raising=False)
+    with own_dds_domain():
         yield
 
 
@@ -63,6 +64,24 @@ def test_publications_are_discovered_by_their_names_in_ros():
     assert until(lambda: Publication(*wanted) not in looks.publications())
 
 
+@pytest.mark.parametrize("builtin", [BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription])
+def test_types_are_announced_by_name_alone(builtin):
+    """Fast DDS asks for a definition that is announced, and never connects if the answer is lost."""
+    looks, speaks = Node("looks"), Node("speaks")
+    announced = BuiltinDataReader(looks._participant, builtin)
+    kinds = [messages.TRUST, messages.RATINGS, messages.RATINGS]
+    made = [speaks.writer(f"/by_name_{k}", kind) for k, kind in enumerate(kinds)]
+    made += [speaks.reader(f"/by_name_{k}", kind) for k, kind in enumerate(kinds)]
+    found = {}
+
+    def told():
+        found.update({one.topic_name: one.type_id for one in announced.take(100) if one.topic_name})
+        return {f"rt/by_name_{k}" for k in range(3)} <= found.keys()
+
+    assert until(told)
+    assert {name: found[name] for name in found if found[name]} == {}
+
+
 def test_waiting_ends_when_a_message_arrives():
     speaks, hears = Node("speaks", "/c"), Node("hears", "/d")
     writer, reader = speaks.writer("/wakes", messages.NUMBER), hears.reader("/wakes", messages.NUMBER)
@@ -78,8 +97,7 @@ def test_waiting_ends_when_a_message_arrives():
 def test_nodes_announce_their_topics():
     looks, cam = Node("looks"), Node("cam", "/sp_7")
     kind = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-    topic, _ = looks._topic("ros_discovery_info", kind)
-    reader = Reader(DataReader(looks._participant, topic, _ONCE))
+    reader = Reader(make_endpoint(DataReader, looks._participant, "ros_discovery_info", kind, _ONCE)[0])
     cam.writer("/sp_7/image_raw/compressed", messages.IMAGE)
     nodes = []
 

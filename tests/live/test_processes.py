@@ -1,0 +1,73 @@
+"""Processes of the live system and of its tests end when the process that started them is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PATIENCE_S = 120.0
+HERE = Path(__file__).parent
+
+NODES = """
+from roletrust_env.live.nodes.run_loop import run_until_signal
+from roletrust_experiments.commands.live.processes import NodeProcesses
+
+def run(path):
+    with run_until_signal() as active:
+        path.write_text(str(os.getpid()))
+        while active:
+            time.sleep(0.01)
+
+if __name__ == "__main__":
+    with NodeProcesses() as nodes:
+        nodes.start("one", run, path=Path("one"))
+        nodes.begin("one")
+        time.sleep(600)
+"""
+
+GUEST = """
+from guests import guest
+
+DEAF = "import os, pathlib, signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+DEAF += "pathlib.Path('one').write_text(str(os.getpid())); time.sleep(600)"
+with guest([sys.executable, "-c", DEAF]):
+    time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("script", [NODES, GUEST], ids=["node", "guest"])
+def test_a_process_ends_with_its_parent(script, tmp_path):
+    path = tmp_path / "parent.py"
+    path.write_text(f"import os, sys, time\nfrom pathlib import Path\nsys.path.append({str(HERE)!r})\n{script}")
+    parent = subprocess.Popen([sys.executable, path], cwd=tmp_path)
+    try:
+        until(lambda: (tmp_path / "one").exists() and (tmp_path / "one").read_text(), "the process does not start")
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    child = int((tmp_path / "one").read_text())
+    try:
+        until(lambda: not is_running(child), "the process goes on")
+    finally:
+        if is_running(child):
+            os.kill(child, signal.SIGKILL)
+
+
+def until(holds, why):
+    end = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < end, why
+        time.sleep(0.01)
+
+
+def is_running(process):
+    """Return whether a process runs; one that has ended may still wait to be reaped."""
+    try:
+        os.kill(process, 0)
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
