@@ -46,6 +46,10 @@ class NameIndex:
             ValueError: Something else is there, or texts where numbers were and the reverse.
         """
         array = np.asarray(names)
+        if array.dtype.kind == "U" and not isinstance(names, np.ndarray):
+            array = np.array(list(names), object)  # NumPy's own texts lose a NUL at the end
+        if np.ma.is_masked(names):
+            raise ValueError(f"{self.role} are masked in some places; all must be there")
         if array.ndim != 1:
             raise ValueError(f"{self.role} have shape {array.shape}; they must be one column")
         if not len(array):

@@ -1,5 +1,7 @@
 """The scale of ratings."""
 
+from numbers import Real
+
 import numpy as np
 
 from roletrust_env.trust.ledger import Floats
@@ -9,8 +11,12 @@ def check_scale(scale: tuple[float, float]) -> None:
     """Refuse a scale whose best rating is not above its worst.
 
     Raises:
-        ValueError: The scale is empty or not finite.
+        ValueError: The scale is no pair of numbers, is empty or not finite.
     """
+    if not (
+        isinstance(scale, tuple | list | np.ndarray) and len(scale) == 2 and all(isinstance(end, Real) for end in scale)
+    ):
+        raise ValueError(f"the scale is {scale!r}; it must be the worst and the best rating, two numbers")
     if not -np.inf < scale[0] < scale[1] < np.inf:
         raise ValueError(f"the scale is from {scale[0]:g} to {scale[1]:g}; the best rating must be above the worst")
 

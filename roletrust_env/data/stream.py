@@ -1,6 +1,7 @@
 """Trust from a stream of ratings, which can be saved and continued."""
 
 import json
+from numbers import Real
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -57,7 +58,8 @@ class TrustStream:
             ValueError: The model does not run on edges, the scale is empty, a round has no length, or numba is missing.
         """
         check_scale(scale)
-        round_numbers(np.zeros(0), 1.0 if every is None else every, 0.0)
+        if every is not None:
+            every = _length(every)
         self.model, self.scale, self.every, self.same_agents = edge_model(model), scale, every, same_agents
         self._ledger = Ledger(self.model, one_role=not same_agents, fused=fused)
         self._raters = NameIndex("raters")
@@ -79,7 +81,7 @@ class TrustStream:
             providers: Name or number of the provider of each rating, shape (n,).
             ratings: Ratings, shape (n,), on the scale of the stream.
             times: Time of each rating, shape (n,), in any order within the batch, none in a round that has ended;
-                needed with `every`, not allowed without it.
+                needed with `every`, not allowed without it. Dates of NumPy, pandas and Arrow are seconds since 1970.
 
         Raises:
             ValueError: The columns do not fit together, or a value is not allowed. Nothing is changed then.
@@ -94,7 +96,7 @@ class TrustStream:
             raise ValueError("times are given" if self.every is None else "times are missing; rounds go by time here")
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
-        when = np.zeros(len(who)) if times is None else _numbers("times", times, len(who))
+        when = np.zeros(len(who)) if times is None else _numbers("times", _seconds(times), len(who))
         if self.every is None:
             self._play(who, whom, values)
         elif len(who):
@@ -190,7 +192,7 @@ class TrustStream:
         """Return the trust of each provider by name, in [0, 1]."""
         return dict(zip(self._providers.names, self._ledger.provider_trust.tolist(), strict=True))
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the state to a file of NumPy arrays, complete or not at all."""
         waiting = _joined(self._waiting)
         people = [self._raters.stored(), self._providers.stored(), *waiting[:2]]
@@ -208,10 +210,10 @@ class TrustStream:
             "times": waiting[3],
             **self._ledger.arrays(),
         }
-        save_arrays(path, arrays)
+        save_arrays(Path(path), arrays)
 
     @classmethod
-    def load(cls, path: Path, model: Any, **settings: Any) -> "TrustStream":
+    def load(cls, path: Path | str, model: Any, **settings: Any) -> "TrustStream":
         """Return the stream that was saved, with the same model and settings.
 
         Args:
@@ -225,7 +227,7 @@ class TrustStream:
         """
         stream = cls(model, **settings)
         try:
-            arrays = load_arrays(path)
+            arrays = load_arrays(Path(path))
             header = json.loads(arrays["header"].tobytes())
             if header["format"] != _FORMAT:
                 raise ValueError(f"its format is {header['format']}, and {_FORMAT} is read here")
@@ -268,11 +270,27 @@ class TrustStream:
         self._ledger.play(self._raters.places(raters), self._providers.places(providers), values)
 
 
+def _length(every: Any) -> float:
+    """Return the length of a round as a number."""
+    if not isinstance(every, Real) or isinstance(every, bool | np.bool_ | np.timedelta64):
+        raise ValueError(f"the length of a round is {every!r}; it must be a number, for dates one of seconds")
+    round_numbers(np.zeros(0), float(every), 0.0)
+    return float(every)
+
+
+def _seconds(times: Any) -> Any:
+    """Return dates as seconds since 1970, with NaN for a date that is missing, and everything else as it is."""
+    array = np.asarray(times)
+    return (array - np.datetime64(0, "s")) / np.timedelta64(1, "s") if array.dtype.kind == "M" else times
+
+
 def _numbers(column: str, values: Any, length: int) -> Floats:
     """Return a column as finite numbers."""
     try:
+        if np.asarray(values).dtype.kind not in "biufO" or np.ma.is_masked(values):
+            raise TypeError
         array = np.asarray(values, np.float64)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         raise ValueError(f"{column} must be numbers") from None
     if array.shape != (length,):
         raise ValueError(f"{column} have shape {array.shape}; there are {length} raters")

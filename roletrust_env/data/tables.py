@@ -128,6 +128,8 @@ def _place(name: str, header: list[str], where: str) -> int:
     """Return the place of a column."""
     if name not in header:
         raise ValueError(f"{where}: there is no column {name!r}{suggest(name, header, 'Columns:')}")
+    if header.count(name) > 1:
+        raise ValueError(f"{where}: there are several columns {name!r}")
     return header.index(name)
 
 

@@ -101,6 +101,9 @@ class SparseGame(Game):
         """
         if actions.treatment is not None:
             raise ValueError("a provider treats raters differently; in a sparse game it serves all alike")
+        for name in ("quality", "ratings"):
+            if not np.isfinite(np.asarray(getattr(actions, name))).all():
+                raise ValueError(f"{name} of the actions are not all numbers; the trust of a city goes on in place")
         return super().step(state, actions, noise)
 
     def known_trust(self, state: State) -> Array:

@@ -275,7 +275,7 @@ def _with_known(suite: Suite, files: Sequence[Path]) -> Suite:
     attacks = [attack for file in files for attack in read_known_attacks(file)]
     check_records(attacks)
     found = with_known(suite, attacks)
-    if left := len(attacks) + len(suite.known) - len(found.known):
+    if left := sum(one.condition not in suite.conditions for one in attacks):
         console.print(f"[yellow]{left} known attacks are for conditions that {escape(suite.name)} lacks.[/]")
     return found
 

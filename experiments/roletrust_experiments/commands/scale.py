@@ -15,9 +15,10 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust.edge_state import edge_model
+from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar
 from roletrust_experiments.commands.costs import machine
-from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed
+from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
 from roletrust_experiments.playing.cities import ATTACKS, LEAST, Harm, city, measure_harm
 from roletrust_experiments.timing.cities import MET, PLAIN, RoundCost, measure_rounds
 from roletrust_experiments.timing.contestants import Spread
@@ -60,7 +61,15 @@ def scale(
             show_default=False,
         ),
     ] = None,
-    model: ModelsOption = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=NAMED,
+            help="Central trust model; repeat for more; role-trust, mean and median if left out.",
+            autocompletion=completion.models,
+            show_default=False,
+        ),
+    ] = None,
     rounds: Annotated[int, typer.Option(min=2, help="Rounds of an attacked city.")] = 30,
     seeds: Annotated[int, typer.Option(min=2, help="Seeds of each attacked city, from --seed on.")] = 10,
     seed: Seed = 0,
@@ -72,7 +81,7 @@ def scale(
     the providers that it meets. Four in five agents are raters, so that every provider has 20 ratings a round in every
     city. The second table is the time of a round and its memory, beside a round of `mean` in plain NumPy.
 
-    Only central models can be played. Models are role-trust, mean and median if left out.
+    Only central models can be played.
 
     Written with --out: [green]scale-harm.csv scale-costs.csv scale.md[/].
 
@@ -87,8 +96,8 @@ def scale(
     sizes, cost_sizes = sorted(set(agents or _SIZES)), sorted(set(cost or _COST_SIZES))
     scenario = make_scenario("city")
     models = {name: edge_model(parse_trust_model(name, scenario)) for name in dict.fromkeys(model or _MODELS)}
-    for size in (sizes[0], cost_sizes[0]):
-        city(size, rounds)  # refuses what is too small
+    for size in (sizes[0], sizes[-1], cost_sizes[0], cost_sizes[-1]):
+        city(size, rounds)  # refuses what is too small or too large
     if out is not None:
         prepare_folder(out)
     with progress_bar() as progress:

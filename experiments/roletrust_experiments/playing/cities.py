@@ -17,7 +17,10 @@ Floats = npt.NDArray[np.float64]
 LEAST = 25
 """Least number of agents of a city: of its 5 providers a rater meets all."""
 
-_MOST = 100_000  # agents of a group
+MOST = 10_000_000
+"""Maximum number of agents of a city; role-trust then takes some 10 GB."""
+
+_GROUP = 100_000  # agents of a group, at most
 _PERIOD = 10  # of the on-off providers, in rounds
 
 ATTACKS = "bad-mouthing", "on-off", "collusion"
@@ -48,17 +51,19 @@ def city(agents: int, rounds: int) -> Scenario:
     """Return the preset `city` with another number of agents, four raters to each provider, and of rounds.
 
     Raises:
-        ValueError: There are too few agents.
+        ValueError: There are too few agents, or too many.
     """
     if agents < LEAST:
         raise ValueError(f"a city of {agents} agents is too small; it needs {LEAST} or more")
+    if agents > MOST:
+        raise ValueError(f"a city of {agents:,} agents is too large; at most {MOST:,} are allowed")
     preset = make_scenario("city")
     rater, provider = preset.agents
     providers = agents // 5
     groups = [
-        group.model_copy(update={"count": min(_MOST, count - begun)}).model_dump()
+        group.model_copy(update={"count": min(_GROUP, count - begun)}).model_dump()
         for group, count in ((rater, agents - providers), (provider, providers))
-        for begun in range(0, count, _MOST)
+        for begun in range(0, count, _GROUP)
     ]
     return preset.change(agents=groups, max_cycles=rounds)
 

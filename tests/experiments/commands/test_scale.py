@@ -45,6 +45,7 @@ def test_the_page_and_the_tables(tmp_path):
     [
         (["--agents", "24"], "24 agents is too small; it needs 25 or more"),
         (["--cost", "5"], "5 agents is too small"),
+        (["--agents", "100000000000"], "100,000,000,000 agents is too large; at most 10,000,000"),
         (["--model", "travos"], "does not run on edges"),
         (["--model", "nobody"], "unknown trust model 'nobody'"),
         (["--out", "file/below"], "file"),

@@ -1,0 +1,99 @@
+"""Columns of a stream from many sources: dates are seconds, and what is no number, or not there, is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+
+from roletrust_env import make_trust_model
+from roletrust_env.data.stream import TrustStream
+
+DAYS = np.arange("2020-01-01", "2020-01-21", dtype="datetime64[D]")
+WEEK = 7 * 24 * 3600.0
+
+
+def stream(**settings: Any) -> TrustStream:
+    return TrustStream(make_trust_model("role-trust"), **settings)
+
+
+def after(times: Any) -> TrustStream:
+    one = stream(every=WEEK)
+    one.update(["r"] * 20, ["s", "t"] * 10, np.linspace(0, 1, 20), times)
+    one.finish()
+    return one
+
+
+@pytest.mark.parametrize(
+    "dates",
+    [
+        DAYS,
+        *(DAYS.astype(f"datetime64[{unit}]") for unit in ("h", "s", "ms", "us", "ns")),
+        pd.Series(pd.to_datetime(DAYS)),
+        pa.array(DAYS.astype("datetime64[ms]")),
+    ],
+    ids=["D", "h", "s", "ms", "us", "ns", "pandas", "arrow"],
+)
+def test_dates_are_seconds_in_every_unit(dates: Any) -> None:
+    expected = after(DAYS.astype("datetime64[s]").astype(np.int64))
+    found = after(dates)
+    assert found.rounds == expected.rounds == 3
+    assert found.provider_trust() == expected.provider_trust()
+
+
+def test_names_keep_a_nul_at_their_end() -> None:
+    one = stream()
+    one.update(["a\0", "a"], ["s", "s"], [1, 0])
+    assert list(one.rater_trust()) == ["a\0", "a"]
+
+
+MASKED = np.ma.masked_array([0.5, 1.0], mask=[False, True])
+NAMES = np.ma.masked_array([1, 2], mask=[False, True])
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "words"),
+    [
+        ("times", np.array(["2020-01-01", "NaT"], "datetime64[s]"), "times hold nan at position 2"),
+        ("times", np.array([1, 2], "timedelta64[s]"), "times must be numbers"),
+        ("times", [1, 2**2000], "times must be numbers"),
+        ("times", MASKED, "times must be numbers"),
+        ("ratings", MASKED, "ratings must be numbers"),
+        ("ratings", np.array([0.5, 0.5j]), "ratings must be numbers"),
+        ("ratings", np.array([0, 1], "datetime64[s]"), "ratings must be numbers"),
+        ("raters", NAMES, "raters are masked"),
+        ("providers", NAMES, "providers are masked"),
+    ],
+)
+def test_what_is_no_number_or_not_there_is_refused(column: str, values: Any, words: str) -> None:
+    batch = {"raters": [1, 2], "providers": [1, 2], "ratings": [0.5, 1.0], "times": [0, 1], column: values}
+    one = stream(every=1)
+    with pytest.raises(ValueError, match=words):
+        one.update(**batch)
+    assert one.rater_trust() == {}
+    one.finish()
+    assert one.rounds == 0
+
+
+@pytest.mark.parametrize("every", ["7", True, [1], np.timedelta64(7, "D"), 0, np.nan])
+def test_a_round_has_a_length(every: Any) -> None:
+    with pytest.raises(ValueError, match="length of a round"):
+        stream(every=every)
+
+
+@pytest.mark.parametrize("scale", [None, 5, (1,), (1, 2, 3), ("a", "b"), (1, 1), (0, np.inf)])
+def test_a_scale_is_a_pair_of_numbers(scale: Any) -> None:
+    with pytest.raises(ValueError, match="scale is"):
+        stream(scale=scale)
+
+
+@pytest.mark.parametrize("every", [np.int64(7), np.float32(7)])
+def test_a_length_of_numpy_can_be_saved(every: Any, tmp_path: Path) -> None:
+    one = stream(every=every)
+    one.update(["r"], ["s"], [1.0], [0])
+    one.save(str(tmp_path / "stream.npz"))
+    again = TrustStream.load(str(tmp_path / "stream.npz"), one.model, every=7)
+    again.finish()
+    assert again.rounds == 1
