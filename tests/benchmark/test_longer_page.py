@@ -1,0 +1,56 @@
+"""The page on longer searches agrees with its tables, and its suite is what it says."""
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+from roletrust_env.benchmark.known_attacks import read_known_attacks
+from roletrust_env.benchmark.suite import Suite, with_known
+from roletrust_env.benchmark.suite_files import load_suite
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "leaderboards" / "longer.md").read_text(encoding="utf-8")
+WORDS = " ".join(PAGE.split())
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    with (ROOT / "docs" / "leaderboards" / "longer" / name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+WORST = [row for row in rows("worst_cases.csv") if float(row["share"])]
+
+
+def test_the_table_is_the_leaderboard() -> None:
+    own = Counter(row["model"] for row in WORST if row["rung"] == "evolution strategy")
+    assert PAGE.partition("| own |\n")[2].partition("\n\n")[0].splitlines()[1:] == [
+        f"| {row['tier']} | `{row['model']}` | "
+        + " | ".join(f"{float(row[name]):.3f} ± {float(row[name + '_half_95']):.3f}" for name in ("clean", "worst"))
+        + f" | {own[row['model']]} |"
+        for row in rows("leaderboard.csv")
+    ]
+    assert f"In {own.total()} of the {len(WORST)} conditions of all models" in WORDS
+
+
+def test_the_sentences_on_models_are_true() -> None:
+    assert [row["model"] for row in rows("leaderboard.csv") if row["tier"] == "1"] == ["first-hand", "own-experience"]
+    place = {"model": "leave-one-out", "scenario": "market", "track": "identities"}
+    (lowest,) = (row for row in WORST if row.items() >= place.items())
+    assert f"its skill is {float(lowest['score']):.3f}" in WORDS
+    older = csv.DictReader((ROOT / "docs" / "first-hand" / "worst_cases.csv").open(encoding="utf-8"))
+    (before,) = (row for row in older if row.items() >= place.items())
+    assert f"left {float(before['score']):.3f} in other games" in WORDS
+
+
+def test_the_suite_plays_in_conditions_of_the_leaderboard_from_its_known_attacks() -> None:
+    longer, suite = load_suite("standard-5-search"), load_suite("standard-4")
+    assert isinstance(longer, Suite)
+    assert isinstance(suite, Suite)
+    assert set(longer.conditions) < set(suite.conditions)
+    assert len(longer.conditions) * len(longer.models) == len(WORST)
+    for name, stage in longer.scenarios.items():
+        assert stage.scenario() == suite.scenarios[name].scenario()
+    folder = ROOT / "roletrust_env" / "benchmark" / "suites"
+    known = with_known(longer, read_known_attacks(folder / "standard-4-known.json"))
+    assert set(known.known) == {one for one in suite.known if one.condition in longer.conditions}
+    assert {longer.budget_of("evolution strategy", name) for name in ("crowd", "market")} == {1_200_000}
