@@ -5,6 +5,7 @@ from roletrust_env.world.presets import make_scenario, register_scenario, scenar
 from roletrust_env.world.scenario import (
     Admission,
     Choice,
+    Encounters,
     Everyone,
     InRange,
     Perturbation,
@@ -18,6 +19,7 @@ __all__ = [
     "Admission",
     "AgentGroup",
     "Choice",
+    "Encounters",
     "Everyone",
     "InRange",
     "Perturbation",
