@@ -93,15 +93,29 @@ def log_rounds(log: RatingLog, every: float | None = None, count: int | None = N
     Raises:
         ValueError: Both lengths are given, a length is not above 0, or the log has no times.
     """
-    if every is not None and count is not None:
-        raise ValueError("rounds go by time or by number of ratings, not by both")
-    if every is not None:
-        if log.times is None:
-            raise ValueError("rounds go by time, and the log has no times")
+    check_rounds(every, count, has_times=log.times is not None)
+    if every is not None and log.times is not None:
         return round_numbers(log.times, every, float(log.times[0]))
     places = np.arange(len(log.values))
-    if count is None:
-        return 0 * places
-    if count < 1:
+    return 0 * places if count is None else places // count
+
+
+def check_rounds(every: float | None, count: int | None, *, has_times: bool) -> None:
+    """Refuse lengths of rounds that do not fit a log, which need not be read yet.
+
+    Args:
+        every: Length of a round by time.
+        count: Number of ratings of a round.
+        has_times: Whether the log has times.
+
+    Raises:
+        ValueError: Both lengths are given, a length is not above 0, or the log has no times.
+    """
+    if every is not None and count is not None:
+        raise ValueError("rounds go by time or by number of ratings, not by both")
+    if every is not None and not has_times:
+        raise ValueError("rounds go by time, and the log has no times; name the column of the time")
+    if every is not None:
+        round_numbers(np.zeros(0), every, 0.0)
+    if count is not None and count < 1:
         raise ValueError(f"the number of ratings of a round is {count}; it must be at least 1")
-    return places // count

@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from roletrust_env import make_scenario
 from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.rounds import log_rounds, play_log
+from roletrust_env.data.rounds import check_rounds, log_rounds, play_log
 from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv
@@ -64,6 +64,7 @@ def rate(
     [cyan]roletrust rate log.csv.gz --rater 1 --ratee 2 --rating 3 --time 4 --scale -10 10 --every 2592000[/]
     """
     trust_model = parse_trust_model(model, make_scenario("paper-3x3"))
+    check_rounds(every, count, has_times=time is not None)
     prepare_folder(out)
     with progress_bar() as progress:
         task = progress.add_task(f"Reading {ratings.name}", total=None)

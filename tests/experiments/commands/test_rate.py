@@ -107,3 +107,25 @@ def test_real_ratings(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "35,592 ratings in 64 rounds" in result.output
     assert (len(rows(tmp_path / "raters.csv")), len(rows(tmp_path / "ratees.csv"))) == (4814, 5858)
+
+
+@pytest.mark.parametrize(
+    ("rounds", "words"),
+    [
+        (["--every", "30"], "the log has no times; name the column of the time"),
+        (["--every", "0", "--time", "day"], "it must be above 0"),
+        (["--count", "0"], "it must be at least 1"),
+        (["--count", "9", "--every", "30", "--time", "day"], "not by both"),
+    ],
+)
+def test_rounds_that_do_not_fit_are_refused_before_the_file_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rounds: list[str], words: str
+) -> None:
+    def read(*_: object, **__: object) -> None:
+        raise AssertionError("the file is read")
+
+    monkeypatch.setattr("roletrust_experiments.commands.rate.read_ratings", read)
+    result = run("rate", str(tmp_path / "log.csv"), *rounds, "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2
+    assert words in " ".join(result.stderr.split())
+    assert not (tmp_path / "out").exists()
