@@ -96,7 +96,7 @@ class TrustStream:
             raise ValueError("times are given" if self.every is None else "times are missing; rounds go by time here")
         if self.same_agents and (own := np.flatnonzero(who == whom)).size:
             raise ValueError(f"rating {own[0] + 1} is of {who[own[0]]!s} by itself")
-        when = np.zeros(len(who)) if times is None else _numbers("times", _seconds(times), len(who))
+        when = np.zeros(len(who)) if times is None else _numbers("times", times, len(who), dates=True)
         if self.every is None:
             self._play(who, whom, values)
         elif len(who):
@@ -278,18 +278,15 @@ def _length(every: Any) -> float:
     return float(every)
 
 
-def _seconds(times: Any) -> Any:
-    """Return dates as seconds since 1970, with NaN for a date that is missing, and everything else as it is."""
-    array = np.asarray(times)
-    return (array - np.datetime64(0, "s")) / np.timedelta64(1, "s") if array.dtype.kind == "M" else times
-
-
-def _numbers(column: str, values: Any, length: int) -> Floats:
-    """Return a column as finite numbers."""
+def _numbers(column: str, values: Any, length: int, *, dates: bool = False) -> Floats:
+    """Return a column as finite numbers; dates, where they are allowed, as seconds since 1970."""
     try:
-        if np.asarray(values).dtype.kind not in "biufO" or np.ma.is_masked(values):
+        array = np.asarray(values)
+        if dates and array.dtype.kind == "M":
+            array = (array - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+        if array.dtype.kind not in "biufO" or np.ma.is_masked(values):
             raise TypeError
-        array = np.asarray(values, np.float64)
+        array = array.astype(np.float64, copy=False)
     except (ValueError, TypeError, OverflowError):
         raise ValueError(f"{column} must be numbers") from None
     if array.shape != (length,):

@@ -13,7 +13,7 @@ from roletrust_env.benchmark.processes import WorkerPool
 from roletrust_env.benchmark.schema import reason
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.storage.files import write_json
-from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted
+from roletrust_env.storage.untrusted import UntrustedModel, check_plain, parse_json
 
 Run = dict[str, Any]
 """Result of a run as plain data; `failed` has the reason of a run that raised an error."""
@@ -76,7 +76,7 @@ def _check_run(check: Check, key: str, run: Any) -> None:
 
 def of_kind(kind: type[UntrustedModel]) -> Check:
     """Return the check of runs that all have the fields of a class."""
-    return lambda key, run: parse_untrusted(kind, json.dumps(run).encode())
+    return lambda key, run: check_plain(kind, run)
 
 
 def write_runs(path: Path, settings: Mapping[str, Any], runs: Mapping[str, Run]) -> None:

@@ -9,6 +9,7 @@ from rich.markup import escape
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.storage.files import replacing, write_csv
 from roletrust_experiments.commands.console import console, number_table
+from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.timing.contestants import Spread, Timing
 from roletrust_experiments.timing.edge_costs import EdgeCell, EdgeCosts
 from roletrust_experiments.timing.edges import EACH, PLAIN, bytes_per_s
@@ -82,7 +83,8 @@ def _page(found: EdgeCosts, caption: str, reasons: Sequence[str], machine: str) 
     """Return the tables as a page of Markdown, one for each number of ratings."""
     parts = [f"# {_TITLE}", caption]
     for size in dict.fromkeys(size for _, _, size in found):
-        parts += [f"## {size:,} ratings", "\n".join(f"| {' | '.join(line)} |" for line in _by_model(found, size))]
+        headings, *lines = _by_model(found, size)
+        parts += [f"## {size:,} ratings", markdown_table(headings, lines, names=1)]
     if reasons:
         parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
     parts.append(f"Written by `roletrust costs --ratings` on {machine}; `make edge-costs` measures again.")
@@ -90,10 +92,9 @@ def _page(found: EdgeCosts, caption: str, reasons: Sequence[str], machine: str) 
 
 
 def _by_model(found: EdgeCosts, size: int) -> Iterator[list[str]]:
-    """Yield the lines of a table with a row for each model, and columns for each way to add up."""
+    """Yield the headings of a table, and a row for each model with columns for each way to add up."""
     ways = list(dict.fromkeys(way for _, way, _ in found))
     yield ["model", *(f"{heading}, {way}" for way in ways for heading in _PAGE_HEADINGS)]
-    yield ["---", *["---:"] * len(ways) * len(_PAGE_HEADINGS)]
     for name in dict.fromkeys(name for name, _, _ in found):
         line = [name]
         for way in ways:

@@ -19,8 +19,9 @@ from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar
 from roletrust_experiments.commands.costs import machine
 from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
-from roletrust_experiments.playing.cities import ATTACKS, LEAST, Harm, city, measure_harm
-from roletrust_experiments.timing.cities import MET, PLAIN, RoundCost, measure_rounds
+from roletrust_experiments.commands.played import markdown_table
+from roletrust_experiments.playing.cities import ATTACKS, LEAST, MET, Harm, city, city_sizes, measure_harm
+from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds
 from roletrust_experiments.timing.contestants import Spread
 
 _SIZES = 25, 100, 1000, 10_000
@@ -30,18 +31,8 @@ _SHARES = 0.2, 0.4
 _TITLE = "Cities of up to a million agents"
 _HARM = "Skill that consumers lose to attackers"
 _COSTS = "What a round costs"
-_COST_HEADINGS: tuple[str, ...] = (
-    "model",
-    "agents",
-    "services",
-    "ms",
-    "least - greatest",
-    "noise",
-    "policies",
-    "step",
-    "times plain",
-)
-_COST_HEADINGS += ("memory",)
+_PARTS = "noise", "policies", "step"
+_COST_HEADINGS = ("model", "agents", "services", "ms", "least - greatest", *_PARTS, "times plain", "memory")
 
 
 def scale(
@@ -142,7 +133,7 @@ def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
         f"{seeds} seeds with 95% intervals, games of {rounds} rounds. With {LEAST} agents, all raters meet all "
         "providers, so that whoever rates all alike changes no order."
     )
-    sizes = sorted({one.agents for one in found if one.agents // 5 > MET})
+    sizes = sorted({one.agents for one in found if city_sizes(one.agents)[1] > MET})
     if len(sizes) < 2:
         return text
     small, large = ([one.harm for one in found if one.agents == size and one.share] for size in (sizes[0], sizes[-1]))
@@ -210,7 +201,6 @@ def _page(harm_caption: str, harms: list[list[str]], cost_caption: str, costs: l
         (_HARM, harm_caption, 3, harms),
         (_COSTS, cost_caption, 1, costs),
     ):
-        lines = [headings, ["---"] * names + ["---:"] * (len(headings) - names), *rows]
-        parts += [f"## {title}", caption, "\n".join(f"| {' | '.join(line)} |" for line in lines)]
+        parts += [f"## {title}", caption, markdown_table(headings, rows, names)]
     parts.append(f"Written by `roletrust scale` on {machine(1)}; `make scale` measures again.")
     return "\n\n".join(parts) + "\n"

@@ -1,7 +1,6 @@
 """What is kept of each step of a game, and the check of a file that an interrupted game has left."""
 
-import json
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, NonNegativeInt
@@ -9,7 +8,7 @@ from pydantic import Field, NonNegativeInt
 from roletrust_agents.learned.cards import Number
 from roletrust_agents.training.defence_learners import learner_of
 from roletrust_env.benchmark.known_attacks import KnownAttack, check_records
-from roletrust_env.storage.untrusted import Kind, UntrustedModel, parse_untrusted
+from roletrust_env.storage.untrusted import UntrustedModel, check_plain
 from roletrust_experiments.attackers.runs import Check, Run
 from roletrust_experiments.defence.double_oracle import Setup
 
@@ -62,24 +61,20 @@ def check_of(setup: Setup, fresh: int) -> Check:
     def check(key: str, run: Run) -> None:
         kind, _, rest = key.partition("|")
         if kind == "start":
-            check_records(_parsed(_Begun, run).attackers)
+            check_records(check_plain(_Begun, run).attackers)
         elif kind in ("attack", "own"):
-            check_records([_parsed(_Response, run).attacker])
+            check_records([check_plain(_Response, run).attacker])
         elif kind == "defence":
-            _check_trained(rest.partition("|")[2], _parsed(_Trained, run))
+            _check_trained(rest.partition("|")[2], check_plain(_Trained, run))
         elif kind == "clean":
-            _check_games(fresh, _parsed(_Clean, run).skill)
+            _check_games(fresh, check_plain(_Clean, run).skill)
         elif kind in ("payoff", "seen", "held out"):
-            for halves in _parsed(_Met, {"attacks": run}).attacks.values():
+            for halves in check_plain(_Met, {"attacks": run}).attacks.values():
                 _check_games(setup.games if kind == "payoff" else fresh, *halves)
         else:
             raise ValueError("there is no step of this name")
 
     return check
-
-
-def _parsed(kind: type[Kind], run: Any) -> Kind:
-    return parse_untrusted(kind, json.dumps(run).encode())
 
 
 def _check_trained(name: str, trained: _Trained) -> None:

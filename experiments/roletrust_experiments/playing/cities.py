@@ -14,8 +14,11 @@ from roletrust_env.metrics.consumers import share_of_best, skill
 
 Floats = npt.NDArray[np.float64]
 
-LEAST = 25
-"""Least number of agents of a city: of its 5 providers a rater meets all."""
+MET = 5
+"""Number of providers that a rater meets in a round of the preset `city`."""
+
+LEAST = 5 * MET
+"""Least number of agents of a city: a rater meets all of its providers."""
 
 MOST = 10_000_000
 """Maximum number of agents of a city; role-trust then takes some 10 GB."""
@@ -58,14 +61,17 @@ def city(agents: int, rounds: int) -> Scenario:
     if agents > MOST:
         raise ValueError(f"a city of {agents:,} agents is too large; at most {MOST:,} are allowed")
     preset = make_scenario("city")
-    rater, provider = preset.agents
-    providers = agents // 5
     groups = [
         group.model_copy(update={"count": min(_GROUP, count - begun)}).model_dump()
-        for group, count in ((rater, agents - providers), (provider, providers))
+        for group, count in zip(preset.agents, city_sizes(agents), strict=True)
         for begun in range(0, count, _GROUP)
     ]
     return preset.change(agents=groups, max_cycles=rounds)
+
+
+def city_sizes(agents: int) -> tuple[int, int]:
+    """Return the numbers of raters and of providers of a city."""
+    return agents - agents // 5, agents // 5
 
 
 def attackers(game: SparseGame, attack: str, share: float) -> dict[str, Policy]:

@@ -1,6 +1,5 @@
 """Populations that learn under a trust model, and what they come to."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -23,7 +22,7 @@ from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
-from roletrust_env.storage.untrusted import UntrustedModel, parse_untrusted
+from roletrust_env.storage.untrusted import UntrustedModel, check_plain
 
 MODELS = ("role-trust", "wary-role-trust", "leave-one-out", "qor", "median", "beta", "own-experience")
 SCENARIOS, COSTS = ("crowd", "market"), (0.1, 0.3)
@@ -156,7 +155,7 @@ def check_of(effort: Effort) -> Callable[[str, Mapping[str, Any]], None]:
     def check(key: str, run: Mapping[str, Any]) -> None:
         parts = {"numbers": MEASURES, "deviations": _DEVIATIONS}
         stored = {part: {name: run.get(name) for name in names} for part, names in parts.items()}
-        kept = parse_untrusted(_Kept, json.dumps(stored).encode())
+        kept = check_plain(_Kept, stored)
         for name, values in {**kept.numbers, **kept.deviations}.items():
             if len(values) != effort.runs:
                 raise ValueError(f"{name} has {len(values)} runs; the settings have {effort.runs}")

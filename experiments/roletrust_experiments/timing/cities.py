@@ -11,15 +11,13 @@ import numpy as np
 
 from roletrust_env import JointPolicy, SparseGame
 from roletrust_env.game.state import Noise, State
-from roletrust_experiments.playing.cities import attackers, city
+from roletrust_experiments.playing.cities import MET, attackers, city, city_sizes
 
 PLAIN = "plain NumPy"
 """Name of the round of `mean` that is written by hand."""
 
 _ROUNDS = 1000  # more than are ever played here
 _SHARE = 0.2
-MET = 5
-"""Number of providers that a rater meets in a round of the preset `city`."""
 
 
 class Parts(NamedTuple):
@@ -87,11 +85,6 @@ def measure_rounds(
         hand = rows[0].by_hand
         found += [*rows, RoundCost(agents, MET * raters, PLAIN, hand, hand, None, memory)]
     return found
-
-
-def city_sizes(agents: int) -> tuple[int, int]:
-    """Return the numbers of raters and of providers of a city."""
-    return agents - agents // 5, agents // 5
 
 
 def _player(game: SparseGame, seed: int) -> Callable[[], Callable[[], Parts]]:
