@@ -97,12 +97,12 @@ scale: setup
 
 # The leaderboard and its report, of which the README has the table; an hour or two on two cores.
 benchmark: setup
-	$(BIN)/roletrust benchmark --suite standard-4 --out $(OUT)/standard-4
-	$(BIN)/roletrust report $(OUT)/standard-4/results.sqlite --pages ../../reference/models \
-		--out docs/leaderboards/standard-4
+	$(BIN)/roletrust benchmark --suite standard-5 --out $(OUT)/standard-5
+	$(BIN)/roletrust report $(OUT)/standard-5/results.sqlite --pages ../../reference/models \
+		--out docs/leaderboards/standard-5
 
-# The attacks that the suites standard-3 and standard-4 know: the worst one that is found on each trust model. The second
-# search starts from the attacks of the first. Two hours on two cores.
+# The attacks that the suites from standard-3 on know: the worst one that is found on each trust model. Each search
+# starts from the attacks of the one before. Three hours on two cores.
 known-attacks: setup
 	$(BIN)/roletrust benchmark --suite standard-3-search --out $(OUT)/standard-3-search
 	$(BIN)/roletrust submit $(OUT)/standard-3-search/results.sqlite --attacks \
@@ -110,6 +110,10 @@ known-attacks: setup
 	$(BIN)/roletrust benchmark --suite standard-4-search --out $(OUT)/standard-4-search
 	$(BIN)/roletrust submit $(OUT)/standard-4-search/results.sqlite --attacks \
 		--out roletrust_env/benchmark/suites/standard-4-known.json
+	$(BIN)/roletrust benchmark --suite standard-5-search --known roletrust_env/benchmark/suites/standard-4-known.json \
+		--out $(OUT)/standard-5-search
+	$(BIN)/roletrust submit $(OUT)/standard-5-search/results.sqlite --attacks \
+		--out roletrust_env/benchmark/suites/standard-5-known.json
 
 # Whether runs with other seeds agree as often as they promise; a quarter of an hour on two cores.
 reruns: setup
@@ -142,14 +146,12 @@ leave-one-out: setup
 	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
 	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
 
-# First-hand trust beside the best other models, with five trainings of each attacker, and in standard-4; an hour.
+# First-hand trust beside the best other models, with five trainings of each attacker; half an hour.
 first-hand: setup
 	$(BIN)/roletrust benchmark --suite first-hand --out $(OUT)/first-hand
 	$(BIN)/roletrust report $(OUT)/first-hand/results.sqlite --out $(OUT)/first-hand/report
 	mkdir -p docs/first-hand
 	cp $(OUT)/first-hand/leaderboard.csv $(OUT)/first-hand/report/worst_cases.csv docs/first-hand/
-	$(BIN)/roletrust benchmark --suite standard-4 --model first-hand --model leave-one-out --out $(OUT)/standard-4-first-hand
-	cp $(OUT)/standard-4-first-hand/leaderboard.csv docs/first-hand/standard-4.csv
 
 # Leave-one-out on logs of real ratings, which are yours: `make leave-one-out-logs LOGS=...`; minutes.
 PARTS := own=1 limit=0 modesty=0 power=0 keep=1 prior=0.001
@@ -162,9 +164,9 @@ leave-one-out-logs: setup
 	cp $(OUT)/real-30/real.csv docs/leave-one-out-30.csv
 	cp $(OUT)/real-7/real.csv docs/leave-one-out-7.csv
 
-# The game that the suite standard-4 has played; a minute, once `make benchmark` has run.
+# The game that the suite standard-5 has played; a minute, once `make benchmark` has run.
 equilibrium: setup
-	$(BIN)/roletrust equilibrium $(OUT)/standard-4/results.sqlite --out $(OUT)/equilibrium
+	$(BIN)/roletrust equilibrium $(OUT)/standard-5/results.sqlite --out $(OUT)/equilibrium
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 

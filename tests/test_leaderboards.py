@@ -9,7 +9,9 @@ from scipy.stats import spearmanr
 
 BOARDS = Path(__file__).parents[1] / "docs" / "leaderboards"
 CURRENT = (BOARDS.parent / "robustness.md").read_text(encoding="utf-8")
-FIRST, SECOND, THIRD = ((BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second", "third"))
+FIRST, SECOND, THIRD, FOURTH = (
+    (BOARDS / f"{name}.md").read_text(encoding="utf-8") for name in ("first", "second", "third", "fourth")
+)
 
 Rows = dict[str, dict[str, str]]
 
@@ -20,7 +22,7 @@ def rows(name: str) -> Rows:
 
 
 ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3.csv")
-FOUR = rows("standard-4/leaderboard.csv")
+FOUR, FIVE = rows("standard-4.csv"), rows("standard-5/leaderboard.csv")
 
 
 def table(page: str) -> list[str]:
@@ -38,7 +40,7 @@ def skill(row: dict[str, str]) -> str:
 
 
 def test_the_best_models_of_each_condition_are_those_of_the_table() -> None:
-    with (BOARDS / "standard-4" / "worst_cases.csv").open(encoding="utf-8") as file:
+    with (BOARDS / "standard-5" / "worst_cases.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
     expected = []
     for where in dict.fromkeys((row["scenario"], row["track"], row["share"]) for row in rows):
@@ -71,32 +73,46 @@ def test_the_places_in_the_second_and_third_are_those_of_the_tables() -> None:
     ]
 
 
-def test_the_places_in_the_last_two_are_those_of_the_tables() -> None:
-    pairs = {name: (THREE[name], row) for name, row in FOUR.items()}
-    columns = {name: (*(row["tier"] for row in pair), *(row["rank"] for row in pair)) for name, pair in pairs.items()}
-    expected = [[f"`{name}`", *columns[name], *map(worst, pair)] for name, pair in pairs.items()]
-    assert table(THIRD) == [f"| {' | '.join(row)} |" for row in expected]
+SUCCESSIVE = [(THIRD, THREE, FOUR), (FOURTH, FOUR, FIVE)]  # pages on suites with the same conditions
 
 
-@pytest.mark.parametrize(("page", "old", "new"), [(FIRST, ONE, TWO), (SECOND, TWO, THREE), (THIRD, THREE, FOUR)])
+@pytest.mark.parametrize(("page", "old", "new"), SUCCESSIVE)
+def test_the_places_in_later_suites_are_those_of_the_tables(page: str, old: Rows, new: Rows) -> None:
+    absent = dict.fromkeys(("tier", "rank", "worst"), "")
+    expected = []
+    for name, row in new.items():
+        pair = (old.get(name, absent), row)  # some models are new
+        cells = [f"`{name}`", *(one["tier"] for one in pair), *(one["rank"] for one in pair)]
+        expected.append([*cells, *(one["worst"] and worst(one) for one in pair)])
+    assert [[cell.strip() for cell in line.strip("|").split("|")] for line in table(page)] == expected
+
+
+@pytest.mark.parametrize(("page", "old", "new"), [(FIRST, ONE, TWO), (SECOND, TWO, THREE), *SUCCESSIVE])
 def test_the_rank_correlation_is_that_of_the_tables(page: str, old: Rows, new: Rows) -> None:
     names = [name for name in new if name != "constant" and name in old]
     found = spearmanr(*([float(board[name]["worst"]) for name in names] for board in (old, new)))
     assert re.findall(r"of the\w* two columns is (-?[\d.]+\d)", " ".join(page.split())) == [f"{found.statistic:.2f}"]
 
 
-def test_the_third_page_counts_the_conditions_that_moved() -> None:
+@pytest.mark.parametrize(
+    ("page", "old", "new"),
+    [
+        (THIRD, "standard-3-worst_cases.csv", "standard-4-worst_cases.csv"),
+        (FOURTH, "standard-4-worst_cases.csv", "standard-5/worst_cases.csv"),
+    ],
+)
+def test_a_page_counts_the_conditions_that_moved(page: str, old: str, new: str) -> None:
     def scores(name: str) -> dict[tuple[str, ...], float]:
         with (BOARDS / name).open(encoding="utf-8") as file:
             rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
         return {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in rows}
 
-    before, after = scores("standard-3-worst_cases.csv"), scores("standard-4/worst_cases.csv")
+    before, after = scores(old), scores(new)
     moved = [after[key] - before[key] for key in before]
     lower, higher = (sum(sign * change > 0.02 for change in moved) for sign in (-1, 1))
-    page = " ".join(THIRD.split())
-    assert f"In {lower} of the {len(moved)} conditions of all models, the worst case is more than 0.02 lower" in page
-    assert f"and in {higher} more than 0.02 higher" in page
+    words = " ".join(page.split())
+    assert f"In {lower} of the {len(moved)} conditions of all models, the worst case is more than 0.02 lower" in words
+    assert f"and in {higher} more than 0.02 higher" in words
 
 
 def test_the_sentences_on_single_models_are_true() -> None:
@@ -116,9 +132,9 @@ def test_the_sentences_on_single_models_are_true() -> None:
 
 
 def test_the_sentence_on_searches_is_that_of_the_report() -> None:
-    report = (BOARDS / "standard-4" / "report.html").read_text(encoding="utf-8")
+    report = (BOARDS / "standard-5" / "report.html").read_text(encoding="utf-8")
     assert re.findall(r"In (\d+ of \d+) cells", CURRENT) == re.findall(r"more than 0\.01 in (\d+ of \d+) cells", report)
-    assert f"against {float(FOUR['own-experience']['worst']):.3f} here" in CURRENT
+    assert f"against {float(FIVE['own-experience']['worst']):.3f} here" in CURRENT
 
 
 def test_reruns_keep_what_is_promised_within_five_points() -> None:
