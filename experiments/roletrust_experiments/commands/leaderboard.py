@@ -1,12 +1,29 @@
-"""The leaderboard of trust models as the commands show it: on the screen and in Markdown."""
+"""Results of a benchmark of trust models as the commands read them, and the leaderboard as they show it."""
+
+from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.benchmark.result import Leaderboard, row_texts
+from roletrust_env.benchmark.store import Store, StoredCell
+from roletrust_env.benchmark.suite import Suite
 from roletrust_experiments.commands.console import number_table
 
 _SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")
+
+
+def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
+    """Return the suite and the cells of a results file.
+
+    Raises:
+        ValueError: The file cannot be read, or is of a suite for learners.
+    """
+    with Store(results) as store:
+        suite, stored = store.suite, store.all()
+    if not isinstance(suite, Suite):
+        raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")
+    return suite, stored
 
 
 def leaderboard_table(leaderboard: Leaderboard) -> Table:

@@ -3,6 +3,7 @@
 import math
 
 from roletrust_env.metrics.confidence import Interval
+from roletrust_env.storage.markdown import markdown_table
 
 HEADER = ("log", "sha256", "round", "protocol", "model", "measure", "value", "low", "high")
 Row = tuple[str, str, float | None, str, str, str, float, float, float]
@@ -34,8 +35,7 @@ def markdown(tables: list[tuple[str, list[str], list[list[str]]]], left_out: lis
     """Return the tables as Markdown."""
     parts = ["# Trust models on real ratings"]
     for title, headings, lines in tables:
-        rows = [headings, ["---"] + ["---:"] * (len(headings) - 1), *lines]
-        parts += [f"## {title}", "\n".join(f"| {' | '.join(row)} |" for row in rows)]
+        parts += [f"## {title}", markdown_table(headings, lines, names=1)]
     if left_out:
         parts.append("\n".join(f"- Left out: {reason}." for reason in left_out))
     return "\n\n".join(parts) + "\n"

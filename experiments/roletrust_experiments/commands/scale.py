@@ -14,12 +14,12 @@ from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar
 from roletrust_experiments.commands.costs import machine
 from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
-from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.playing.cities import ATTACKS, LEAST, MET, Harm, city, city_sizes, measure_harm
 from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds
 from roletrust_experiments.timing.contestants import Spread
