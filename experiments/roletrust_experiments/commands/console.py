@@ -148,6 +148,16 @@ def number_table(title: str, caption: str, *headings: str, name: str = "") -> Fi
     return table
 
 
+def short(text: str) -> str:
+    """Return numbers without the zero before their point, for tables of 80 columns.
+
+    Example:
+        >>> short("0.25 (-0.5, 10.5)")
+        '.25 (-.5, 10.5)'
+    """
+    return re.sub(r"(?<!\d)0\.", ".", text)
+
+
 def claims_table(title: str, found: Sequence[Claim]) -> FittedTable:
     """Return the table of the paper's claims: the claim, the criterion and the measured value."""
     table = FittedTable(title, needed=6)

@@ -8,7 +8,7 @@ from rich.table import Table
 from roletrust_env.benchmark.result import Leaderboard, row_texts
 from roletrust_env.benchmark.store import Store, StoredCell
 from roletrust_env.benchmark.suite import Suite
-from roletrust_experiments.commands.console import number_table
+from roletrust_experiments.commands.console import number_table, short
 
 _SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")
 
@@ -32,7 +32,7 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
     table = number_table(title, leaderboard.caption, *_SHOWN, name="tier, rank, model")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
-        numbers = (texts[name].replace("0.", ".") for name in _SHOWN)
+        numbers = (short(texts[name]) for name in _SHOWN)
         table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers)
     return table
 
