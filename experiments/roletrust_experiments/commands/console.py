@@ -3,8 +3,9 @@
 import json
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from inspect import signature
 from typing import Any
 
 import typer
@@ -137,6 +138,19 @@ def option(name: str, values: Sequence[object] | object | None, default: object 
     """
     several = list(values) if isinstance(values, list | tuple) else [values]
     return [] if values in (None, default) else [word for value in several for word in (name, str(value))]
+
+
+def changed_options(command: Callable[..., Any], **values: Any) -> list[str]:
+    """Return options of a command as words, without those that have their defaults.
+
+    Args:
+        command: Function of a Typer command, whose parameters have the names and the defaults of its options.
+        **values: Values of its parameters.
+    """
+    words, parameters = [], signature(command).parameters
+    for name, value in values.items():
+        words += option(f"--{name.replace('_', '-')}", value, parameters[name].default)
+    return words
 
 
 def number_table(title: str, caption: str, *headings: str, name: str = "") -> FittedTable:
