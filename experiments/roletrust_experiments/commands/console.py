@@ -20,7 +20,7 @@ from rich.text import Text
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_experiments.paper.claims import Claim
 
-ALLOW_CODE = "Allow the file to name classes that are not installed, as package.module:Class. This runs their code."
+ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _NAME = 20

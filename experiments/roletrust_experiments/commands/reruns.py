@@ -16,21 +16,21 @@ from roletrust_experiments.commands.options import Out
 
 def reruns(
     results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark` with many seeds, results.sqlite.")],
-    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds of a run.")] = 2,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds of each run.")] = 2,
     shuffled: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help='Results of the same suite with `places = "shuffled"`, results.sqlite: compare with them instead.',
+            help='Results of the same suite with `places = "shuffled"`: show what the places of agents matter instead.',
             show_default=False,
         ),
     ] = None,
     out: Out = Path("results/reruns"),
 ) -> None:
-    """Show whether [bold]runs of a benchmark with other seeds[/] agree as often as they promise.
+    """Show whether [bold]runs of a benchmark with other seeds[/] agree as often as their leaderboards promise.
 
-    The seeds of the results are cut into runs. Each run has a leaderboard of its own, with intervals and with the
-    probability that a rank holds in another run. The other runs show how often that is true.
+    The seeds of the results are cut into runs. Each run has a leaderboard of its own, which has intervals and the
+    probability that a rank holds in another run. The other runs show how often such a promise is kept.
 
     With --shuffled, show instead whether the places of agents matter: how the scores of each model change if it sees
     the agents of each game in another order.
