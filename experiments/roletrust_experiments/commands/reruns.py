@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import console, number_table, print_next
+from roletrust_experiments.commands.console import console, number_table, print_next, short
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 
@@ -97,7 +97,7 @@ def _show(title: str, headings: Sequence[str], rows: list[list[str]], caption: s
     prepare_folder(path.parent)
     table = number_table(title, caption, *headings[1:], name=headings[0])
     for name, *numbers in rows:
-        table.add_row(escape(name), *numbers)
+        table.add_row(escape(name), *(short(number).replace(" ± ", "±") for number in numbers))
     console.print(table)
     text = markdown_table(headings, rows, names=1)
     write_text(path, f"{text}\n\n{title} of {caption}. Made by `{command}`.\n")

@@ -51,6 +51,7 @@ def test_the_effect_of_places_is_shown_and_written(results, tmp_path):
     code, printed = reruns(results, "--shuffled", path, "--out", tmp_path)
     assert code == 0
     assert "suites custom and custom, 2 seeds" in printed
+    assert "too narrow" not in printed  # at 80 columns
     written = (tmp_path / "places.md").read_text()
     assert written.startswith(
         "| model | clean | change | worst | change |\n| --- | ---: | ---: | ---: | ---: |\n| mean |"
