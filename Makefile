@@ -115,11 +115,14 @@ known-attacks: setup
 	$(BIN)/roletrust submit $(OUT)/standard-5-search/results.sqlite --attacks \
 		--out roletrust_env/benchmark/suites/standard-5-known.json
 
-# Whether runs with other seeds agree as often as they promise; a quarter of an hour on two cores.
+# Whether runs with other seeds agree as often as they promise, and whether the places of agents matter; some 20 minutes on
+# two cores.
 reruns: setup
 	$(BIN)/roletrust benchmark --suite reruns --out $(OUT)/reruns
 	$(BIN)/roletrust reruns $(OUT)/reruns/results.sqlite --out $(OUT)/reruns
-	cp $(OUT)/reruns/reruns.md docs/leaderboards/
+	$(BIN)/roletrust benchmark --suite reruns-shuffled --out $(OUT)/reruns-shuffled
+	$(BIN)/roletrust reruns $(OUT)/reruns/results.sqlite --shuffled $(OUT)/reruns-shuffled/results.sqlite --out $(OUT)/reruns
+	cp $(OUT)/reruns/reruns.md $(OUT)/reruns/places.md docs/leaderboards/
 
 # The tables of what the live system's manager takes, by team size and by trust model; on a quiet machine, 20 minutes.
 live-load: setup

@@ -16,7 +16,7 @@ extensions = [
     "roletrust_experiments.site.extension",
 ]
 # Tables that a page includes, the report, and the paper for JOSS.
-exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md", "paper.md"]
+exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md", "leaderboards/places.md", "paper.md"]
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it

@@ -137,6 +137,17 @@ def test_the_sentence_on_searches_is_that_of_the_report() -> None:
     assert f"against {float(FIVE['own-experience']['worst']):.3f} here" in CURRENT
 
 
+def test_no_score_depends_on_places_by_more_than_its_interval() -> None:
+    table = (BOARDS / "places.md").read_text(encoding="utf-8").partition("\n\n")[0].splitlines()[2:]
+    still = sum(line.count(" 0.00000 ±") == 2 for line in table)
+    page = (BOARDS.parent / "how" / "headline.md").read_text(encoding="utf-8")
+    assert f"and {still} of {len(table)} models do not move at all" in " ".join(page.split())
+    for line in table:
+        cells = [tuple(map(float, cell.split(" ± "))) for cell in line.strip("| ").split(" | ")[1:]]
+        for (_, noise), (change, half) in (cells[:2], cells[2:]):
+            assert abs(change) <= half < noise, line
+
+
 def test_reruns_keep_what_is_promised_within_five_points() -> None:
     lines = [line.strip("| ").split(" | ") for line in (BOARDS / "reruns.md").read_text(encoding="utf-8").splitlines()]
     kept = {cells[0]: float(cells[2]) - float(cells[1]) for cells in lines if len(cells) == 4 and cells[1][0].isdigit()}

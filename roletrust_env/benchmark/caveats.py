@@ -67,7 +67,7 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
         if at_random:
             yield f"{name}: its trust is random, so other runs give other numbers"
         if places_count:
-            shown = "are at random places" if suite.places == "random" else "are the last of their role"
+            shown = "are the last of their role" if suite.places == "last" else "are at random places"
             yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
         clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
         informative = [one for one in clean if providers_differ(one)]

@@ -103,16 +103,16 @@ def leaderboard_rows(
         [one for one in cases.values() if one.condition.track not in honest]
         for cases in (black_box, without, white_box)
     )
-    worst = _table(attacked, models)
+    worst = score_table(attacked, models)
     columns = {
-        "clean": _table(clean, models),
+        "clean": score_table(clean, models),
         "worst": worst,
-        "published": _table(attacked, models, lambda one: one.published),
-        "ensemble": _table(ensemble, models),
-        "open_worst": _table(open_attacked, models),
-        "damage": _table(attacked, models, lambda one: one.measured["damage"]),
-        "false_alarms": _table(clean, models, lambda one: one.measured["false_alarms"]),
-        "detection": _table(attacked, models, lambda one: one.measured["auc"]),
+        "published": score_table(attacked, models, lambda one: one.published),
+        "ensemble": score_table(ensemble, models),
+        "open_worst": score_table(open_attacked, models),
+        "damage": score_table(attacked, models, lambda one: one.measured["damage"]),
+        "false_alarms": score_table(clean, models, lambda one: one.measured["false_alarms"]),
+        "detection": score_table(attacked, models, lambda one: one.measured["auc"]),
     }
     estimates = {name: over_seeds(values, len(models)).estimates for name, values in columns.items()}
     rows = []
@@ -159,7 +159,7 @@ def _order(worst: float, clean: float) -> tuple[float, float]:
     return tuple(np.inf if np.isnan(x) else -round(x, DIGITS) for x in (worst, clean))  # type: ignore[return-value]
 
 
-def _table(
+def score_table(
     cases: Sequence[WorstCase], models: Sequence[str], value: Callable[[WorstCase], Floats] = lambda one: one.score
 ) -> Floats:
     """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN without a condition.

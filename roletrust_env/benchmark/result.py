@@ -14,6 +14,7 @@ from roletrust_env.benchmark.suite import Suite
 from roletrust_env.benchmark.worst_case import AttackScores, attack_scores
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import write_csv
+from roletrust_env.storage.markdown import markdown_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,12 +125,12 @@ class Leaderboard:
         for name in selected:
             if name not in COLUMNS:
                 raise ValueError(f"there is no column {name!r}; there are {', '.join(COLUMNS)}")
-        lines = [list(selected), [":---" if name in _LEFT else "---:" for name in selected]]
+        lines = []
         for row in self.rows:
             texts = row_texts(row, " ± ")
             texts["model"] = f"`{texts['model']}`"
-            lines.append([texts[name].replace("|", "&#124;") for name in selected])
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+            lines.append([texts[name] for name in selected])
+        return markdown_table(selected, lines, names=_LEFT)
 
     def __repr__(self) -> str:
         """Return the rows as a table of plain text."""

@@ -21,6 +21,7 @@ from roletrust_env.benchmark.suite_types import AnyCell, AnySuite, suite_type
 from roletrust_env.errors import explain
 from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.storage.provenance import software
+from roletrust_env.storage.untrusted import check_file
 
 FORMAT = 3
 """Version of the file format."""
@@ -83,7 +84,7 @@ class Store:
         self._file: sqlite3.Connection | None = None
         self._left: list[Path] = []  # journals that a reader may leave
         if suite is None:
-            _check_results(path)
+            check_file(path, "`roletrust benchmark` creates it", wanted="the results.sqlite in it")
         try:
             with _readable_errors(path):
                 if suite is not None:
@@ -256,17 +257,6 @@ class Store:
                 if file.in_transaction:
                     file.execute("ROLLBACK")
                 raise
-
-
-def _check_results(path: Path) -> None:
-    """Check that there is a file to read."""
-    try:
-        if path.is_dir():
-            raise ValueError(f"{path} is a folder; give the path of the results.sqlite in it")
-        if not path.is_file():
-            raise ValueError(f"there is no {path}; `roletrust benchmark` creates it")
-    except OSError as error:  # the name is too long
-        raise ValueError(f"results {str(path)[:100]}... cannot be looked up: {error.strerror}") from None
 
 
 def _write_lock(path: Path) -> FileLock:

@@ -64,7 +64,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _STANDARDS = "standard", "standard-2", "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
-_EXTENDABLE = ("quick", *_STANDARDS, "full")
+_EXTENDABLE = ("quick", *_STANDARDS, "reruns", "full")
 
 
 def _names() -> list[str]:

@@ -40,6 +40,9 @@ class Forecasts(NamedTuple):
 def forecasts(model: Any, log: RatingLog, every: float, *, same_agents: bool) -> Forecasts:
     """Return what a model publishes before each round of a log.
 
+    All agents of the log are present from the first round on, unlike in a `TrustStream`. A model that shares trust out
+    among all agents, such as EigenTrust, gives those without a rating other trust than if they joined later.
+
     Raises:
         TooSmallError: The log has a single round.
         MemoryError: The model does not fit, see `make_ledger`.

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_env.data.dates import has_zone, is_date, text_seconds
 from roletrust_env.data.scale import check_scale
 from roletrust_env.data.tables import Block, Columns, Texts, first_row, read_blocks
 from roletrust_env.trust.key_index import Ints
@@ -68,10 +69,11 @@ def read_ratings(
     raters: dict[str, int] = {}
     ratees = raters if same_agents else {}
     parts: list[tuple[Ints, Ints, Floats, Floats]] = []
-    read, first, dates = 0, first_row(path, columns), False
+    read, first, zoned = 0, first_row(path, columns), None
     for block in read_blocks(path, columns):
-        dates = dates if read else _has_dates(block.times)
-        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale, dates))
+        if not read and isinstance(block.times, list) and is_date(block.times[0]):
+            zoned = has_zone(block.times[0])
+        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale, zoned))
         read += len(block.raters)
         advance(read)
     if not read:
@@ -96,11 +98,11 @@ def _parsed(
     columns: Columns,
     indices: tuple[dict[str, int], dict[str, int]],
     scale: tuple[float, float],
-    dates: bool,
+    zoned: bool | None,
 ) -> tuple[Ints, Ints, Floats, Floats]:
     """Return the columns of some rows: places of raters and ratees, ratings on [0, 1], and times, 0 without.
 
-    Times are all dates, or all numbers.
+    Times are all dates, all with a time zone or all without (`zoned`), or all numbers (None).
     """
     people = []
     for names, index, column in zip((block.raters, block.ratees), indices, columns[:2], strict=True):
@@ -115,8 +117,10 @@ def _parsed(
         raise ValueError(f"{row} {first + at}: the rating {values[at]:g} is off the scale from {worst:g} to {best:g}")
     if block.times is None:
         times = np.zeros(len(values))
+    elif zoned is None:
+        times = _column(block.times, "the time", row, first)
     else:
-        times = (_seconds if dates else _column)(block.times, "the time", row, first)
+        times = text_seconds(block.times, "the time", row, first, zoned=zoned)  # type: ignore[arg-type]
     return people[0], people[1], (values - worst) / (best - worst), times
 
 
@@ -129,33 +133,6 @@ def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
     if (wrong := np.flatnonzero(~np.isfinite(values))).size:
         raise ValueError(f"{row} {first + wrong[0]}: {what} is {str(texts[wrong[0]])!r}; it must be a number")
     return values
-
-
-def _has_dates(times: Texts | None) -> bool:
-    """Return whether times are dates and times of ISO 8601 as texts, by the first one."""
-    return isinstance(times, list) and _is_date(times[0])
-
-
-def _is_date(text: str) -> bool:
-    """Return whether a text is a date; NumPy also takes years, `today`, `now`, and nothing for one."""
-    try:
-        return "-" in text[1:] and not np.isnat(np.datetime64(text, "s"))
-    except ValueError:
-        return False
-
-
-def _seconds(texts: Texts, what: str, row: str, first: int) -> Floats:
-    """Return dates and times of ISO 8601 as seconds since 1970."""
-    try:
-        dates = np.array(texts, "datetime64[us]")
-        if all("-" in text[1:] for text in texts):
-            return dates.astype(np.float64) / 1e6
-    except ValueError:
-        pass  # the row is looked for below
-    wrong = next(at for at, text in enumerate(texts) if not _is_date(text))
-    raise ValueError(
-        f"{row} {first + wrong}: {what} is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
-    )
 
 
 def _number(text: str) -> float:

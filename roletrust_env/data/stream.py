@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.data.dates import date_seconds
 from roletrust_env.data.names import NameIndex, Names
 from roletrust_env.data.rounds import round_numbers, spans
 from roletrust_env.data.scale import check_scale, unit_ratings
@@ -283,7 +284,7 @@ def _numbers(column: str, values: Any, length: int, *, dates: bool = False) -> F
     try:
         array = np.asarray(values)
         if dates and array.dtype.kind == "M":
-            array = (array - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+            array = date_seconds(array)
         if array.dtype.kind not in "biufO" or np.ma.is_masked(values):
             raise TypeError
         array = array.astype(np.float64, copy=False)

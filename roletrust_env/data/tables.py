@@ -10,6 +10,7 @@ from typing import IO, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from roletrust_env.data.dates import date_seconds
 from roletrust_env.errors import suggest
 from roletrust_env.trust.ledger import Floats
 
@@ -202,8 +203,7 @@ def _numbers(path: Path, name: str, column: Any) -> Texts:
     if _is_text(column):
         return ["" if one is None else one for one in column.to_pylist()]
     if kinds.is_timestamp(column.type) or kinds.is_date(column.type):
-        dates = column.to_numpy(zero_copy_only=False)
-        return np.asarray((dates - np.datetime64(0, "s")) / np.timedelta64(1, "s"), np.float64)
+        return date_seconds(column.to_numpy(zero_copy_only=False))
     try:
         return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
     except arrow.ArrowException:

@@ -105,8 +105,9 @@ class Grid:
         xp, cells = namespace(like), roster.n_raters * roster.n_providers
         if isinstance(scenario.access, Encounters) and cells > MOST_CELLS:
             raise ValueError(
-                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, few of which "
-                "meet; it is played by roletrust_env.SparseGame, in Python or by `roletrust scale`"
+                f"scenario {scenario.name!r} has {roster.n_raters:,} x {roster.n_providers:,} pairs, of which only "
+                "some meet in a round: too many for Game and for environments; roletrust_env.SparseGame plays it, in "
+                "Python or by `roletrust scale`"
             )
         self.width, self._rule, self._model = roster.n_providers, scenario.access, model
         self.not_self = xp.asarray(roster.not_self, device=like.device)

@@ -82,8 +82,8 @@ class History(NamedTuple):
     offered: Array
 
     def __repr__(self) -> str:
-        rounds, raters, providers, *batch = self.ratings.shape
-        agents = f"raters: {raters}, providers: {providers}, agents: {self.trust.shape[1]}"
+        rounds, raters, *batch = self.tor.shape
+        agents = f"raters: {raters}, providers: {self.top.shape[1]}, agents: {self.trust.shape[1]}"
         return f"History(rounds: {rounds}, {agents}, batch: {tuple(batch)})"
 
 

@@ -121,23 +121,24 @@ def fitted(actions: Actions, state: State) -> Actions:
     Raises:
         ValueError: The actions have other shapes than the state needs.
     """
+    cells = "(S, P, ...)" if state.met is None else "(S, K)"
     if actions.quality.shape != state.quality.shape or actions.ratings.shape != state.ratings.shape:
         raise ValueError(
             f"actions have shapes {tuple(actions.quality.shape)} and {tuple(actions.ratings.shape)}; needed are "
-            f"(P, ...) = {tuple(state.quality.shape)} and (S, P, ...) = {tuple(state.ratings.shape)}"
+            f"(P, ...) = {tuple(state.quality.shape)} and {cells} = {tuple(state.ratings.shape)}"
         )
     wanted, population = actions.presence, state.population
     if wanted is not None and (population is None or wanted.shape != population.phase.shape):
         raise ValueError(
             f"presence has the shape {tuple(wanted.shape)}; it must be (N, ...), or None where nobody comes or goes"
         )
-    for name, cells, nobody in (
+    for name, part, nobody in (
         ("withheld", actions.withheld, "withholds a rating"),
         ("treatment", actions.treatment, "treats raters differently"),
     ):
-        if cells is not None and cells.shape != state.ratings.shape:
+        if part is not None and part.shape != state.ratings.shape:
             raise ValueError(
-                f"{name} has the shape {tuple(cells.shape)}; it must be (S, P, ...) = "
+                f"{name} has the shape {tuple(part.shape)}; it must be {cells} = "
                 f"{tuple(state.ratings.shape)}, or None where nobody {nobody}"
             )
     parts = {"quality": actions.quality, "ratings": actions.ratings, "treatment": actions.treatment}

@@ -22,6 +22,26 @@ class UntrustedModel(BaseModel):
 Kind = TypeVar("Kind", bound=UntrustedModel)
 
 
+def check_file(path: Path, advice: str, *, wanted: str = "a file") -> None:
+    """Check that a path leads to a file.
+
+    Args:
+        path: Path to check.
+        advice: Where such a file comes from, for the error message.
+        wanted: File to give in place of a folder, for the error message.
+
+    Raises:
+        ValueError: There is none, it is a folder, or it cannot be looked up, such as a name that is too long.
+    """
+    try:
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder; give the path of {wanted}")
+        if not path.is_file():
+            raise ValueError(f"there is no file {str(path)!r}; {advice}")
+    except OSError as error:
+        raise ValueError(f"path {str(path)[:100]!r}... cannot be looked up: {error.strerror}") from None
+
+
 def read_limited(path: Path, limit: int) -> bytes:
     """Read a file of limited size. At most one byte above the limit is read.
 
@@ -84,11 +104,10 @@ def read_untrusted(kind: type[Kind], path: Path, limit: int, *, what: str, comma
         command: Command that creates such a file, for error messages.
 
     Raises:
-        ValueError: The file does not exist, or its content is not allowed.
+        ValueError: The file does not exist or is a folder, or its content is not allowed.
         OSError: The file cannot be read.
     """
-    if not path.is_file():
-        raise ValueError(f"there is no file {path}; `{command}` creates one")
+    check_file(path, f"`{command}` creates one")
     text = read_limited(path, limit)
     try:
         parse_json(text)

@@ -195,8 +195,13 @@ def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_pat
     (tmp_path / "suite.toml").write_text(text)
     assert load_suite(tmp_path / "suite.toml").known == found.attacks  # type: ignore[union-attr]
     (tmp_path / "mine.json").unlink()
-    with pytest.raises(ValueError, match=r"there is no file .*mine.json; `roletrust submit --attacks`"):
+    with pytest.raises(ValueError, match=r"there is no file '.*mine.json'; `roletrust submit --attacks`"):
         load_suite(tmp_path / "suite.toml")
+    (tmp_path / "mine.json").mkdir()
+    with pytest.raises(ValueError, match=r"mine.json is a folder; give the path of a file"):
+        load_suite(tmp_path / "suite.toml")
+    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
+        read_known_attacks(Path("x" * 300))
 
 
 def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttacks, tmp_path: Path) -> None:

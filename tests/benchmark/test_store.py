@@ -257,7 +257,7 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_a_name_that_is_too_long_is_refused():
-    with pytest.raises(ValueError, match=r"^results x{100}\.\.\. cannot be looked up: File name too long$"):
+    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
         Store(Path("x" * 300))
 
 

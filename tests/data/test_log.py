@@ -62,10 +62,20 @@ def test_parts_of_seconds_count(tmp_path: Path) -> None:
     assert log.times.tolist() == [1706702400.25, 1706702401.0]
 
 
+@pytest.mark.filterwarnings("error")
+def test_dates_with_time_zones_are_in_utc(tmp_path: Path) -> None:
+    lines = "a,x,1,2024-01-31T12:00:00Z\nb,x,1,2024-01-31 14:00:01+0200\nc,x,1,2024-01-31T09:00:02-03:00\n"
+    log = read_ratings(written(tmp_path, HEADER + lines), TIMED)
+    assert log.times is not None
+    assert log.times.tolist() == [1706702400.0, 1706702401.0, 1706702402.0]
+
+
 def test_times_are_of_one_kind_in_all_blocks(tmp_path: Path) -> None:
     for one, other, message in (
         ("2024-01-31", "1706659200", "row 50002: the time is '1706659200'; it must be a date"),
         ("1706659200", "2024-01-31", "row 50002: the time is '2024-01-31'; it must be a number"),
+        ("2024-01-31", "2024-01-31T00:00Z", "row 50002: the time '2024-01-31T00:00Z' has a time zone, and"),
+        ("2024-01-31T00:00-03", "2024-01-31T00:00", "'2024-01-31T00:00' has no time zone, and the rows above have one"),
     ):
         lines = [f"r{n},p,0.5,{one}\n" for n in range(50_000)] + [f"r,p,0.5,{other}\n"]
         with pytest.raises(ValueError, match=message):

@@ -20,9 +20,21 @@ from roletrust_baselines import (
     RankLies,
     Silent,
 )
-from roletrust_env import Actions, Game, JointPolicy, Noise, Policy, Random, Scenario, SparseGame, State, make_scenario
+from roletrust_env import (
+    Actions,
+    Game,
+    JointPolicy,
+    Noise,
+    Policy,
+    Random,
+    Scenario,
+    SparseGame,
+    State,
+    make_scenario,
+    parallel_env,
+)
 from roletrust_env.game.consumer import buy
-from roletrust_env.game.rollout import rollout
+from roletrust_env.game.rollout import record, rollout
 from roletrust_env.world.access import meet
 from roletrust_env.world.scenario import Encounters
 
@@ -296,8 +308,10 @@ def test_a_state_is_stepped_from_once_and_can_still_be_read() -> None:
     with pytest.raises(ValueError, match=r"round 1 of this sparse game has been played, .* on to round 3"):
         game.step(states[1], act, game.draw(random))
     assert game.step(states[-1], act, game.draw(random))[0].round == 4
-    with pytest.raises(ValueError, match=r"needed are .* = \(7, 3\)"):
+    with pytest.raises(ValueError, match=r"needed are \(P, \.\.\.\) = \(5,\) and \(S, K\) = \(7, 3\)"):
         game.step(states[-1], Actions(np.ones(5), np.ones((7, 5))), game.draw(random))
+    with pytest.raises(ValueError, match=r"withheld has the shape \(7, 5\); it must be \(S, K\) = \(7, 3\)"):
+        game.step(states[-1], act._replace(withheld=np.zeros((7, 5), bool)), game.draw(random))
     with pytest.raises(ValueError, match="serves all alike"):
         game.step(states[-1], act._replace(treatment=np.ones((7, 3))), game.draw(random))
 
@@ -324,5 +338,12 @@ def test_batches_and_observations_are_refused() -> None:
 
 
 def test_a_city_is_not_played_on_a_grid() -> None:
-    with pytest.raises(ValueError, match=r"'city' has 8,000 x 2,000 pairs, .*SparseGame"):
-        Game(make_scenario("city"))
+    for play in Game, parallel_env:
+        with pytest.raises(ValueError, match=r"'city' has 8,000 x 2,000 pairs, .* roletrust_env.SparseGame plays it"):
+            play(make_scenario("city"))
+
+
+def test_the_record_of_a_sparse_game_counts_all_providers() -> None:
+    game = SparseGame(Scenario.model_validate(MARKET))
+    found = record(JointPolicy(game, {}), game.random(0))
+    assert repr(found) == f"History(rounds: {len(found.tor)}, raters: 7, providers: 5, agents: 12, batch: ())"

@@ -19,7 +19,7 @@ from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
-from roletrust_env.storage.untrusted import check_scenario_size, parse_json, parse_untrusted, read_limited
+from roletrust_env.storage.untrusted import check_file, check_scenario_size, parse_json, parse_untrusted, read_limited
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
@@ -148,9 +148,8 @@ def _stem(path: Path) -> Path:
 
 
 def _read(path: Path, limit: int) -> bytes:
-    if not path.is_file():
-        raise ValueError(
-            f"there is no file {path}; a saved attacker is a .json and a .safetensors file with the same name, "
-            "which training writes at its end"
-        )
+    check_file(
+        path,
+        "a saved attacker is a .json and a .safetensors file with the same name, which training writes at its end",
+    )
     return read_limited(path, limit)

@@ -28,7 +28,7 @@ from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.weights import read_weights
 from roletrust_env.errors import explain
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.storage.untrusted import UntrustedModel, parse_json, parse_untrusted, read_limited
+from roletrust_env.storage.untrusted import UntrustedModel, check_file, parse_json, parse_untrusted, read_limited
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 MAX_JSON, MAX_SAFETENSORS = 100_000, 8 * SIZE + 10_000
@@ -113,20 +113,12 @@ def load_defence(path: str | Path) -> tuple[DefenceCard, Floats]:
         raise ValueError(f"path is {str(path)!r}, which names no file; {_MADE}")
     files = [path.with_name(path.name + suffix) for suffix in (".json", ".safetensors")]
     for file in files:
-        if not _is_file(file):
-            raise ValueError(f"there is no file {str(file)!r}; {_MADE}")
+        check_file(file, _MADE)
     text, data = (read_limited(file, limit) for file, limit in zip(files, (MAX_JSON, MAX_SAFETENSORS), strict=True))
     try:
         return _parsed(text, data)
     except ValueError as error:
         raise ValueError(f"saved defence {path}: {error}") from None
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError as error:  # the name is too long
-        raise ValueError(f"path {str(path)[:100]!r}... cannot be looked up: {error.strerror}") from None
 
 
 def _parsed(text: bytes, data: bytes) -> tuple[DefenceCard, Floats]:

@@ -60,9 +60,9 @@ def benchmark(
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help="Trust model to play instead of the suite's; repeat for more; `all` are the installed ones. NAME may "
-            "be your own class, package.module:Class, whose module is then imported; a program is exec:COMMAND, a "
-            "service its URL.",
+            help="Trust model to play instead of those of the suite; repeat for more; `all` means all installed ones. "
+            "NAME may be your own class, package.module:Class, whose module is then imported; a program is "
+            "exec:COMMAND, a service its URL.",
             autocompletion=completion.models,
             show_default=False,
         ),
@@ -71,8 +71,8 @@ def benchmark(
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help="Scripted attack to play instead of the suite's; repeat for more; `all` are the installed ones. NAME "
-            "may be your own class, package.module:Class, whose module is then imported.",
+            help="Scripted attack to play instead of those of the suite; repeat for more; `all` means all installed "
+            "ones. NAME may be your own class, package.module:Class, whose module is then imported.",
             autocompletion=completion.named_attacks,
             show_default=False,
         ),
@@ -81,7 +81,8 @@ def benchmark(
         list[Path] | None,
         typer.Option(
             metavar="FILE.json",
-            help="Known attacks to play besides the suite's, a file of `roletrust submit --attacks`; repeat for more.",
+            help="File of `roletrust submit --attacks`, whose attacks play besides those of the suite; repeat for "
+            "more.",
             show_default=False,
         ),
     ] = None,
@@ -89,8 +90,8 @@ def benchmark(
         list[str] | None,
         typer.Option(
             metavar=NAMED,
-            help="Learner to play instead of the suite's, in a suite for learners; repeat for more; `all` are the "
-            "suite's. NAME may be your own class, package.module:Class, whose module is then imported.",
+            help="Learner to play instead of those of the suite, in a suite for learners; repeat for more; `all` means "
+            "those of the suite. NAME may be your own class, package.module:Class, whose module is then imported.",
             autocompletion=completion.learners,
             show_default=False,
         ),
@@ -98,7 +99,7 @@ def benchmark(
     data: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder of logs for the suite real, see `roletrust real`.", show_default=False
+            metavar="DIR", help="Folder of logs, for the suite real; see `roletrust real`.", show_default=False
         ),
     ] = None,
     workers: Workers = None,
@@ -106,8 +107,8 @@ def benchmark(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Ray cluster to play on, such as 10.0.0.1:6379, or auto for one on this machine; the results are the "
-            "same.",
+            help="Address of the Ray cluster to play on, such as 10.0.0.1:6379, or auto for one on this machine; the "
+            "results are the same.",
             show_default=False,
         ),
     ] = None,
@@ -118,11 +119,13 @@ def benchmark(
 ) -> None:
     r"""Attack [bold]every trust model with every attack[/], and rank the models by the worst case.
 
-    A suite combines models, scenarios, tracks, shares of compromised agents, ways to attack and seeds. The ways to
-    attack are scripted attacks, searches over their parameters, coalitions that learn, and known attacks.
+    A suite combines trust models, scenarios, tracks (the roles of the compromised agents), shares of compromised
+    agents, ways to attack and seeds; each combination is a cell. The ways to attack are scripted attacks, searches over
+    their parameters, coalitions that learn, and known attacks.
     [bold]Utility[/] is the quality that consumers get from the most trusted provider, as a share of the best quality.
-    [bold]Skill[/] is 1 for the best choice and 0 for a blind one. The [bold]worst case[/] of a condition is chosen in
-    some games and measured in others. Models are ranked by the mean worst case over all conditions.
+    [bold]Skill[/] is 1 for the best choice and 0 for a blind one. A condition is a scenario with a track and a share;
+    its [bold]worst case[/] is the attack with the lowest score, chosen in some games and measured in others. Models are
+    ranked by the mean worst case over all conditions.
 
     A suite for [bold]learners[/] combines tasks, learners, budgets of rounds and seeds. The share of a learner on a
     task is 0 for honest play. It is 1 for the optimum, for a proven bound, or for the best attack found where neither
@@ -132,9 +135,9 @@ def benchmark(
     The suite [bold]real[/] plays no games: it is `roletrust real DIR`, with its models and its defaults, on the logs of
     --data. Written: [green]real.csv real.md[/].
 
-    Each result is saved in [green]results.sqlite[/] when it is complete, so that an interrupted command continues when
-    it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust report` makes a page of
-    them. If a cell fails, the others count, and the exit code is 1.
+    The result of each cell is saved in [green]results.sqlite[/] as soon as it is complete, so that an interrupted
+    command continues when it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust
+    report` makes a page of the results. If a cell fails, the others count, and the exit code is 1.
 
     [bold]Examples[/]
 

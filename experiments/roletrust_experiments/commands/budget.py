@@ -10,6 +10,7 @@ from rich.markup import escape
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import describe, software
 from roletrust_experiments.attackers.budget import (
     BUDGETS,
@@ -42,7 +43,7 @@ from roletrust_experiments.commands.options import (
     Seed,
     Workers,
 )
-from roletrust_experiments.commands.played import markdown_table, play_and_keep
+from roletrust_experiments.commands.played import play_and_keep
 from roletrust_experiments.plots.figure_files import write_figure
 
 _HEADER = ("model", "way", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")

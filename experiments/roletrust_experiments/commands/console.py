@@ -3,8 +3,9 @@
 import json
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from inspect import signature
 from typing import Any
 
 import typer
@@ -19,7 +20,7 @@ from rich.text import Text
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_experiments.paper.claims import Claim
 
-ALLOW_CODE = "Allow the file to name classes that are not installed, as package.module:Class. This runs their code."
+ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
 
 _NAME = 20
@@ -139,6 +140,19 @@ def option(name: str, values: Sequence[object] | object | None, default: object 
     return [] if values in (None, default) else [word for value in several for word in (name, str(value))]
 
 
+def changed_options(command: Callable[..., Any], **values: Any) -> list[str]:
+    """Return options of a command as words, without those that have their defaults.
+
+    Args:
+        command: Function of a Typer command, whose parameters have the names and the defaults of its options.
+        **values: Values of its parameters.
+    """
+    words, parameters = [], signature(command).parameters
+    for name, value in values.items():
+        words += option(f"--{name.replace('_', '-')}", value, parameters[name].default)
+    return words
+
+
 def number_table(title: str, caption: str, *headings: str, name: str = "") -> FittedTable:
     """Return a table of numbers, with a name at the start of each row, under the heading `name`."""
     table = FittedTable(title, caption)
@@ -146,6 +160,16 @@ def number_table(title: str, caption: str, *headings: str, name: str = "") -> Fi
     for heading in headings:
         table.column(heading, "right")
     return table
+
+
+def short(text: str) -> str:
+    """Return numbers without the zero before their point, for tables of 80 columns.
+
+    Example:
+        >>> short("0.25 (-0.5, 10.5)")
+        '.25 (-.5, 10.5)'
+    """
+    return re.sub(r"(?<!\d)0\.", ".", text)
 
 
 def claims_table(title: str, found: Sequence[Claim]) -> FittedTable:

@@ -14,6 +14,7 @@ from rich.markup import escape
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.edge_state import edge_model
@@ -193,8 +194,7 @@ def _page(tables: Mapping[str, list[list[str]]], caption: str, reasons: Sequence
     """Return the tables as a page of Markdown."""
     parts = ["# What the trust models cost", caption]
     for library, (headings, *rows) in tables.items():
-        lines = [headings, ["---"] * 2 + ["---:"] * (len(headings) - 2), *rows]
-        parts += [f"## Nanoseconds per rating, {library}", "\n".join(f"| {' | '.join(line)} |" for line in lines)]
+        parts += [f"## Nanoseconds per rating, {library}", markdown_table(headings, rows, names=2)]
     if reasons:
         parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
     parts.append(f"Written by `roletrust costs` on {machine(threads)}; `make costs` measures again.")

@@ -8,8 +8,8 @@ from rich.markup import escape
 
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.storage.files import replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.timing.contestants import Spread, Timing
 from roletrust_experiments.timing.edge_costs import EdgeCell, EdgeCosts
 from roletrust_experiments.timing.edges import EACH, PLAIN, bytes_per_s

@@ -15,7 +15,7 @@ from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import Run, read_runs, write_runs
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, interruptible, option, print_next, progress_bar
+from roletrust_experiments.commands.console import changed_options, console, interruptible, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed
 
@@ -31,10 +31,9 @@ _SAVED = "roletrust_agents.learned.saved_defence:SavedTrust"
 
 
 def defend(
-    learner: Annotated[
+    defence: Annotated[
         list[str] | None,
         typer.Option(
-            "--defence",
             metavar="NAME",
             help="Defence to train: the numbers of a trust model, by its name, or `network`; repeat for more. "
             f"By default {', '.join(_LEARNERS)}. {OWN}",
@@ -135,7 +134,7 @@ def defend(
     from roletrust_experiments.defence.response import least_budget
     from roletrust_experiments.defence.stored import check_of
 
-    learners = tuple(dict.fromkeys(learner or _LEARNERS))
+    learners = tuple(dict.fromkeys(defence or _LEARNERS))
     fixed, further = tuple(dict.fromkeys(model or _MODELS)), tuple(dict.fromkeys(beside or ()))
     met, others = (
         {(one := Front.of(suite, n)).name: one for n in names} for names in (front or _FRONTS, world or _WORLDS)
@@ -169,25 +168,23 @@ def defend(
     _watch("Comparison", comparison.stages, comparison.play())
     saved = [*_save_specs(out, game, comparison.learned), *_save_network(out, game, comparison.learned)]
     found, rows = progress_of(game), comparison.rows()
-    command = shlex.join(
-        [
-            "roletrust",
-            "defend",
-            *option("--defence", learner),
-            *option("--model", model),
-            *option("--beside", beside),
-            *option("--suite", suite, "standard-4"),
-            *option("--front", front),
-            *option("--world", world),
-            *option("--iterations", iterations, 4),
-            *option("--budget", budget, 60_000),
-            *option("--steps", steps, 20),
-            *option("--games", games, 24),
-            *option("--fresh", fresh, 24),
-            *option("--explored", explored, 0.25),
-            *option("--seed", seed, 0),
-        ]
+    chosen = changed_options(
+        defend,
+        defence=defence,
+        model=model,
+        beside=beside,
+        suite=suite,
+        front=front,
+        world=world,
+        iterations=iterations,
+        budget=budget,
+        steps=steps,
+        games=games,
+        fresh=fresh,
+        explored=explored,
+        seed=seed,
     )
+    command = shlex.join(["roletrust", "defend", *chosen])
     write_report(out, game, found, rows, warnings, command)
     print_report(found, rows)
     files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "defence.json", *saved]

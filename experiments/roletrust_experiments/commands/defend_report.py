@@ -7,8 +7,8 @@ from rich.markup import escape
 
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.defence.comparison import Row
 from roletrust_experiments.defence.double_oracle import Game
 from roletrust_experiments.defence.fronts import Front

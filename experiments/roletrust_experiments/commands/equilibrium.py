@@ -8,6 +8,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import console, number_table, print_next
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
@@ -49,14 +50,10 @@ def equilibrium(
     from roletrust_env.benchmark.cells import model_names
     from roletrust_env.benchmark.equilibrium import equilibrium as solved
     from roletrust_env.benchmark.equilibrium import payoffs
-    from roletrust_env.benchmark.store import Store
-    from roletrust_env.benchmark.suite import Suite
     from roletrust_env.benchmark.worst_case import attack_scores
+    from roletrust_experiments.commands.leaderboard import read_run
 
-    with Store(results) as store:
-        suite, stored = store.suite, store.all()
-    if not isinstance(suite, Suite):
-        raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")
+    suite, stored = read_run(results)
     names = list(dict.fromkeys(model or model_names(suite)))
     if unknown := [name for name in names if name not in model_names(suite)]:
         raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(model_names(suite))}")
@@ -93,17 +90,20 @@ def equilibrium(
     console.print(table)
     for what, value in facts:
         console.print(f"{what}: {_text(value)}", soft_wrap=True)
-    lines = [f"| model | {' | '.join(_COLUMNS)} | alpha-rank |", "| :--- | ---: | ---: | ---: | ---: |"]
-    lines += [f"| `{name}` | {' | '.join(map(_text, parts))} | {shares[name]:.3f} |" for name, *parts in rows]
-    lines += ["", "| defender | " + suite.score + " |", "| :--- | ---: |", *(f"| {w} | {_text(v)} |" for w, v in facts)]
-    lines += ["", "| condition | the attacker's mixture |", "| :--- | :--- |"]
-    for where, of in found.attacks.items():
-        some = [f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN]
-        lines.append(f"| {where.description} | {', '.join(some)} |")
+    weights = [[f"`{name}`", *map(_text, parts), f"{shares[name]:.3f}"] for name, *parts in rows]
+    mixtures = [
+        [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
+        for where, of in found.attacks.items()
+    ]
     chosen = [part for name in model or [] for part in ("--model", name)]
     command = shlex.join(["roletrust", "equilibrium", str(results), *chosen, "--resamples", str(resamples)])
-    lines += ["", f"{note}. Made by `{command} --seed {seed}`."]
-    write_text(out / "equilibrium.md", "\n".join(lines) + "\n")
+    texts = [
+        markdown_table(["model", *_COLUMNS, "alpha-rank"], weights, names=1),
+        markdown_table(["defender", suite.score], [[what, _text(value)] for what, value in facts], names=1),
+        markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
+        f"{note}. Made by `{command} --seed {seed}`.",
+    ]
+    write_text(out / "equilibrium.md", "\n\n".join(texts) + "\n")
     console.print(
         escape(f"Written to {out}: equilibrium.md, equilibrium.csv, equilibrium.png, attacks.csv"), soft_wrap=True
     )

@@ -1,12 +1,29 @@
-"""The leaderboard of trust models as the commands show it: on the screen and in Markdown."""
+"""Results of a benchmark of trust models as the commands read them, and the leaderboard as they show it."""
+
+from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
 from roletrust_env.benchmark.result import Leaderboard, row_texts
-from roletrust_experiments.commands.console import number_table
+from roletrust_env.benchmark.store import Store, StoredCell
+from roletrust_env.benchmark.suite import Suite
+from roletrust_experiments.commands.console import number_table, short
 
 _SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")
+
+
+def read_run(results: Path) -> tuple[Suite, list[StoredCell]]:
+    """Return the suite and the cells of a results file.
+
+    Raises:
+        ValueError: The file cannot be read, or is of a suite for learners.
+    """
+    with Store(results) as store:
+        suite, stored = store.suite, store.all()
+    if not isinstance(suite, Suite):
+        raise ValueError(f"{results} is of a suite for {suite.kind}; give one for trust models")
+    return suite, stored
 
 
 def leaderboard_table(leaderboard: Leaderboard) -> Table:
@@ -15,7 +32,7 @@ def leaderboard_table(leaderboard: Leaderboard) -> Table:
     table = number_table(title, leaderboard.caption, *_SHOWN, name="tier, rank, model")
     for row in leaderboard.rows:
         texts = row_texts(row, "±")
-        numbers = (texts[name].replace("0.", ".") for name in _SHOWN)
+        numbers = (short(texts[name]) for name in _SHOWN)
         table.add_row(f"{texts['tier']} {row.rank:2} {escape(row.model)}", *numbers)
     return table
 

@@ -16,8 +16,8 @@ from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.plots.figure_files import write_figure
 
 _INTERVALS = "interquartile mean of the runs, with its 95% interval by stratified bootstrap"

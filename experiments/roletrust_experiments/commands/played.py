@@ -1,6 +1,6 @@
 """Runs of a command: played with a progress bar, each kept in a file when it is finished."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,15 +56,3 @@ def play_and_keep(
     for line in failed:
         console.print(f"[red]{escape(line)}[/]", soft_wrap=True)
     return failed
-
-
-def markdown_table(headings: Sequence[str], rows: list[list[str]], names: int) -> str:
-    """Return a table in Markdown.
-
-    Args:
-        headings: Headings.
-        rows: Cells of each row.
-        names: Number of leading columns with text; the others have numbers and are aligned to the right.
-    """
-    lines = [list(headings), ["---"] * names + ["---:"] * (len(headings) - names), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

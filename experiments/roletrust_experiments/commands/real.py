@@ -24,9 +24,9 @@ from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, trust_models
 from roletrust_env.trust.neighbours import NEIGHBOURS
 from roletrust_env.world.scenario import Scenario
-from roletrust_experiments.commands.console import console, number_table, progress_bar
+from roletrust_experiments.commands.console import console, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
+from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables, screen_tables
 
 
 def real(
@@ -106,10 +106,7 @@ def real(
         raise ValueError(f"nothing could be measured; {'; '.join(left_out)}")
     write_csv(out / "real.csv", HEADER, rows)
     tables = measure_tables(rows)
-    for title, headings, lines in tables:
-        table = number_table(title, "", *headings[1:], name="model")
-        for line in lines:
-            table.add_row(*map(escape, line))
+    for table in screen_tables(tables):
         console.print(table)
     for reason in left_out:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)

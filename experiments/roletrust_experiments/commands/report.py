@@ -27,24 +27,24 @@ def report(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address of the folder with the pages of the trust models on the site, to link them.",
+            help="Address of the folder with the pages of the trust models, to which the report then links.",
             show_default=False,
         ),
     ] = "",
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
     out: Out = Path("results/report"),
 ) -> None:
-    """Show [bold]the results of a benchmark[/] on one page, which opens in any browser without a network.
+    """Write [bold]the results of a benchmark[/] as one page that opens in any browser, without a network.
 
-    The page has the leaderboard, to sort and to filter; the utility of each model under each attack, also round by
-    round; the share of liars that breaks a model; damage against detectability; the learners and their progress; and
-    the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
+    The page has the leaderboard, which can be sorted and filtered; the utility of each model under each attack, also
+    round by round; the share of liars that breaks a model; damage against detectability; the learners and their
+    progress; and the limits of these numbers. A run may be incomplete: the page shows the cells that have been played.
 
-    Written: [green]report.html[/]; for each figure a [green].csv[/] with its numbers and a [green].png[/], of which
-    [green]worst_cases.csv[/] has a row for each model and condition; [green]leaderboard.md[/], the leaderboard in
-    Markdown; [green]games.csv.gz[/], the utility of every game; [green]conditions.csv[/], how well each condition tells
-    models apart; and for papers, in the folder [green]paper[/], each figure as [green].pdf[/] and [green].svg[/] at the
-    width of a column, and [green]leaderboard.tex[/], the leaderboard in LaTeX.
+    Written: [green]report.html[/], the page; a [green].csv[/] with the numbers of each figure and a [green].png[/] of
+    it; [green]leaderboard.md[/], the leaderboard in Markdown; [green]games.csv.gz[/], the utility of every game; and
+    [green]conditions.csv[/], how well each condition tells models apart. Of the tables, [green]worst_cases.csv[/] has
+    a row for each model and condition. The folder [green]paper[/] is for papers: each figure as [green].pdf[/] and
+    [green].svg[/] at the width of a column, and [green]leaderboard.tex[/], the leaderboard in LaTeX.
 
     [bold]Examples[/]
 

@@ -8,18 +8,19 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar
+from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar, short
 from roletrust_experiments.commands.costs import machine
 from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
-from roletrust_experiments.commands.played import markdown_table
 from roletrust_experiments.playing.cities import ATTACKS, LEAST, MET, Harm, city, city_sizes, measure_harm
 from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds
 from roletrust_experiments.timing.contestants import Spread
@@ -109,14 +110,8 @@ def scale(
         "the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that ever met."
     )
     harm_lines, cost_lines = _harm_lines(harms), _cost_lines(costs)
-    for title, caption, (headings, *lines) in (
-        (_HARM, harm_caption, harm_lines),
-        (_COSTS, cost_caption, cost_lines),
-    ):
-        table = number_table(title, caption, *headings[1:])
-        for name, *numbers in lines:
-            table.add_row(escape(name), *numbers)
-        console.print(table)
+    console.print(_screen(_HARM, harm_caption, harm_lines, ("model", "attack", "share")))
+    console.print(_screen(_COSTS, cost_caption, cost_lines, ("model", "agents"), ("services", "least - greatest")))
     if out is not None:
         _write(out, harms, costs)
         with replacing(out / "scale.md") as path:
@@ -145,6 +140,19 @@ def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
         f"on average, from {min(changes):+.3f} to {max(changes):+.3f}; in {clear} of {len(pairs)} conditions the "
         "change is more than its 95% interval, and one in twenty is so by chance."
     )
+
+
+def _screen(
+    title: str, caption: str, lines: list[list[str]], names: Sequence[str], hidden: Sequence[str] = ()
+) -> Table:
+    """Return a table for a terminal of 80 columns: names in one column, and without what stands in the files only."""
+    headings, *rows = lines
+    shown = [at for at, heading in enumerate(headings) if heading not in (*names, *hidden)]
+    table = number_table(title, caption, *(headings[at].replace(" ", "\n") for at in shown), name=", ".join(names))
+    for row in rows:
+        name = ", ".join(cell for cell in row[: len(names)] if cell)
+        table.add_row(escape(name), *(short(row[at]).replace(" ± ", "±") for at in shown))
+    return table
 
 
 def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:

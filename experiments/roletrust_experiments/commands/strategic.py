@@ -9,13 +9,14 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import read_runs
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, number_table, option, print_next
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, Again, Out, Seed, Workers
-from roletrust_experiments.commands.played import markdown_table, play_and_keep
+from roletrust_experiments.commands.played import play_and_keep
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:

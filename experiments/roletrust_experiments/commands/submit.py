@@ -55,7 +55,7 @@ def submit(
     attacks: Annotated[
         bool,
         typer.Option(
-            "--attacks", help="Write the worst attacks of the run instead, which `roletrust benchmark --known` plays."
+            "--attacks", help="Write the worst attacks of the run instead, for `roletrust benchmark --known`."
         ),
     ] = False,
     finder: Annotated[
@@ -70,9 +70,9 @@ def submit(
     of each trust model and attack, and the means of each attack in each cell, which `roletrust verify` measures again.
     The run must be complete, without failed cells: otherwise a model could avoid an attack by failing under it.
 
-    With --attacks the file holds the worst attack on each trust model in each condition instead: the attackers
-    themselves, which anybody can play without a search, and without code of yours. They may be networks of coalitions,
-    and scripted attacks with your parameters.
+    With --attacks, the file holds attacks instead: the worst one on each trust model in each condition. Each is a
+    scripted attack with its parameters, or the network of a coalition, so that anybody can play it without a search and
+    without your code.
 
     [bold]Examples[/]
 
@@ -122,7 +122,11 @@ def verify(
     file: Annotated[Path, typer.Argument(help="Submission that `roletrust submit` has written.")],
     number: Annotated[
         int,
-        typer.Option("--cells", min=0, help="Number of cells to play again; with all of them, intervals are checked."),
+        typer.Option(
+            "--cells",
+            min=0,
+            help="Number of cells to play again; the intervals of the scores are checked only if all are played.",
+        ),
     ] = 10,
     seed: Annotated[
         int | None,
@@ -134,22 +138,24 @@ def verify(
     ] = None,
     fresh: Annotated[
         bool,
-        typer.Option(help="Play the cells with a new seed, too: a model may know the games of a public one."),
+        typer.Option(help="Play the cells with a new seed, too, since a model may know the games of a public seed."),
     ] = True,
     own_suite: Annotated[
-        bool, typer.Option("--own-suite", help="Accept a suite that is none of this package.")
+        bool, typer.Option("--own-suite", help="Accept a suite that is not one of this package.")
     ] = False,
     workers: Workers = None,
     allow_code: Annotated[bool, typer.Option("--allow-code", help=ALLOW_CODE)] = False,
 ) -> None:
     """Check [bold]a submission[/]: its hashes, the consistency of its numbers, and a sample of its cells.
 
-    With the same software and processor, a cell must give the same numbers to the last bit. Otherwise the attackers of
-    the submission play, every mean must lie within its interval, and utilities must not be too high on the whole. The
-    cells are then searched and played with a new seed, and claims must not be much higher than what comes out there.
-    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game.
-    The suite has to be one of this package, recognised by its hash. The exit code is 1 if a check fails, and 2 if the
-    file cannot be read. The file may only name what is installed, unless --allow-code is given.
+    The cells of the sample are played again. On the same software and processor, each must give the same numbers to the
+    last bit. Elsewhere, the attackers in the file play instead of new searches; then each mean must lie within its
+    interval, and utilities must not be too high on the whole. The same cells are also searched and played with a new
+    seed, and the claims must not be much higher than these results.
+
+    Trust models of other packages run in processes of their own, which get ratings and nothing else of a game. The
+    suite has to be one of this package, recognised by its hash. The file may only name what is installed, unless
+    --allow-code is given. The exit code is 1 if a check fails, and 2 if the file cannot be read.
 
     [bold]Examples[/]
 

@@ -8,6 +8,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import software
 from roletrust_env.trust import trust_models
 from roletrust_experiments.attackers.condition import Condition
@@ -29,7 +30,7 @@ from roletrust_experiments.commands.options import (
     Seed,
     Workers,
 )
-from roletrust_experiments.commands.played import markdown_table, play_and_keep
+from roletrust_experiments.commands.played import play_and_keep
 from roletrust_experiments.plots.figure_files import write_figure
 
 if TYPE_CHECKING:

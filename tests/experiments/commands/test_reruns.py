@@ -10,6 +10,10 @@ from typer.testing import CliRunner
 from roletrust_env.benchmark import benchmark
 from roletrust_experiments.cli import app
 
+SUITE = small(
+    scenarios={"market": MARKET}, models=["mean", "median"], attacks=["bad-mouthing", "on-off"], seeds=[4, 5, 6, 7]
+)
+
 
 def reruns(*arguments):
     result = CliRunner().invoke(app, ["reruns", *map(str, arguments)])
@@ -19,8 +23,7 @@ def reruns(*arguments):
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("seeds")
-    suite = small(scenarios={"market": MARKET}, models=["mean", "median"], seeds=[4, 5, 6, 7])
-    benchmark(suite=suite, out=out, workers=0)
+    benchmark(suite=SUITE, out=out, workers=0, progress=False)
     return out / "results.sqlite"
 
 
@@ -39,3 +42,19 @@ def test_what_cannot_be_cut_into_runs_is_refused(results, tmp_path):
     assert refused == (2, "Error: the suite has 4 seeds, too few for two runs of 3")
     code, printed = reruns(tmp_path / "none.sqlite")
     assert (code, "none.sqlite" in printed) == (2, True)
+
+
+def test_the_effect_of_places_is_shown_and_written(results, tmp_path):
+    shuffled = SUITE.model_copy(update={"seeds": (4, 5), "places": "shuffled"})
+    benchmark(suite=shuffled, out=tmp_path, workers=0, progress=False)
+    path = tmp_path / "results.sqlite"
+    code, printed = reruns(results, "--shuffled", path, "--out", tmp_path)
+    assert code == 0
+    assert "suites custom and custom, 2 seeds" in printed
+    assert "too narrow" not in printed  # at 80 columns
+    written = (tmp_path / "places.md").read_text()
+    assert written.startswith(
+        "| model | clean | change | worst | change |\n| --- | ---: | ---: | ---: | ---: |\n| mean |"
+    )
+    assert f"Made by `roletrust reruns {results} --shuffled {path}`." in written
+    assert not (tmp_path / "reruns.md").exists()

@@ -17,7 +17,7 @@ from roletrust_experiments.timing.cities import PLAIN, RoundCost, measure_rounds
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, ["scale", *arguments], env={"COLUMNS": "400"})
+    return CliRunner().invoke(app, ["scale", *arguments], env={"COLUMNS": "80"})
 
 
 def test_the_page_and_the_tables(tmp_path):
@@ -38,6 +38,8 @@ def test_the_page_and_the_tables(tmp_path):
     assert f"| mean | on-off | 40% | {float(harms[4]['harm']):.3f} ± " in page
     assert "25 agents" in page
     assert "make scale" in page
+    assert "too narrow" not in result.output
+    assert "memory" in result.output
 
 
 @pytest.mark.parametrize(

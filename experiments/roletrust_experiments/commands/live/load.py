@@ -13,6 +13,7 @@ import typer
 from rich.progress import Progress, TaskID
 
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import trust_models
 from roletrust_experiments.commands.console import console, errors, number_table, progress_bar
 from roletrust_experiments.commands.live.options import require_live
@@ -151,8 +152,7 @@ def _lines(loads: Sequence["Load"]) -> list[list[str]]:
 
 def _page(headings: Sequence[str], lines: Sequence[Sequence[str]], caption: str, *, by_model: bool) -> str:
     """Return the table as a Markdown page."""
-    rows = [["trust model", *headings], ["---", *["---:"] * len(headings)], *lines]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    table = markdown_table(["trust model", *headings], lines, names=1)
     title = f"# The load of a manager{', by trust model' if by_model else ''}"
     machine = f"{os.cpu_count()} cores of {platform.machine()}, Python {platform.python_version()}"
     written = f"Written by `roletrust live load` on {machine}; `make live-load` repeats the measurement."
