@@ -223,11 +223,14 @@ attackers: setup
 	cp $(OUT)/outside/transfer.md docs/attackers/outside.md
 	for name in crowd-raters crowd-coalition market-raters ppo; do cp $(OUT)/$$name/budget.md docs/attackers/$$name.md; done
 
-# Which learner finds coalitions with how many rounds; some minutes on two cores.
+# Which learner finds coalitions with how many rounds, and how near learners come to a known optimum; some minutes on two
+# cores.
 learners: setup
 	$(BIN)/roletrust benchmark --suite learners-coalitions --out $(OUT)/learners
 	mkdir -p docs/attackers
 	for kind in png md csv; do cp $(OUT)/learners/learners.$$kind docs/attackers/; done
+	$(BIN)/roletrust benchmark --suite learners-optimum --out $(OUT)/optimum
+	for kind in md csv; do cp $(OUT)/optimum/learners.$$kind docs/attackers/optimum.$$kind; done
 
 # Three colluders: five trainings, and with them five ladders, about half an hour on two cores.
 ladder: setup

@@ -14,6 +14,7 @@ from roletrust_env.benchmark.suite_files import load_suite
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "attackers.md").read_text(encoding="utf-8")
+TASKS = "provider", "rater"
 
 
 def before() -> set[str]:
@@ -82,3 +83,27 @@ def test_the_gain_of_the_last_doubling_is_that_of_the_table(way: str, model: str
     exception = f"{gains.pop(model):.3f}".lstrip("0")
     most = f"{max(gains.values()):.3f}".lstrip("0")
     assert f"at most {most} by `{way}`, except against `{model}` ({exception})" in " ".join(PAGE.split())
+
+
+def test_the_shares_of_the_optimum_are_those_of_the_runs() -> None:
+    shares: dict[tuple[str, str], tuple[float, ...]] = {}
+    with (DOCS / "attackers" / "optimum.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            assert (row["budget"], row["runs"]) in {("100000", "5"), ("100000", "10")}  # a task, or both
+            interval = tuple(float(row[name]) for name in ("share", "share_low_95", "share_high_95"))
+            shares[row["learner"], row["task"]] = interval
+    table = (DOCS / "attackers" / "optimum.md").read_text(encoding="utf-8")
+    learners = {learner for learner, _ in shares}
+    assert table.count("| 100,000 |") == len(learners) == 4
+    for learner in learners:
+        cells = " | ".join("{:.2f} [{:.2f}, {:.2f}]".format(*shares[learner, task]) for task in ("all tasks", *TASKS))
+        assert f"| 100,000 | `{learner}` | {cells} |" in table
+    provider, rater = ("{:.3f} [{:.3f}, {:.3f}]".format(*shares["PPO", task]) for task in TASKS)
+    told = f"keeps {provider} of the optimum of a provider and {rater} of the bound"
+    assert told in " ".join(PAGE.split())
+    assert min(shares["PPO", task][0] for task in TASKS) >= 0.97
+    for task in TASKS:  # evolution a little behind, scripts further
+        assert shares["PPO", task][0] > max(
+            found[0] for (name, of), found in shares.items() if of == task and "ev" in name
+        )
+        assert shares["CMA-ES", task][0] == min(found[0] for (_, of), found in shares.items() if of == task)

@@ -1,12 +1,14 @@
 """Games of an attack task, played to the end, and the reward of the attacker in them."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, OpenLoop
+from roletrust_env.evaluation.attackers import AttackedPlayers, Attacker, OpenLoop, Scripted
+from roletrust_env.evaluation.resources import check_memory, pairs, some, try_out
 from roletrust_env.game.attack_task import AttackTask, Outcome
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.rollout import Round, rollout
@@ -17,6 +19,10 @@ TaskArguments = Mapping[str, Any]
 
 SEARCHED, HELD_OUT = 0, 1
 """The two kinds of random numbers: those of the games in a search, and those of the games that measure the result."""
+
+
+_ANYWHERE = 2_000_000
+"""Pairs of agents in all games of a batch that fits into any memory."""
 
 
 class AttackedRound(NamedTuple):
@@ -87,6 +93,29 @@ def judged(task: AttackTask, rounds: Iterator[Round]) -> Iterator[AttackedRound]
         yield AttackedRound(played, outcome)
 
 
+def task_memory(task: AttackTask, attacker: Attacker) -> float:
+    """Return the memory of each game that measures an attacker, in bytes."""
+
+    def played(games: int) -> Iterator[AttackedRound]:
+        return judged_rollout(task, attacker, (1, games), *random_sources(task, 0, HELD_OUT))
+
+    return try_out(played, some(task.game)).memory
+
+
+def check_batch(task: AttackTask, games: int) -> None:
+    """Refuse a batch of games that does not fit into the memory. What fits anywhere is not tried out.
+
+    Args:
+        task: Task that is played, on NumPy.
+        games: Number of games that are played at once.
+
+    Raises:
+        ValueError: The games do not fit. The message says what they would take, and about how many fit.
+    """
+    if games * pairs(task.game) > _ANYWHERE:
+        check_memory("games at once:", games, task_memory(task, Scripted({})))
+
+
 def mean_rewards(
     task: AttackTask, attacker: Attacker, seed: int | tuple[int, ...], batch: tuple[int, int], kind: int
 ) -> list[Array]:
@@ -98,7 +127,11 @@ def mean_rewards(
         seed: Random seed.
         batch: Shape (K, G), see `attacked_rollout`.
         kind: `SEARCHED` or `HELD_OUT`.
+
+    Raises:
+        ValueError: The games do not fit into the memory, see `check_batch`.
     """
+    check_batch(task, math.prod(batch))
     total: list[Array] = [0.0, 0.0, 0.0]
     for _, outcome in judged_rollout(task, attacker, batch, *random_sources(task, seed, kind)):
         total = [whole + part for whole, part in zip(total, outcome[:3], strict=True)]

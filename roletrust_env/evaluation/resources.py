@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env import Game
+from roletrust_env.game.game import Game
 
 _SHARE = 0.8
 """Share of the free memory that a run may take; the rest is for what is not counted here."""
 
-_ROUNDS, _CELLS = 2, 200_000  # of a trial: rounds, and ratings of a round
+_ROUNDS, _CELLS = 2, 200_000  # of a trial: rounds, and pairs of agents
 
 
 class Cost(NamedTuple):
@@ -34,8 +34,12 @@ class Cost(NamedTuple):
 
 def some(game: Game) -> int:
     """Return a number of games for a trial: large enough that what grows with it prevails, small enough to be quick."""
-    cells = game.roster.n_raters * game.roster.n_providers
-    return 2 if game.scenario.service == "hog" else max(2, _CELLS // cells)
+    return 2 if game.scenario.service == "hog" else max(2, _CELLS // pairs(game))
+
+
+def pairs(game: Game) -> int:
+    """Return how many pairs of agents a game may keep numbers for: each rater with all providers, or all raters."""
+    return game.roster.n_raters * max(game.roster.n_raters, game.roster.n_providers)
 
 
 def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:

@@ -6,9 +6,13 @@ The games are on torch, so that a backward pass through a whole game gives the g
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.evaluation.attacked_games import SEARCHED, judged_rollout, random_sources
+from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.resources import check_memory, pairs
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
@@ -19,6 +23,10 @@ from roletrust_env.world import Scenario
 
 SOFT = 1e-8
 """Smoothing of the copy of role-trust, as a distance to the mean rating; the bias is sqrt(SOFT)."""
+
+
+_ANYWHERE, _TRIED = 1_000_000, 2
+"""Pairs of agents in all rounds of all games whose gradients fit into any memory, and rounds that are tried out."""
 
 
 class SmoothRoleTrust(RoleTrust):
@@ -77,6 +85,43 @@ class SmoothTask(AttackTask):
             consumers=task.consumers,
         )
         self.temperature = temperature
+
+
+def check_graph(task: AttackTask, attacker: Attacker, games: int) -> None:
+    """Refuse games whose gradients do not fit into the memory: a backward pass keeps arrays of all rounds.
+
+    What fits anywhere is not tried out.
+
+    Args:
+        task: Task on torch.
+        attacker: A single attacker whose actions have gradients.
+        games: Number of games that are played at once.
+
+    Raises:
+        ValueError: They do not fit. The message says what they would take, and about how many fit.
+    """
+    rounds = task.game.scenario.max_cycles
+    if games * rounds * pairs(task.game) > _ANYWHERE:
+        hint = f" for gradients through {rounds:,} rounds"
+        check_memory("games at once:", games, _kept(task, attacker) / _TRIED * rounds, hint)
+
+
+def _kept(task: AttackTask, attacker: Attacker) -> int:
+    """Return the size of the arrays that the first rounds of a game keep for their gradients, in bytes."""
+    import torch
+
+    sizes: dict[int, int] = {}
+
+    def keep(part: Any) -> Any:
+        storage = part.untyped_storage()
+        sizes[storage.data_ptr()] = storage.nbytes()
+        return part
+
+    with torch.autograd.graph.saved_tensors_hooks(keep, lambda part: part):
+        played = judged_rollout(task, attacker, (1, 1), *random_sources(task, 0, SEARCHED))
+        graph = [outcome.reward for _, outcome in islice(played, _TRIED)]  # alive, so that no place is taken twice
+    del graph
+    return sum(sizes.values())
 
 
 @contextmanager

@@ -12,11 +12,12 @@ from roletrust_agents.learned.saved import ZOO
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation import resources
+from roletrust_env.evaluation.attacked_games import task_memory
 from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands import play
-from roletrust_experiments.playing.games import foresee, play_games, task_memory
+from roletrust_experiments.playing.games import foresee, play_games
 
 
 def run(*arguments):
@@ -66,20 +67,32 @@ def test_measured_attackers_take_what_was_foreseen():
 
 
 @pytest.mark.parametrize(
-    ("command", "option", "work"),
+    ("command", "option", "name", "work"),
     [
-        (["play", "--attack", "sr_0=bad-mouthing"], "--games ", "roletrust_experiments.commands.play.play_games"),
-        (["zoo", "provider-3x3"], "--games ", "roletrust_experiments.commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--games ", "roletrust_experiments.commands.ladder.climb"),
+        (
+            ["play", "--attack", "sr_0=bad-mouthing"],
+            "--games ",
+            "--games",
+            "roletrust_experiments.commands.play.play_games",
+        ),
+        (["zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.zoo.measure"),
+        (["ladder", "RaterAttack"], "--games ", "--games", "roletrust_experiments.commands.ladder.climb"),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",
+            "--learner games",
             "roletrust_agents.training.loop.train",
         ),
+        (
+            ["train", "RaterAttack", "--set", "max_cycles=10"],
+            "--learner evolution:games=",
+            "games at once:",
+            "roletrust_agents.training.coalition_loop.train",
+        ),
     ],
-    ids=["play", "zoo", "ladder", "train"],
+    ids=["play", "zoo", "ladder", "train", "train evolution"],
 )
-def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch, command, option, work):
+def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch, command, option, name, work):
     class BegunError(ValueError):
         pass
 
@@ -97,7 +110,6 @@ def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch
         return " ".join(result.stderr.split())
 
     said = attempt(9_000_000)
-    name = option.strip("= ").replace("PPO:", "")
     pattern = (
         rf"Error: {name} 9,000,000 would take about [\d.]+ [GT]B of memory.*; 800 MB can be had, enough for about "
     )

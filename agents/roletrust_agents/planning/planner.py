@@ -22,7 +22,7 @@ from roletrust_env.evaluation.attacked_games import (
 )
 from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
-from roletrust_env.evaluation.smooth import check_service, one_thread, smooth_model
+from roletrust_env.evaluation.smooth import check_graph, check_service, one_thread, smooth_model
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown
@@ -80,6 +80,7 @@ class Planner:
 
         noise, chance = random_sources(task, seed, SEARCHED)
         logits = torch.tensor(_starts(np.random.default_rng(seed), rounds, size, starts))
+        check_graph(task, OpenLoop(torch.sigmoid(logits[:, :, :1].requires_grad_())), starts * samples)
         for steps, done in ((first, 0), (second, first)):
             logits.requires_grad_()
             adam = torch.optim.Adam([logits], lr=self.rate)

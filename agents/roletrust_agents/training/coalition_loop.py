@@ -22,6 +22,7 @@ from roletrust_agents.training.settings import (
     make_settings,
 )
 from roletrust_agents.training.universal import known_starts
+from roletrust_env.evaluation.attacked_games import check_batch
 from roletrust_env.game.make_task import Observation
 
 _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
@@ -57,10 +58,22 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
     return finish(run, training.tasks[0], training.network, curve, training.rounds), curve
 
 
-def _training(run: Run) -> CoalitionTraining[Any]:
-    """Return the training of a run at its beginning."""
+def check_games(run: Run) -> None:
+    """Refuse a run whose games do not fit into the memory, see `check_batch`."""
+    settings = _settings(run)
+    for model in (run.trust_model, *run.further_models):
+        check_batch(task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation))
+
+
+def _settings(run: Run) -> CoalitionSettings:
     settings = make_settings(run.task.id, run.algo, run.settings)
     assert isinstance(settings, CoalitionSettings)  # others train no coalition
+    return settings
+
+
+def _training(run: Run) -> CoalitionTraining[Any]:
+    """Return the training of a run at its beginning."""
+    settings = _settings(run)
     if run.task.knowledge != "black_box":
         raise ValueError(f"knowledge is {run.task.knowledge!r}; a coalition has black_box knowledge")
     observation: Observation = "coalition" if isinstance(settings, CoalitionPPOSettings) else "agents"

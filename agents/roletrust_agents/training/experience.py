@@ -11,6 +11,12 @@ from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.envs.vec_env_base import Flags, Floats, Step
 
 
+def update_memory(model: Any) -> int:
+    """Return the memory of an update in bytes: twice the data of its rollout, 0 for a learner without rollouts."""
+    kept = getattr(model, "rollout_buffer", None)
+    return 2 * sum(part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray)) if kept else 0
+
+
 class StaggeredGames(AttackVecEnv):
     """A batch whose games are in different rounds, so that a short rollout covers the whole game.
 

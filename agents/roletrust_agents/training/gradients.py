@@ -17,7 +17,7 @@ from roletrust_agents.training.settings import GradientSettings
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import UnsuitableError
-from roletrust_env.evaluation.smooth import SmoothTask, flat_roots, one_thread
+from roletrust_env.evaluation.smooth import SmoothTask, check_graph, flat_roots, one_thread
 from roletrust_env.metrics.confidence import Mean
 
 _LOST = 0.02
@@ -39,6 +39,7 @@ class GradientAscent(AdamTraining[GradientSettings]):
 
     Raises:
         UnsuitableError: No slope leads from the objective to the network.
+        ValueError: The games of a step do not fit into the memory.
     """
 
     _counts = ("steps", "skipped", "given_up")
@@ -47,6 +48,9 @@ class GradientAscent(AdamTraining[GradientSettings]):
         self.skipped = self.given_up = 0
         self._smooth = [SmoothTask(task, self.settings.temperature) for task in self.tasks]
         super()._begin()
+        with flat_roots():
+            for task in self._smooth:
+                check_graph(task, self._attacker(self._adam.vector), self.settings.games)
 
     def step(self) -> None:
         """Play games forward and backward, and take a step of Adam. See `CoalitionTraining.step`."""
@@ -78,10 +82,14 @@ class GradientAscent(AdamTraining[GradientSettings]):
         Args:
             vector: Weights on torch, shape (n,).
         """
-        attacker = CoalitionAttacker(_Unswayed.unflatten(self.architecture, vector))
+        attacker = self._attacker(vector)
         place, batch = (self.seed, self.steps), (1, self.settings.games)
         scores = [mean_rewards(self._smooth[k], attacker, place, batch, SEARCHED)[0].mean() for k in self.turn]
         return sum(scores) / len(scores)
+
+    def _attacker(self, vector: Array) -> CoalitionAttacker:
+        """Return the coalition of weights on torch."""
+        return CoalitionAttacker(_Unswayed.unflatten(self.architecture, vector))
 
     def validate(self) -> Mean:
         """See `CoalitionTraining.validate`. Go back to the best weights from much worse ones."""

@@ -13,7 +13,7 @@ from stable_baselines3.common.logger import configure
 from roletrust_agents.learned.network import Network
 from roletrust_agents.learned.saved import SavedAttacker, task_from_card
 from roletrust_agents.learned.weights import read_weights, weights_bytes
-from roletrust_agents.training.experience import Narrowing, StaggeredGames
+from roletrust_agents.training.experience import Narrowing, StaggeredGames, update_memory
 from roletrust_agents.training.learners import (
     make_model,
     network_of,
@@ -68,7 +68,7 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
 
 
 def game_memory(run: Run) -> float:
-    """Return the memory of each game of the learner in bytes: to play, and twice the data that an update needs."""
+    """Return the memory of each game of the learner in bytes: to play, and to update."""
     task = task_from_card(run.task, run.trust_model, run.scenario)
     settings = learner_settings(run.task.id, run.algo, run.settings).model_copy(update={"games": _FEW})
 
@@ -81,9 +81,7 @@ def game_memory(run: Run) -> float:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # batches that do not fit so few games
         model = make_model(run.algo, settings, StaggeredGames(task, _FEW), run.seed)
-    kept = getattr(model, "rollout_buffer", None)
-    buffers = [part.nbytes for part in vars(kept).values() if isinstance(part, np.ndarray)] if kept else []
-    return try_out(played, some(task.game)).memory + 2 * sum(buffers) / _FEW
+    return try_out(played, some(task.game)).memory + update_memory(model) / _FEW
 
 
 class _Watch(BaseCallback):

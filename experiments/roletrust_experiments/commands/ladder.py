@@ -14,7 +14,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemaini
 from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task, task_memory
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.scripts import Scripts
@@ -46,7 +46,6 @@ from roletrust_experiments.commands.options import (
     task_options,
 )
 from roletrust_experiments.ladder.rows import HEADER, Row, compared, lines, ranked, summary, top, wins
-from roletrust_experiments.playing.games import task_memory
 from roletrust_experiments.plots.figure_files import write_figure
 from roletrust_experiments.plots.trajectory import Trajectory, watch
 

@@ -266,8 +266,11 @@ def _train(run: "Run", folder: RunFolder) -> None:
     from roletrust_agents.training import coalition_loop, loop
     from roletrust_agents.training.run import versions
 
-    learn, games = coalition_loop.train if run.algo in _COALITIONS.values() else loop.train, run.settings["games"]
-    if run.algo not in _COALITIONS.values() and games > loop.MANY:
+    coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
+    learn = coalition_loop.train if coalition else loop.train
+    if coalition:
+        coalition_loop.check_games(run)
+    elif games > loop.MANY:
         check_memory("--learner games", games, loop.game_memory(run))
     game = task_from_card(run.task, run.trust_model, run.scenario).game  # raises before anything is written
     folder.prepare()

@@ -7,13 +7,13 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.errors import suggest
+from roletrust_env.evaluation.attacked_games import task_memory
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.commands.console import console, errors, number_table, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Seed
-from roletrust_experiments.playing.games import task_memory
 
 if TYPE_CHECKING:
     from roletrust_agents.learned.saved import SavedAttacker

@@ -1,16 +1,13 @@
 """Games of one scenario under several trust models: their cost, their results, and a table of these."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Policy
-from roletrust_env.evaluation.attacked_games import HELD_OUT, AttackedRound, judged_rollout, random_sources
-from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.curves import Curves, curve_bytes
 from roletrust_env.evaluation.resources import Cost, some, try_out
-from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.rollout import rollout
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_experiments.playing.group_measures import Group, damage, measure, measured_since, under_attack
@@ -59,15 +56,6 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
     trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
     memory = all_curve_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
-
-
-def task_memory(task: AttackTask, attacker: Attacker) -> float:
-    """Return the memory of each game that measures an attacker, in bytes."""
-
-    def played(games: int) -> Iterator[AttackedRound]:
-        return judged_rollout(task, attacker, (1, games), *random_sources(task, 0, HELD_OUT))
-
-    return try_out(played, some(task.game)).memory
 
 
 def play_games(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_market import TASK, run
 
 pytest.importorskip("cma")
 
@@ -15,13 +16,6 @@ from roletrust_env.game.make_task import make_task
 
 SMALL = EvolutionSettings(population=6, games=2, units=4, candidates=3, validation=4, validate_every=2, starts=1)
 RACE = SMALL.model_copy(update={"candidates": 8, "starts": 4})
-TASK = {
-    "scenario": "market",
-    "compromised": ("sr_2", "sr_3"),
-    "objective": "mislead",
-    "max_cycles": 10,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
-}
 
 
 def tasks(*models):
@@ -29,12 +23,7 @@ def tasks(*models):
 
 
 def evolved(generations, seed=0, known=(), of=None, settings=SMALL):
-    evolution = Evolution(of or tasks(), settings, seed, 10_000, known)
-    for _ in range(generations):
-        evolution.step()
-        if evolution.due():
-            evolution.validate()
-    return evolution
+    return run(Evolution(of or tasks(), settings, seed, 10_000, known), generations)
 
 
 def test_the_same_seed_finds_the_same_network():

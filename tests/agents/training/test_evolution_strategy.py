@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_market import TASK, assert_continues, run
 
 from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
@@ -12,26 +13,11 @@ from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.game.make_task import make_task
 
 SMALL = StrategySettings(games=2, pairs=4, units=4, candidates=3, validation=8, validate_every=2)
-TASK = {
-    "scenario": "market",
-    "compromised": ("sr_2", "sr_3"),
-    "objective": "mislead",
-    "max_cycles": 10,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
-}
 
 
 def begun(*models, budget=2_000, **changes):
     tasks = [make_task(**TASK, trust_model=model) for model in models or ("beta",)]
     return EvolutionStrategy(tasks, SMALL.model_copy(update=changes), 0, budget)
-
-
-def run(strategy, steps):
-    for _ in range(steps):
-        strategy.step()
-        if strategy.due():
-            strategy.validate()
-    return strategy
 
 
 def test_the_slope_is_that_of_the_formula():
@@ -72,13 +58,7 @@ def test_several_models_take_turns():
 
 
 def test_a_run_continues_to_the_last_bit():
-    whole, part = run(begun(), 6), run(begun(), 3)
-    again = begun()
-    again.restore(part.state())
-    again.best, again.rounds = part.best, part.rounds
-    run(again, 3)
-    assert np.array_equal(whole.weights, again.weights)
-    assert whole.state() == again.state()
+    assert_continues(begun, steps=3)
 
 
 def test_the_search_keeps_to_its_budget_and_is_repeatable():

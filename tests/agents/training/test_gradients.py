@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from small_market import TASK, assert_continues, run
 
 from roletrust_agents.training.coalition_methods import Gradients
 from roletrust_agents.training.gradients import GradientAscent
@@ -14,25 +15,10 @@ from roletrust_env.evaluation.smooth import SmoothTask
 from roletrust_env.game.make_task import make_task
 
 SMALL = GradientSettings(games=4, units=4, candidates=3, validation=8, validate_every=2)
-TASK = {
-    "scenario": "market",
-    "compromised": ("sr_2", "sr_3"),
-    "objective": "mislead",
-    "max_cycles": 10,
-    "agents": [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}],
-}
 
 
 def begun(model="beta", budget=2_000, **changes):
     return GradientAscent([make_task(**TASK, trust_model=model)], SMALL.model_copy(update=changes), 0, budget)
-
-
-def run(ascent, steps):
-    for _ in range(steps):
-        ascent.step()
-        if ascent.due():
-            ascent.validate()
-    return ascent
 
 
 @pytest.mark.parametrize("model", ["beta", "mean", "role-trust", "qor"])
@@ -70,13 +56,7 @@ def test_it_learns():
 
 
 def test_a_run_continues_to_the_last_bit():
-    whole, part = run(begun(), 6), run(begun(), 3)
-    again = begun()
-    again.restore(part.state())
-    again.best, again.rounds = part.best, part.rounds
-    run(again, 3)
-    assert np.array_equal(whole.weights, again.weights)
-    assert whole.state() == again.state()
+    assert_continues(begun, steps=3)
 
 
 def test_a_gradient_that_is_not_finite_changes_nothing(monkeypatch):

@@ -93,7 +93,7 @@ def test_without_honest_play_there_is_no_scale():
     assert {one.runs for one in results} == {1}  # only the run with the same seed
 
 
-@pytest.mark.parametrize("name", ["learners", "learners-quick", "learners-coalitions"])
+@pytest.mark.parametrize("name", ["learners", "learners-quick", "learners-coalitions", "learners-optimum"])
 def test_the_suites_of_the_project_can_be_played(name):
     suite = load_suite(name)
     assert isinstance(suite, LearnersSuite)
@@ -117,6 +117,11 @@ def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
     }
     assert arguments["observation"] == "coalition"
     assert load_suite("learners-coalitions").tasks[task] == load_suite("learners").tasks[task]
+
+
+@pytest.mark.parametrize("task", ["provider", "rater"])
+def test_the_tasks_with_an_optimum_are_those_of_the_suite_of_all_learners(task):
+    assert load_suite("learners-optimum").tasks[task] == load_suite("learners").tasks[task]
 
 
 def test_evolution_learns_from_scratch_or_says_why_it_cannot():

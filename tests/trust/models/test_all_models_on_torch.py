@@ -9,6 +9,7 @@ from model_cases import EVERY_MODEL, Round, assert_close, having, leaves, named,
 
 from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
+from roletrust_env.trust import make_trust_model
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 
@@ -73,3 +74,19 @@ def test_gradients_are_finite(name: str, notes: str) -> None:
     torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
     assert all(ratings.grad is not None and bool(ratings.grad.isfinite().all()) for ratings in given)
     assert notes != "differ" or any(bool((ratings.grad != 0).any()) for ratings in given)
+
+
+@pytest.mark.parametrize("name", ["first-hand", "leave-one-out"])
+@pytest.mark.parametrize("power", [0.0, 0.3, 1.0, 6.0])
+def test_gradients_are_finite_where_a_rater_agrees_with_nobody(name: str, power: float) -> None:
+    """Without doubt, the agreement of a lone rater, or of one at the other end, is 0, where a root is steep."""
+    model = make_trust_model(name, doubt=0.0, power=power)
+    ratings = torch.tensor([[[1.0, 1.0], [0.0, 0.0], [0.4, 0.7]]] * 2, dtype=torch.float64, requires_grad=True)
+    mask = torch.tensor([[True, False], [False, True], [False, False]])
+    state = model.start(ratings[0].detach())
+    for values in ratings:
+        state = model.update(state, values, mask)
+        mask = torch.tensor([[True, True], [True, True], [False, True]])
+    (model.rater_trust(state).sum() + model.provider_trust(state).sum()).backward()
+    assert ratings.grad is not None
+    assert bool(torch.isfinite(ratings.grad).all())

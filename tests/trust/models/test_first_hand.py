@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
 
 from roletrust_env.trust import make_trust_model
@@ -66,21 +65,6 @@ def test_it_is_the_formula(shape: tuple[int, int]) -> None:
 def test_it_is_the_formula_with_other_parameters() -> None:
     model = make_trust_model("first-hand", keep=0.7, own=1, limit=1)
     assert_follows(model, lambda s, p: Slow(s, p, 0.7, 1, 1), (4, 3))
-
-
-@pytest.mark.parametrize("power", [0.0, 0.3, 1.0, 6.0])
-def test_gradients_are_finite_where_a_rater_agrees_with_nobody(power: float) -> None:
-    """Without doubt, the agreement of a lone rater, or of one at the other end, is 0, where a root is steep."""
-    model = make_trust_model("first-hand", doubt=0.0, power=power)
-    ratings = torch.tensor([[[1.0, 1.0], [0.0, 0.0], [0.4, 0.7]]] * 2, dtype=torch.float64, requires_grad=True)
-    mask = torch.tensor([[True, False], [False, True], [False, False]])
-    state = model.start(ratings[0].detach())
-    for values in ratings:
-        state = model.update(state, values, mask)
-        mask = torch.tensor([[True, True], [True, True], [False, True]])
-    (model.rater_trust(state).sum() + model.provider_trust(state).sum()).backward()
-    assert ratings.grad is not None
-    assert bool(torch.isfinite(ratings.grad).all())
 
 
 def test_gradients_are_finite() -> None:

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -84,21 +83,6 @@ def after(rounds: Sequence[Any], **parameters: float) -> tuple[np.ndarray, np.nd
         state = model.update(state, ratings, ratings == ratings)
     raters, providers = map(np.asarray, read(model, state))
     return raters, providers
-
-
-@pytest.mark.parametrize("power", [0.0, 0.3, 1.0, 6.0])
-def test_gradients_are_finite_where_a_rater_agrees_with_nobody(power: float) -> None:
-    """Without doubt, the agreement of a lone rater, or of one at the other end, is 0, where a root is steep."""
-    model = make_trust_model("leave-one-out", doubt=0.0, power=power)
-    ratings = torch.tensor([[[1.0, 1.0], [0.0, 0.0], [0.4, 0.7]]] * 2, dtype=torch.float64, requires_grad=True)
-    mask = torch.tensor([[True, False], [False, True], [False, False]])
-    state = model.start(ratings[0].detach())
-    for values in ratings:
-        state = model.update(state, values, mask)
-        mask = torch.tensor([[True, True], [True, True], [False, True]])
-    (model.rater_trust(state).sum() + model.provider_trust(state).sum()).backward()
-    assert ratings.grad is not None
-    assert bool(torch.isfinite(ratings.grad).all())
 
 
 def test_a_rating_that_is_alone_says_nothing_of_its_rater() -> None:
