@@ -89,7 +89,7 @@ def test_screen_and_page_have_the_same_headings_and_caveats(played):
     folder, printed = played
     page = (folder / "out" / "defence.md").read_text()
     headings = [line for line in page.splitlines() if line.startswith(("| iteration", "| model"))]
-    assert len(headings) == 2
+    assert len(headings) == 3
     for heading in " ".join(headings).strip("| ").replace("| |", "|").split(" | "):
         assert heading in printed
     legend = "Strangers: under the worst attacker that no training has met."
