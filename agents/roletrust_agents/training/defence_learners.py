@@ -135,6 +135,8 @@ class SideBySide:
         self._alone, self._together = model, copy(model)
         for name, values in rows.items():
             object.__setattr__(self._together, name, values)  # the class is frozen, and checks single numbers
+        if hasattr(model, "judge_trust"):  # consumers then go by the trust of their own
+            self.judge_trust = model.judge_trust
 
     def start(self, like: Array) -> Any:
         """Return the state before any rating. See `TrustModel.start`."""

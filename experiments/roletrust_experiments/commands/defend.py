@@ -1,26 +1,20 @@
 """`roletrust defend`: defences that learn against attackers that learn, and what they are worth beside fixed models."""
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import numpy as np
 import typer
 from rich.markup import escape
 
-from roletrust_agents.training.runs import write_bytes
-from roletrust_env import __version__
-from roletrust_env.storage.files import prepare_folder, write_text
+from roletrust_env.storage.files import prepare_folder
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import Run, read_runs, write_runs
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import changed_options, console, interruptible, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed
-
-if TYPE_CHECKING:
-    from roletrust_experiments.defence.double_oracle import Game
+from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed, SeededRuns
 
 _FRONT = "SCENARIO/TRACK/SHARE"
 _LEARNERS = ("leave-one-out", "network")
@@ -93,6 +87,7 @@ def defend(
         typer.Option(min=0, max=1, help="Share of all known attackers alike in what a defence is trained against."),
     ] = 0.25,
     seed: Seed = 0,
+    runs: SeededRuns = 1,
     force: Again = False,
     out: Out = Path("results/defence"),
 ) -> None:
@@ -104,13 +99,14 @@ def defend(
 
     At the end, the learned models stand beside the fixed ones: under the attackers that were found, one that is trained
     against each model alone with the same budget, and attackers and worlds that no training has met. The number is
-    skill: 1 for the best choice of a consumer, 0 for a blind one.
+    skill: 1 for the best choice of a consumer, 0 for a blind one. With several runs, all is trained again with other
+    seeds, and intervals cover games and trainings.
 
     Each step is saved when it is finished, so that an interrupted command continues when it is given again.
 
-    Written: [green]defence.md defence.png iterations.csv comparison.csv defence.json[/]; the best model of each
-    learner as the text that `--model` takes, [green]LEARNER.txt[/], or as
-    [green]network.safetensors network.json[/].
+    Written: [green]defence.md defence.png iterations.csv comparison.csv leads.csv[/]; [green]defence.json[/] and the
+    best model of each learner as the text that `--model` takes, [green]LEARNER.txt[/], or as
+    [green]network.safetensors network.json[/], of several runs in a folder for each.
 
     [bold]Examples[/]
 
@@ -122,16 +118,21 @@ def defend(
 
     [dim]# another model's numbers[/]
     [cyan]roletrust defend --defence wary-role-trust[/]
+
+    [dim]# judges with experience of their own, trained three times, beside others[/]
+    [cyan]roletrust defend --defence first-hand --beside first-hand --beside travos --runs 3[/]
     """
     require("learned defence", "train", "scipy", "cma", "torch", "safetensors")
     from roletrust_agents.training.defence import Climb
     from roletrust_agents.training.defence_learners import NetworkLearner, learner_of
-    from roletrust_experiments.commands.defend_report import LONGEST, caveats, print_report, write_report
-    from roletrust_experiments.defence.comparison import Comparison
-    from roletrust_experiments.defence.double_oracle import Game, Setup
+    from roletrust_experiments.commands.defend_report import LONGEST, Report, caveats, print_report, write_report
+    from roletrust_experiments.defence.comparison import Comparison, leads, names_of
+    from roletrust_experiments.defence.comparison import rows as rows_of
+    from roletrust_experiments.defence.double_oracle import Game, Setup, label
     from roletrust_experiments.defence.fronts import Front
     from roletrust_experiments.defence.progress import iterations as progress_of
     from roletrust_experiments.defence.response import least_budget
+    from roletrust_experiments.defence.saving import save_models
     from roletrust_experiments.defence.stored import check_of
 
     learners = tuple(dict.fromkeys(defence or _LEARNERS))
@@ -148,26 +149,38 @@ def defend(
         one.condition.check([*fixed, *further])
     if budget < (least := max(least_budget(one.length) for one in fronts)):
         raise ValueError(f"--budget is {budget} rounds; the training of an attacker needs {least} or more")
-    setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed)
     conditions = {one.name: one.condition.describe() for one in (*fronts, *worlds)}
-    settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions, **software()}
-    path = out / "defence.json"
-    kept = {} if force else read_runs(path, settings, check_of(setup, fresh))
-    prepare_folder(out)
+
+    def planned(k: int) -> tuple[Path, Game]:
+        """Return the folder of a run and its game, with the steps that are stored there."""
+        setup = Setup(learners, fixed, iterations, budget, Climb(steps=steps), games, explored, seed + k)
+        settings = {"command": "roletrust defend", **setup.plain(), "fresh": fresh, "conditions": conditions}
+        folder = out / f"seed-{seed + k}" if runs > 1 else out
+        path, settings = folder / "defence.json", settings | software()
+        kept = {} if force else read_runs(path, settings, check_of(setup, fresh))
+
+        def keep(key: str, run: Run) -> None:
+            kept[key] = run
+            write_runs(path, settings, kept)
+
+        return folder, Game(fronts, setup, kept, keep)
+
+    plans = [planned(k) for k in range(runs)]  # all that is stored is checked before anything is written
+    for folder, _ in plans:
+        prepare_folder(folder)
     warnings = caveats([*fronts, *worlds], min(games, fresh))
     for line in warnings:
         console.print(f"[dark_orange3]{escape(line)}[/]", soft_wrap=True)
-
-    def keep(key: str, run: Run) -> None:
-        kept[key] = run
-        write_runs(path, settings, kept)
-
-    game = Game(fronts, setup, kept, keep)
-    _watch("Game", game.stages, game.play())
-    comparison = Comparison(game, further, worlds, fresh)
-    _watch("Comparison", comparison.stages, comparison.play())
-    saved = [*_save_specs(out, game, comparison.learned), *_save_network(out, game, comparison.learned)]
-    found, rows = progress_of(game), comparison.rows()
+    comparisons, saved = [], list[Path]()
+    for folder, game in plans:
+        of = f" of {folder.name}" if runs > 1 else ""
+        _watch(f"Game{of}", game.stages, game.play())
+        comparison = Comparison(game, further, worlds, fresh)
+        _watch(f"Comparison{of}", comparison.stages, comparison.play())
+        comparisons.append(comparison)
+        saved += [folder / name for name in ("defence.json", *save_models(folder, game, comparison.learned))]
+    every = [game for _, game in plans]
+    found, rows = progress_of(every), rows_of(comparisons)
     chosen = changed_options(
         defend,
         defence=defence,
@@ -183,15 +196,22 @@ def defend(
         fresh=fresh,
         explored=explored,
         seed=seed,
+        runs=runs,
     )
     command = shlex.join(["roletrust", "defend", *chosen])
-    write_report(out, game, found, rows, warnings, command)
-    print_report(found, rows)
-    files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "defence.json", *saved]
-    console.print(escape(f"Written to {out}: {', '.join(files)}"), soft_wrap=True)
-    best = next(row.name for row in rows if row.name in comparison.models and row.name not in (*fixed, *further))
-    spec = comparison.models[best]
-    print_next("benchmark", "--model", spec if len(spec) <= LONGEST else f"{_SAVED}:path={out / NetworkLearner.name}")
+    report = Report(every, found, rows, leads(comparisons), warnings, command)
+    write_report(out, report)
+    print_report(report)
+    files = ["defence.md", "defence.png", "iterations.csv", "comparison.csv", "leads.csv"]
+    names = ", ".join([*files, *(path.relative_to(out).as_posix() for path in saved)])
+    console.print(escape(f"Written to {out}: {names}"), soft_wrap=True)
+    models = {name: learner for learner, name in names_of(comparisons).items()}
+    best = models[next(row.name for row in rows if row.name in models)]
+    (folder, game), first = plans[0], comparisons[0]
+    spec = first.models[label(best, first.learned[best])]
+    print_next(
+        "benchmark", "--model", spec if len(spec) <= LONGEST else f"{_SAVED}:path={folder / NetworkLearner.name}"
+    )
 
 
 def _watch(what: str, total: int, stages: Iterator[str]) -> None:
@@ -200,42 +220,3 @@ def _watch(what: str, total: int, stages: Iterator[str]) -> None:
         bar = progress.add_task(what, total=total)
         for words in stages:
             progress.update(bar, advance=1, description=escape(words))
-
-
-def _save_specs(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
-    """Write the spec of the best model of each learner but the network, and return the names of the files."""
-    from roletrust_agents.training.defence_learners import NetworkLearner
-
-    names = [name for name in learned if name != NetworkLearner.name]
-    for name in names:
-        write_text(out / _file(name), game.runs[f"defence|{learned[name]}|{name}"]["spec"] + "\n")
-    return [_file(name) for name in names]
-
-
-def _file(name: str) -> str:
-    """Return the name of the file of a learner; not all systems allow the colon of an own class in it."""
-    return f"{name.replace(':', '.')}.txt"
-
-
-def _save_network(out: Path, game: "Game", learned: "Mapping[str, int]") -> list[str]:
-    """Save the network of a game, if it trained one, and return the names of the files."""
-    from roletrust_agents.learned.saved import digest
-    from roletrust_agents.learned.saved_defence import DefenceCard, save_defence, weights_bytes
-    from roletrust_agents.training.defence_learners import NetworkLearner
-
-    name, setup = NetworkLearner.name, game.setup
-    if name not in learned:
-        return []
-    vector, learner = np.array(game.runs[f"defence|{learned[name]}|{name}"]["vector"]), NetworkLearner()
-    weights = np.array(learner.weights(vector))
-    card = DefenceCard(
-        package_version=__version__,
-        parameters=learner.parameters(vector),
-        conditions=tuple(str(front.condition) for front in game.fronts),
-        iteration=learned[name] + 1,
-        seed=setup.seed,
-        settings={"steps": setup.climb.steps, "budget": setup.budget, "explored": setup.explored},
-        weights_sha256=digest(weights_bytes(weights)),
-    )
-    save_defence(weights, card, out / name, write_bytes)
-    return [f"{name}.safetensors", f"{name}.json"]

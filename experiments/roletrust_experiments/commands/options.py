@@ -89,6 +89,10 @@ ConditionSuite = Annotated[
 ConditionScenario = Annotated[str, typer.Option("--scenario", help="Name of the scenario in the suite.")]
 ConditionTrack = Annotated[str, typer.Option(help="Name of the track in the suite, which says who is compromised.")]
 ConditionShare = Annotated[float, typer.Option(help="Share of compromised agents in each role of the track.")]
+SeededRuns = Annotated[
+    int,
+    typer.Option("--runs", min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."),
+]
 Searches = Annotated[int, typer.Option("--runs", min=1, help="Number of searches, with this seed and those after it.")]
 FreshGames = Annotated[int, typer.Option(min=1, help="Number of fresh games that measure each attacker.")]
 Again = Annotated[bool, typer.Option("--force", help="Begin again, and overwrite the runs in --out.")]

@@ -22,6 +22,7 @@ from roletrust_experiments.commands.options import (
     NAMED,
     Compromised,
     ScenarioOption,
+    SeededRuns,
     SettingsOption,
     StealthTolerance,
     StealthWeight,
@@ -72,10 +73,7 @@ def train(
         typer.Option(min=1, help="Minimum number of rounds to train for, over all games; the tuned one if left out."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Random seed of the games and of the learner.")] = 0,
-    runs: Annotated[
-        int,
-        typer.Option(min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."),
-    ] = 1,
+    runs: SeededRuns = 1,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run; it is created if it is missing.")] = Path(
         "results/train"
     ),

@@ -1,17 +1,17 @@
 """Learned defences beside fixed trust models: the same attackers and budgets, and attackers that nobody has met."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from roletrust_agents.training.defence import Floats
 from roletrust_env.benchmark.known_attacks import KnownAttack
-from roletrust_env.metrics.confidence import Interval, estimate
+from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.attackers.runs import Run
 from roletrust_experiments.defence.double_oracle import Game, label
 from roletrust_experiments.defence.fronts import Front
-from roletrust_experiments.defence.progress import best_trained
+from roletrust_experiments.defence.progress import Measured, best_trained, over_runs
 from roletrust_experiments.defence.response import respond_by_attack
 
 _OWN = 4  # random numbers of the trainings against one model, see `double_oracle`
@@ -19,7 +19,9 @@ _HELD_OUT = "held out"
 
 
 class Row(NamedTuple):
-    """A trust model, as means of skill over conditions with 95% intervals over games.
+    """A trust model, or its lead over another one, as means of skill over conditions, games and runs.
+
+    The 95% intervals cover games, and other trainings if there are several runs.
 
     Attributes:
         name: Name of the trust model.
@@ -34,8 +36,8 @@ class Row(NamedTuple):
     name: str
     clean: Interval
     worst: Interval
-    strangers: Interval | None
-    worlds: Interval | None
+    strangers: Interval | None = None
+    worlds: Interval | None = None
 
 
 class Comparison:
@@ -50,6 +52,7 @@ class Comparison:
     Attributes:
         models: Spec of each trust model by its name.
         learned: Iteration, from 0, of the best model of each learner.
+        fixed: Specs of the other trust models.
     """
 
     def __init__(self, game: Game, beside: Sequence[str], worlds: Sequence[Front], games: int) -> None:
@@ -59,7 +62,8 @@ class Comparison:
         self.learned = {name: best_trained(game, name) for name in game.setup.learners}
         known = game.known(last).defences
         learned = {one: known[one] for one in (label(name, k) for name, k in self.learned.items())}
-        self.models = learned | {spec: spec for spec in (*game.setup.fixed, *beside)}
+        self.fixed = tuple(dict.fromkeys((*game.setup.fixed, *beside)))
+        self.models = learned | {spec: spec for spec in self.fixed}
 
     @property
     def stages(self) -> int:
@@ -82,19 +86,17 @@ class Comparison:
                 self._meet(_HELD_OUT, front, name, spec, front.strangers(()))
                 yield f"{name} in {front.name}"
 
-    def rows(self) -> list[Row]:
-        """Return the models, the best worst case first."""
-        found = [
-            Row(
-                name,
-                estimate(np.mean([self._clean_skill(front, name) for front in self._game.fronts], axis=0)).interval,
-                self._worst(self._seen, self._game.fronts, name),
-                self._worst_stranger(self._game.fronts, name),
-                self._worst_stranger(self._worlds, name),
-            )
-            for name in self.models
-        ]
-        return sorted(found, key=lambda row: -row.worst.value)
+    def measured(self, name: str) -> Measured:
+        """Return the skill of a trust model in the games that measure, without the columns that have no attackers."""
+        fronts, runs = self._game.fronts, self._game.runs
+        found = {
+            "clean": np.mean([runs[f"clean|{front.name}|{name}"]["skill"] for front in fronts], axis=0),
+            "worst": self._worst(self._seen, fronts, name),
+        }
+        for column, held_out in (("strangers", fronts), ("worlds", self._worlds)):
+            if held_out and all(f"{_HELD_OUT}|{front.name}|{name}" in runs for front in held_out):
+                found[column] = self._worst(_HELD_OUT, held_out, name)
+        return found
 
     def _own(self, c: int, name: str, spec: str) -> Run:
         """Train an attacker against one model, with the budget of an attacker in the game."""
@@ -115,15 +117,43 @@ class Comparison:
     def _clean(self, front: Front, spec: str) -> Run:
         return {"skill": front.clean(spec, self._game.seed(_OWN), self._games).tolist()}
 
-    def _clean_skill(self, front: Front, name: str) -> Floats:
-        return np.array(self._game.runs[f"clean|{front.name}|{name}"]["skill"])
-
-    def _worst_stranger(self, fronts: Sequence[Front], name: str) -> Interval | None:
-        met = [f"{_HELD_OUT}|{front.name}|{name}" in self._game.runs for front in fronts]
-        return self._worst(_HELD_OUT, fronts, name) if met and all(met) else None
-
-    def _worst(self, kind: str, fronts: Sequence[Front], name: str) -> Interval:
+    def _worst(self, kind: str, fronts: Sequence[Front], name: str) -> Floats:
         """Return the skill in the games that measure, each condition under the attack that is worst in the others."""
         met = [self._game.runs[f"{kind}|{front.name}|{name}"].values() for front in fronts]
         worst = [min(attacks, key=lambda halves: float(np.mean(halves[0])))[1] for attacks in met]
-        return estimate(np.mean(worst, axis=0)).interval
+        mean: Floats = np.mean(worst, axis=0)
+        return mean
+
+
+def names_of(runs: Sequence[Comparison]) -> dict[str, str]:
+    """Return the name of the model of each learner; that of several runs does not say in which iteration it came."""
+    many = len(runs) > 1
+    return {name: f"{name}, trained" if many else label(name, k) for name, k in runs[0].learned.items()}
+
+
+def rows(runs: Sequence[Comparison]) -> list[Row]:
+    """Return the models over runs with other seeds, the best worst case first."""
+    learned = {name: _of_learner(runs, learner) for learner, name in names_of(runs).items()}
+    # Apart from the fixed ones: each run trains its own learned models, so their means vary more.
+    return sorted([*_rows(learned), *_rows(_of_fixed(runs))], key=lambda row: -row.worst.value)
+
+
+def leads(runs: Sequence[Comparison]) -> dict[str, list[Row]]:
+    """Return by how much the model of each learner is above each fixed one, in the same games."""
+    found, fixed = {}, _of_fixed(runs)
+    for learner, name in names_of(runs).items():
+        pairs = {other: zip(_of_learner(runs, learner), theirs, strict=True) for other, theirs in fixed.items()}
+        found[name] = _rows({o: [{c: a[c] - b[c] for c in a} for a, b in each] for o, each in pairs.items()})
+    return found
+
+
+def _of_learner(runs: Sequence[Comparison], learner: str) -> list[Measured]:
+    return [run.measured(label(learner, run.learned[learner])) for run in runs]
+
+
+def _of_fixed(runs: Sequence[Comparison]) -> dict[str, list[Measured]]:
+    return {name: [run.measured(name) for run in runs] for name in runs[0].fixed}
+
+
+def _rows(measured: Mapping[str, Sequence[Measured]]) -> list[Row]:
+    return [Row(name, **columns) for name, columns in over_runs(measured).items()]

@@ -1,19 +1,26 @@
 """What each iteration of a game says: how much either side wins by a best response, and the equilibrium's value."""
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from roletrust_agents.training.defence import Floats
-from roletrust_env.metrics.confidence import Interval, estimate
+from roletrust_env.metrics.confidence import Interval, over_seeds
 from roletrust_experiments.defence.double_oracle import Game, label
+
+Measured = Mapping[str, Floats]
+"""What one run has measured, by the name of a column, each in its games, shape (G,)."""
+
+Key = TypeVar("Key")
 
 
 class Iteration(NamedTuple):
     """The equilibrium of what is known, and what the best responses to it win.
 
     Mixtures and responses are chosen in one set of games, and all numbers are of other games: means over the
-    conditions with 95% intervals over games. A response is the best of those that are known after the iteration.
+    conditions with 95% intervals over games, and over trainings if there are several runs. A response is the best of
+    those that are known after the iteration.
 
     Attributes:
         number: Number of iterations before.
@@ -36,9 +43,30 @@ class Iteration(NamedTuple):
     weights: dict[str, float]
 
 
-def iterations(game: Game) -> list[Iteration]:
-    """Return the numbers of each iteration that is played in full."""
-    return [_iteration(game, k) for k in range(game.setup.iterations)]
+def iterations(games: Sequence[Game]) -> list[Iteration]:
+    """Return the numbers of each iteration, over games with other seeds that are played to their end."""
+    numbers = range(games[0].setup.iterations)
+    found = over_runs({k: [_measured(game, k) for game in games] for k in numbers})
+    mixed = {k: np.mean([game.solution(k).models for game in games], axis=0).tolist() for k in numbers}
+    return [
+        Iteration(number=k, weights=dict(zip(games[0].known(k).defences, mixed[k], strict=True)), **found[k])
+        for k in numbers
+    ]
+
+
+def over_runs(measured: Mapping[Key, Sequence[Measured]]) -> dict[Key, dict[str, Interval]]:
+    """Return means with 95% intervals over games, and over runs if there are several, see `over_seeds`.
+
+    Args:
+        measured: What each run has measured, by what it is about. A column that a run lacks is left out.
+    """
+    found: dict[Key, dict[str, Interval]] = {key: {} for key in measured}
+    for column in next(iter(measured.values()))[0]:
+        if all(column in run for runs in measured.values() for run in runs):
+            values = np.array([[run[column] for run in runs] for runs in measured.values()])
+            for key, one in zip(measured, over_seeds(values, len(values)).estimates, strict=True):
+                found[key][column] = one.interval
+    return found
 
 
 def best_trained(game: Game, learner: str) -> int:
@@ -65,7 +93,8 @@ def worst_of(game: Game, k: int, name: str) -> Floats:
     return mean
 
 
-def _iteration(game: Game, k: int) -> Iteration:
+def _measured(game: Game, k: int) -> Measured:
+    """Return the columns of an iteration."""
     solution, after = game.solution(k), game.payoffs(k + 1)
     models = len(solution.models)
     value, worst = [], []
@@ -82,14 +111,12 @@ def _iteration(game: Game, k: int) -> Iteration:
         for one, weights in zip(after, solution.attacks, strict=True)
     ]
     at, under, reply = (np.mean(part, axis=0) for part in (value, worst, replied))
-    names = game.known(k).defences
-    return Iteration(
-        number=k,
-        value=estimate(at).interval,
-        attack=estimate(at - under).interval,
-        defence=estimate(reply - at).interval,
-        nash_conv=estimate(reply - under).interval,
-        worst=estimate(under).interval,
-        single=estimate(worst_of(game, k + 1, max(known := _least(game, k), key=lambda name: known[name]))).interval,
-        weights={name: float(weight) for name, weight in zip(names, solution.models, strict=True)},
-    )
+    known = _least(game, k)
+    return {
+        "value": at,
+        "attack": at - under,
+        "defence": reply - at,
+        "nash_conv": reply - under,
+        "worst": under,
+        "single": worst_of(game, k + 1, max(known, key=lambda name: known[name])),
+    }

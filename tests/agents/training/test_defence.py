@@ -22,7 +22,7 @@ from roletrust_env.game.policy_registry import registry as attackers
 AGENTS = [{"role": "SR", "count": 5, "noise": 0.05}, {"role": "SP", "count": 4, "ability": [0.3, 1.0]}]
 SCENARIO = make_scenario("crowd-10x10").change(max_cycles=12, agents=AGENTS)
 TASK = {"scenario": SCENARIO, "compromised": ("sr_3", "sr_4"), "objective": "mislead", "trust_model": "mean"}
-LEARNED = ("role-trust", "beta", "leave-one-out", "wary-role-trust")
+LEARNED = ("role-trust", "beta", "leave-one-out", "wary-role-trust", "first-hand")
 SHORT = Climb(steps=6, pairs=4, games=4, attackers=4, validation=16, validate_every=3)
 
 
@@ -58,7 +58,8 @@ def played(model, ratings):
     state, mask = model.start(ratings), ratings > 0.3
     for now in (ratings, 1 - ratings, ratings**2):
         state = model.update(state, now, mask)
-    return model.rater_trust(state), model.provider_trust(state)
+    own = [model.judge_trust(state)] if hasattr(model, "judge_trust") else []  # by which its consumers go
+    return model.rater_trust(state), model.provider_trust(state), *own
 
 
 @pytest.mark.parametrize(

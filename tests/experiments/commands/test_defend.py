@@ -3,6 +3,7 @@
 import csv
 import json
 import shlex
+import shutil
 
 import pytest
 
@@ -41,6 +42,12 @@ def played(tmp_path_factory):
 def rows(folder, name):
     with (folder / "out" / name).open() as file:
         return list(csv.DictReader(file))
+
+
+def by_name(table):
+    """The rows of a table by their names, that of a learned model without its iteration."""
+    names = ("iteration", "model", "beside")
+    return {tuple(row[n].removesuffix(" 1") for n in names if n in row): row for row in table}
 
 
 def test_its_files_say_the_same(played):
@@ -82,7 +89,7 @@ def test_screen_and_page_have_the_same_headings_and_caveats(played):
     folder, printed = played
     page = (folder / "out" / "defence.md").read_text()
     headings = [line for line in page.splitlines() if line.startswith(("| iteration", "| model"))]
-    assert len(headings) == 2
+    assert len(headings) == 3
     for heading in " ".join(headings).strip("| ").replace("| |", "|").split(" | "):
         assert heading in printed
     legend = "Strangers: under the worst attacker that no training has met."
@@ -127,6 +134,30 @@ def test_a_repeat_says_the_same(played):
     before = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"}
     assert run(folder)[0] == 0
     assert {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.suffix != ".png"} == before
+
+
+def test_several_runs_are_the_mean_of_single_commands_and_play_nothing_again(played, tmp_path, monkeypatch):
+    folder, _ = played
+    first, second = (tmp_path / "out" / f"seed-{seed}" for seed in (0, 1))
+    shutil.copytree(folder / "out", first)
+    code, printed = run(tmp_path, "--runs", "2")
+    assert code == 0, printed
+    assert (first / "defence.json").read_bytes() == (folder / "out" / "defence.json").read_bytes()
+    assert load_defence(second / "network")[0].seed == 1
+    monkeypatch.setattr(Front, "skills", None)  # nothing may be played
+    assert run(tmp_path, "--seed", "1", "--out", str(second))[0] == 0
+    for name, last in (("comparison.csv", "worlds"), ("iterations.csv", "single"), ("leads.csv", "worlds")):
+        parts = [by_name(rows(tmp_path, part)) for part in (f"seed-0/{name}", f"seed-1/{name}", name)]
+        assert parts[0].keys() == parts[1].keys() == parts[2].keys()
+        for key, both in parts[2].items():
+            values = [float(part[key][last]) for part in parts[:2]]
+            assert float(both[last]) == pytest.approx(sum(values) / 2, abs=1e-5)
+            assert float(both[f"{last}_high"]) >= max(values)
+    models = {row["model"] for row in rows(tmp_path, "comparison.csv")}
+    assert models == {"network, trained", "mean", "role-trust"}
+    for text in ("2 runs, 95% intervals over runs and games", "--runs 2`; `defence.json` of each run has"):
+        assert text in (tmp_path / "out" / "defence.md").read_text()
+    assert "seed-0/defence.json, seed-0/network.safetensors" in printed
 
 
 def test_an_interruption_keeps_what_is_finished(tmp_path, monkeypatch):

@@ -13,11 +13,12 @@ from roletrust_agents.training.defence import Climb
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.measurement import measure
 from roletrust_env.evaluation.records import read_record
+from roletrust_env.metrics.confidence import estimate
 from roletrust_env.metrics.consumers import skill
-from roletrust_experiments.defence.comparison import Comparison
+from roletrust_experiments.defence.comparison import Comparison, leads, rows
 from roletrust_experiments.defence.double_oracle import Game, Setup, label
 from roletrust_experiments.defence.fronts import Front
-from roletrust_experiments.defence.progress import best_trained, iterations
+from roletrust_experiments.defence.progress import best_trained, iterations, over_runs
 from roletrust_experiments.defence.response import respond_by_attack
 
 SETUP = Setup(
@@ -81,7 +82,7 @@ def test_a_cell_is_the_skill_in_games_of_its_own(game):
 
 def test_the_numbers_of_an_iteration_are_those_of_the_formulas(game):
     """Every mean is a loop over the matrix of what is known after the iteration."""
-    for one in iterations(game):
+    for one in iterations([game]):
         solution, after = game.solution(one.number), game.payoffs(one.number + 1)
         x = list(solution.models) + [0.0] * (len(after[0].chosen) - len(solution.models))
         value, worst, replies = [], [], np.zeros(len(x))
@@ -128,10 +129,10 @@ def test_a_repeat_plays_nothing_and_more_iterations_continue(fronts, game, monke
 def test_models_stand_beside_each_other(game, fronts):
     comparison = Comparison(game, ("median",), fronts[:1], 5)
     assert len(list(comparison.play())) == comparison.stages
-    rows = {row.name: row for row in comparison.rows()}
+    found = {row.name: row for row in rows([comparison])}
     learned = label("leave-one-out", best_trained(game, "leave-one-out"))
-    assert set(rows) == {learned, "mean", "role-trust", "median"}
-    for name, row in rows.items():
+    assert set(found) == {learned, "mean", "role-trust", "median"}
+    for name, row in found.items():
         worst = []
         for front in fronts:
             met = game.runs[f"seen|2|{front.name}|{name}"]
@@ -142,7 +143,23 @@ def test_models_stand_beside_each_other(game, fronts):
         assert row.clean.value == pytest.approx(
             np.mean([game.runs[f"clean|{front.name}|{name}"]["skill"] for front in fronts])
         )
-    assert list(rows) == sorted(rows, key=lambda name: -rows[name].worst.value)
+    assert list(found) == sorted(found, key=lambda name: -found[name].worst.value)
+    ((ours, over),) = leads([comparison]).items()
+    assert (ours, [row.name for row in over]) == (learned, ["mean", "role-trust", "median"])
+    for row in over:
+        assert row.worst.value == pytest.approx(found[learned].worst.value - found[row.name].worst.value)
+        apart = comparison.measured(learned)["worst"] - comparison.measured(row.name)["worst"]
+        assert row.worst.high - row.worst.low == pytest.approx(2 * estimate(apart).half)
+
+
+def test_intervals_cover_the_spread_of_runs():
+    """Runs that differ by more than their games say something about the next run, games alone do not."""
+    noise = np.array([-0.01, 0.0, 0.01])
+    first, second = ({"worst": level + noise} for level in (0.4, 0.6))
+    alone, both = (over_runs({"model": runs})["model"]["worst"] for runs in ([first], [first, second]))
+    assert alone == estimate(first["worst"]).interval
+    assert both == pytest.approx(estimate(np.array([0.4, 0.6])).interval)
+    assert over_runs({"model": [first, {}]}) == {"model": {}}
 
 
 def test_a_comparison_after_more_iterations_is_the_one_without_a_stop(fronts, game):
@@ -153,7 +170,7 @@ def test_a_comparison_after_more_iterations_is_the_one_without_a_stop(fronts, ga
     for one in (longer, play(fronts, game.runs)[0]):
         comparison = Comparison(one, (), (), 5)
         assert list(comparison.play())
-        compared.append(comparison.rows())
+        compared.append(rows([comparison]))
     assert compared[0] == compared[1]
 
 
