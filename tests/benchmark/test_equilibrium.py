@@ -89,9 +89,14 @@ def test_the_page_says_what_the_table_has() -> None:
         what, numbers = line.strip("| ").split(" | ")
         facts[what.partition(",")[0]] = [float(x.strip("(),")) for x in numbers.split()]
     mixture, gain, informed, mixed = facts.values()
-    assert gain[1] < 0 < gain[2]
-    assert informed[1] > mixture[2]
+    assert gain == [0, 0, 0]
+    assert informed[0] > mixture[0]
     assert abs(mixed[0] - informed[0]) < 0.01
     with (DOCS / "equilibrium" / "equilibrium.csv").open(encoding="utf-8") as file:
-        weights = {row["model"]: float(row["weight"]) for row in csv.DictReader(file)}
-    assert [name for name, weight in weights.items() if weight > 0.01] == ["own-experience", "travos"]
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows if float(row["weight"]) > 0.01] == ["first-hand"]
+    ranked = sorted(rows, key=lambda row: -float(row["alpha_rank"]))
+    assert [row["model"] for row in ranked[:3]] == ["first-hand", "own-experience", "leave-one-out"]
+    assert all(
+        line.endswith("100% |") for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
+    )
