@@ -88,3 +88,29 @@ def test_learned_models_forecast_as_well_and_are_lower_under_hijacked_accounts()
         assert abs(float(forecast["value"]) - float(by_hand[0]["value"])) < 0.01
         assert float(attacked["value"]) < float(by_hand[-1]["value"])
         assert float(attacked["high"]) > float(by_hand[-1]["low"])
+
+
+ATTACKED = ("worst", "strangers", "worlds")
+
+
+def test_trained_first_hand_beats_every_fixed_model_but_the_one_that_it_begins_from():
+    others = {sign(LEADS["first-hand", other], column) for other in (*CENTRAL, *JUDGES[:2]) for column in ATTACKED}
+    assert others == {1}
+    assert [sign(LEADS["first-hand", "first-hand"], column) for column in COLUMNS] == [-1, 0, 0, 0]
+    for column in ("worst", "strangers"):
+        assert max(MODELS, key=lambda name: float(MODELS[name][column])) == "first-hand, trained"
+
+
+@pytest.mark.parametrize("learner", ["leave-one-out", "network"])
+def test_training_without_experience_helps_and_does_not_replace_experience(learner):
+    assert [sign(LEADS[learner, "leave-one-out"], column) for column in ATTACKED] == [1, 1, 1]
+    assert [sign(LEADS[learner, "first-hand"], column) for column in ATTACKED] == [-1, -1, 0]
+    for judge in ("own-experience", "travos"):
+        signs = [sign(LEADS[learner, judge], column) for column in ATTACKED]
+        assert max(signs[:2]) <= 0
+        assert signs[2] == 1
+
+
+def test_little_is_left_to_win_after_two_iterations():
+    for row in ITERATIONS[1:]:
+        assert float(row["nash_conv_low"]) <= 0 <= float(row["nash_conv_high"])
