@@ -180,12 +180,15 @@ strategic: setup
 	mkdir -p docs/strategic
 	for kind in png md csv; do cp $(OUT)/strategic/strategic.$$kind docs/strategic/; done
 
-# Trust models and attackers that are trained against each other; five to twenty minutes of one core, and a repeat continues.
+# Trust models and attackers that are trained against each other, three times; half an hour of one core, and a repeat
+# continues.
+DEFENCES := leave-one-out first-hand network
+JUDGES := travos own-experience first-hand
 defence: setup
-	$(BIN)/roletrust defend --out $(OUT)/defence
+	$(BIN)/roletrust defend $(DEFENCES:%=--defence %) $(JUDGES:%=--beside %) --iterations 3 --runs 3 --out $(OUT)/defence
 	mkdir -p docs/defence
-	cp $(OUT)/defence/defence.md $(OUT)/defence/defence.png $(OUT)/defence/iterations.csv $(OUT)/defence/comparison.csv \
-	  $(OUT)/defence/leave-one-out.txt $(OUT)/defence/network.json $(OUT)/defence/network.safetensors docs/defence/
+	for file in defence.md defence.png iterations.csv comparison.csv leads.csv seed-0/leave-one-out.txt seed-0/first-hand.txt \
+	  seed-0/network.json seed-0/network.safetensors; do cp $(OUT)/defence/$$file docs/defence/; done
 
 # The learned models on logs of real ratings, which are yours: `make defence-logs LOGS=...`; a minute.
 defence-logs: setup
