@@ -9,6 +9,7 @@ from roletrust_baselines.coalition.rank_lies import RankLies
 from roletrust_baselines.coalition.review_burst import ReviewBurst
 from roletrust_baselines.coalition.self_promotion import SelfPromotion
 from roletrust_baselines.coalition.sleeper import Sleeper
+from roletrust_baselines.coalition.swap_ends import SwapEnds
 from roletrust_baselines.identity.sybil import Sybil
 from roletrust_baselines.identity.sybil_ring import SybilRing
 from roletrust_baselines.identity.whitewashing import Whitewashing
@@ -60,6 +61,7 @@ registry.register("orchestrated", Orchestrated)
 registry.register("self-promotion", SelfPromotion)
 registry.register("rank-lies", RankLies)
 registry.register("promotion", Promotion)
+registry.register("swap-ends", SwapEnds)
 registry.register("sleeper", Sleeper)
 registry.register("review-burst", ReviewBurst)
 registry.register("cheating-ring", CheatingRing)
@@ -96,6 +98,7 @@ __all__ = [
     "SelfPromotion",
     "Silent",
     "Sleeper",
+    "SwapEnds",
     "Sybil",
     "SybilRing",
     "ThresholdSurfing",

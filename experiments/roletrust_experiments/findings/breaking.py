@@ -12,7 +12,7 @@ from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.benchmark.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_experiments.findings.finding import Finding, sign
-from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
+from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite, scripts
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "Which share of liars breaks each trust model?"
@@ -126,6 +126,7 @@ def _suite(effort: Effort) -> Suite:
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
         tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=effort.some(_SHARES))},
         rungs=("scripted",),
+        attacks=scripts(),
         games=max(_LEAST, effort.games // _FEWER),
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,

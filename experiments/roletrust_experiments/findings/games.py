@@ -10,6 +10,7 @@ from roletrust_env.benchmark.cells import cells
 from roletrust_env.benchmark.pool import LocalPool
 from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmark.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Floats, Watched, watch
@@ -51,6 +52,16 @@ class Effort(NamedTuple):
     def rounds(self, many: int) -> int:
         """Return the length of a game in rounds."""
         return min(many, _QUICK_ROUNDS) if self.quick else many
+
+
+def scripts() -> tuple[str, ...]:
+    """Return the attacks of questions about the worst script: those of the suite `attackers`.
+
+    They are frozen, so that published answers stay comparable.
+    """
+    suite = load_suite("attackers")
+    assert isinstance(suite, Suite)
+    return tuple(suite.attacks)
 
 
 def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> Watched:

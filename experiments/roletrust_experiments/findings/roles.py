@@ -12,7 +12,7 @@ from roletrust_env.benchmark.store import StoredCell
 from roletrust_env.benchmark.suite import Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, listed, verdict
-from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite
+from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite, scripts
 from roletrust_experiments.plots.findings import Panel, Series
 
 QUESTION = "Do raters do more harm than providers?"
@@ -92,6 +92,7 @@ def _suite(effort: Effort) -> Suite:
         scenarios=stages,
         tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
         rungs=("scripted",),
+        attacks=scripts(),
         games=effort.games,
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_baselines import CheatingRing, Promotion, RankLies, ReviewBurst, Sleeper
+from roletrust_baselines import CheatingRing, Promotion, RankLies, ReviewBurst, Sleeper, SwapEnds
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
@@ -21,6 +21,9 @@ COALITIONS = [
     Promotion(),
     Promotion(place=0.7, lift=0.5, sink=0.3, accomplices=(0,)),
     Promotion(place=1.0, by="published"),
+    SwapEnds(),
+    SwapEnds(sink=0.6, lift=0.5, by="published", start=1, stop=7),
+    SwapEnds(accomplices=(1, 4)),
     CheatingRing(accomplices=(2, 5), cut=0.3, sink=0.8),
     CheatingRing(accomplices=(0,), cut=1.0, start=3),
     ReviewBurst(burst=2, every=3, start=1),
@@ -62,6 +65,9 @@ def slow_rating(policy, estimates, rank, j):
         if rank[j] == nearest:
             return estimates[j] + policy.lift * (1 - estimates[j])
         return estimates[j] * (1 - policy.sink) if rank[j] < nearest else estimates[j]
+    if isinstance(policy, SwapEnds):
+        ends = {0.0: estimates[j] * (1 - policy.sink), 1.0: estimates[j] + policy.lift * (1 - estimates[j])}
+        return ends.get(rank[j], estimates[j])
     return policy.best + (policy.worst - policy.best) * rank[j] ** policy.bend
 
 
@@ -148,3 +154,19 @@ def test_promotion_lifts_one_provider_above_the_better_ones_and_is_honest_about_
     assert given[0.5] == [0, 0.5, 0, 0.3, 1, 0.4]  # two are as near, the better one is promoted
     assert given[0.6] == [0, 1, 0, 0.3, 0, 0.4]
     assert given[1.0] == [0, 0, 0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("service", "given"),
+    [
+        ([0.9, 0.5, 0.7, 0.3, 0.6, 0.4], [0, 0.5, 0.7, 1, 0.6, 0.4]),
+        ([0.9, 0.9, 0.7, 0.3, 0.6, 0.4], [0.9, 0.9, 0.7, 1, 0.6, 0.4]),
+        ([0.9, 0.3, 0.7, 0.3, 0.6, 0.4], [0, 0.3, 0.7, 0.3, 0.6, 0.4]),
+        ([0.5, 0.5], [0.5, 0.5]),
+        ([0.2, 0.4], [1, 0]),
+    ],
+)
+def test_the_ends_are_swapped_unless_they_are_shared(service, given):
+    service = np.array(service)
+    view = RaterView(np.zeros(()), np.zeros(()), service, service, service > 0, service, service > 0)
+    assert ratings(SwapEnds(), [view])[0].tolist() == given
