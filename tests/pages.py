@@ -58,7 +58,8 @@ def commands(page: Path) -> list[str]:
     """The lines for a shell: of fenced blocks, of cells, and of indented blocks that call one of our commands."""
     shell = [*blocks(page, "bash"), *(cell.partition("\n")[2] for cell in cells(page) if cell.startswith("%%bash\n"))]
     lines = [line for block in shell for line in block.replace("\\\n", " ").splitlines()]
-    lines += re.findall(r"^ {4}((?:roletrust|make|pip) .*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines += re.findall(r"^ {4}((?:roletrust|make|pip) .*)$", text, flags=re.MULTILINE)
     return [line.strip() for line in lines if line.strip()]
 
 

@@ -63,8 +63,8 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_STANDARDS = "standard", "standard-2", "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
-_EXTENDABLE = ("quick", *_STANDARDS, "reruns", "full")
+_SEARCHED = "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
+_EXTENDABLE = ("quick", "standard", "standard-2", *_SEARCHED, "reruns", "full")
 
 
 def _names() -> list[str]:

@@ -42,6 +42,22 @@ def test_the_sentences_on_models_are_true() -> None:
     assert f"left {float(before['score']):.3f} in other games" in WORDS
 
 
+def test_the_second_search_finds_hardly_more() -> None:
+    first, second = (
+        {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in table}
+        for table in (WORST, [row for row in rows("again.csv") if float(row["share"])])
+    )
+    expected = []
+    for model in dict.fromkeys(model for model, *_ in second):
+        keys = [key for key in second if key[0] == model]
+        before, after = (sum(scores[key] for key in keys) / len(keys) for scores in (first, second))
+        lower, higher = (sum(sign * (second[key] - first[key]) > 0.02 for key in keys) for sign in (-1, 1))
+        expected.append(f"| `{model}` | {before:.3f} | {after:.3f} | {lower} | {higher} |")
+        assert len(keys) == 9
+        assert (abs(after - before) < 0.004) == (model != "iterative-filtering")
+    assert PAGE.partition("| first search | second search |")[2].partition("\n\n")[0].splitlines()[2:] == expected
+
+
 def test_the_suite_plays_in_conditions_of_the_leaderboard_from_its_known_attacks() -> None:
     longer, suite = load_suite("standard-5-search"), load_suite("standard-4")
     assert isinstance(longer, Suite)
