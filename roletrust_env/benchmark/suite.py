@@ -137,8 +137,7 @@ class Suite(SuiteSchema):
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
     places: Literal["last", "random", "shuffled"] = "last"
     """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
-    models of this project treat all agents alike, as their tests show, and see them at the last places with `random`,
-    too. With `shuffled`, theirs are random as well, which measures that places do not matter."""
+    models of this project, which treat all agents alike, see random places only if it is `shuffled`."""
     consumers: Consumers = "public"
     """Who consumes: the public, which goes by published trust, or the honest raters, each by what it knows."""
 
