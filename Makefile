@@ -95,7 +95,7 @@ scale: setup
 	$(BIN)/roletrust scale --seeds 20 --out $(OUT)/scale
 	cp $(OUT)/scale/scale.md $(OUT)/scale/scale-harm.csv $(OUT)/scale/scale-costs.csv docs/
 
-# The leaderboard and its report, of which the README has the table; some 70 minutes on two cores.
+# The leaderboard and its report, of which the README has the table; an hour and a half on two cores.
 benchmark: setup
 	$(BIN)/roletrust benchmark --suite standard-5 --out $(OUT)/standard-5
 	$(BIN)/roletrust report $(OUT)/standard-5/results.sqlite --pages ../../reference/models \

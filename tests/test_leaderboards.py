@@ -23,6 +23,16 @@ def rows(name: str) -> Rows:
         return {row["model"]: row for row in csv.DictReader(file)}
 
 
+def worst_cases(name: str) -> list[dict[str, str]]:
+    """The conditions with an attack."""
+    with (BOARDS / name).open(encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
+
+
+def scores(rows: list[dict[str, str]]) -> dict[tuple[str, ...], float]:
+    return {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in rows}
+
+
 ONE, TWO, THREE = rows("standard.csv"), rows("standard-2.csv"), rows("standard-3.csv")
 FOUR, FIVE = rows("standard-4.csv"), rows("standard-5/leaderboard.csv")
 
@@ -42,8 +52,7 @@ def skill(row: dict[str, str]) -> str:
 
 
 def test_the_best_models_of_each_condition_are_those_of_the_table() -> None:
-    with (BOARDS / "standard-5" / "worst_cases.csv").open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
+    rows = worst_cases("standard-5/worst_cases.csv")
     expected = []
     for where in dict.fromkeys((row["scenario"], row["track"], row["share"]) for row in rows):
         here = {row["model"]: row for row in rows if (row["scenario"], row["track"], row["share"]) == where}
@@ -104,12 +113,7 @@ def test_the_rank_correlation_is_that_of_the_tables(page: str, old: Rows, new: R
     ],
 )
 def test_a_page_counts_the_conditions_that_moved(page: str, old: str, new: str) -> None:
-    def scores(name: str) -> dict[tuple[str, ...], float]:
-        with (BOARDS / name).open(encoding="utf-8") as file:
-            rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
-        return {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in rows}
-
-    before, after = scores(old), scores(new)
+    before, after = (scores(worst_cases(name)) for name in (old, new))
     moved = [after[key] - before[key] for key in before]
     lower, higher = (sum(sign * change > 0.02 for change in moved) for sign in (-1, 1))
     words = " ".join(page.split())
@@ -154,8 +158,7 @@ def test_no_score_depends_on_places_by_more_than_its_interval() -> None:
 def test_the_fourth_page_counts_the_attacks_of_longer_searches() -> None:
     suites = BOARDS.parents[1] / "roletrust_env" / "benchmark" / "suites"
     older = {(*one.condition, one.name) for one in read_known_attacks(suites / "standard-4-known.json")}
-    with (BOARDS / "standard-5" / "worst_cases.csv").open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["attack"] != "nobody"]
+    rows = worst_cases("standard-5/worst_cases.csv")
     known = [
         (row["scenario"], row["track"], float(row["share"]), row["attack"]) for row in rows if row["rung"] == "known"
     ]
@@ -163,12 +166,9 @@ def test_the_fourth_page_counts_the_attacks_of_longer_searches() -> None:
     counts = f"{later} of {len(rows)} conditions of all models, and an older known one in {len(known) - later}"
     assert f"the worst attack is one of these 96 in {counts}" in " ".join(FOURTH.split())
     assert len(read_known_attacks(suites / "standard-5-known.json")) == 96
-    worst = {(row["model"], row["scenario"], row["track"], row["share"]): float(row["score"]) for row in rows}
-    with (BOARDS / "standard-5-swap-ends.csv").open(encoding="utf-8") as file:
-        tried = [
-            (row, worst[row["model"], row["scenario"], row["track"], row["share"]]) for row in csv.DictReader(file)
-        ]
-    gains = [before - float(row["score"]) for row, before in tried if row["attack"] == "swap-ends"]
+    found, tried = scores(rows), worst_cases("standard-5-swap-ends.csv")
+    assert {row["attack"] for row in tried} == {"swap-ends"}
+    gains = [found[where] - score for where, score in scores(tried).items()]
     conditions = f"{sum(gain > 0 for gain in gains)} of the {len(gains)} conditions in which it plays"
     assert f"lower than the worst case in {conditions}, at most by {max(gains):.3f}" in " ".join(FOURTH.split())
 

@@ -1,4 +1,4 @@
-"""What the places of agents matter: a run beside one in which trust models see the agents in another order.
+"""Whether the places of agents matter: a run beside one in which trust models see the agents in another order.
 
 Both runs search and measure with the same random numbers. A model that treats all agents alike has the same scores in
 both, but for rounding, which may decide between providers with equal trust, and so lead a search elsewhere.
@@ -36,7 +36,7 @@ class PlaceEffect(NamedTuple):
 def place_effects(
     suite: Suite, stored: Sequence[StoredCell], shuffled: Suite, stored_shuffled: Sequence[StoredCell]
 ) -> list[PlaceEffect]:
-    """Return what the places of agents matter to each model, with intervals over games and seeds.
+    """Return how the scores of each model change if it sees the agents shuffled, with intervals over games and seeds.
 
     Args:
         suite: Suite of a run in which models see the agents in order. It may have more seeds than the other one.

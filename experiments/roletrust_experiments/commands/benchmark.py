@@ -81,8 +81,8 @@ def benchmark(
         list[Path] | None,
         typer.Option(
             metavar="FILE.json",
-            help="File of `roletrust submit --attacks`, whose attacks play besides those of the suite; repeat for "
-            "more.",
+            help="File of attacks that `roletrust submit --attacks` has written; they play besides those of the suite; "
+            "repeat for more.",
             show_default=False,
         ),
     ] = None,

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Column, Table
 from rich.text import Text
 
+from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_experiments.paper.claims import Claim
 
@@ -163,13 +164,23 @@ def number_table(title: str, caption: str, *headings: str, name: str = "") -> Fi
 
 
 def short(text: str) -> str:
-    """Return numbers without the zero before their point, for tables of 80 columns.
+    """Return numbers without the zero before their point and without spaces around ±, for tables of 80 columns.
 
     Example:
-        >>> short("0.25 (-0.5, 10.5)")
-        '.25 (-.5, 10.5)'
+        >>> short("0.25 (-0.5, 10.5)"), short("0.25 ± 0.5")
+        ('.25 (-.5, 10.5)', '.25±.5')
     """
-    return re.sub(r"(?<!\d)0\.", ".", text)
+    return re.sub(r"(?<!\d)0\.", ".", text).replace(" ± ", "±")
+
+
+def plus_minus(value: Estimate, digits: int = 3) -> str:
+    """Return a mean and half its interval.
+
+    Example:
+        >>> plus_minus(Estimate(0.25, 0.0121))
+        '0.250 ± 0.012'
+    """
+    return f"{value.mean + 0.0:.{digits}f} ± {value.half:.{digits}f}"
 
 
 def claims_table(title: str, found: Sequence[Claim]) -> FittedTable:

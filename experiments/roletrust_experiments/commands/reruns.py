@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from roletrust_env.storage.files import prepare_folder, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import console, number_table, print_next, short
+from roletrust_experiments.commands.console import console, number_table, plus_minus, print_next, short
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
 
@@ -21,7 +21,8 @@ def reruns(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help='Results of the same suite with `places = "shuffled"`: show what the places of agents matter instead.',
+            help='Results of the same suite with `places = "shuffled"`: show instead whether the places of agents '
+            "matter.",
             show_default=False,
         ),
     ] = None,
@@ -72,15 +73,17 @@ def _show_promises(results: Path, seeds: int, out: Path) -> None:
 def _show_places(results: Path, shuffled: Path, out: Path) -> None:
     """Show and write how the scores of models change if they see the agents in another order."""
     from roletrust_env.benchmark.shuffled import place_effects
-    from roletrust_env.metrics.confidence import Estimate
     from roletrust_experiments.commands.leaderboard import read_run
-
-    def text(value: Estimate, digits: int = 3) -> str:
-        return f"{value.mean:.{digits}f} ± {value.half:.{digits}f}"
 
     (suite, stored), (other, theirs) = read_run(results), read_run(shuffled)
     rows = [
-        [one.model, text(one.clean), text(one.clean_change, 5), text(one.worst), text(one.worst_change, 5)]
+        [
+            one.model,
+            plus_minus(one.clean),
+            plus_minus(one.clean_change, 5),
+            plus_minus(one.worst),
+            plus_minus(one.worst_change, 5),
+        ]
         for one in place_effects(suite, stored, other, theirs)
     ]
     caption = (
@@ -97,7 +100,7 @@ def _show(title: str, headings: Sequence[str], rows: list[list[str]], caption: s
     prepare_folder(path.parent)
     table = number_table(title, caption, *headings[1:], name=headings[0])
     for name, *numbers in rows:
-        table.add_row(escape(name), *(short(number).replace(" ± ", "±") for number in numbers))
+        table.add_row(escape(name), *(short(number) for number in numbers))
     console.print(table)
     text = markdown_table(headings, rows, names=1)
     write_text(path, f"{text}\n\n{title} of {caption}. Made by `{command}`.\n")

@@ -13,12 +13,11 @@ from rich.table import Table
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, print_next, progress_bar, short
+from roletrust_experiments.commands.console import console, number_table, plus_minus, print_next, progress_bar, short
 from roletrust_experiments.commands.costs import machine
 from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
 from roletrust_experiments.playing.cities import ATTACKS, LEAST, MET, Harm, city, city_sizes, measure_harm
@@ -151,7 +150,7 @@ def _screen(
     table = number_table(title, caption, *(headings[at].replace(" ", "\n") for at in shown), name=", ".join(names))
     for row in rows:
         name = ", ".join(cell for cell in row[: len(names)] if cell)
-        table.add_row(escape(name), *(short(row[at]).replace(" ± ", "±") for at in shown))
+        table.add_row(escape(name), *(short(row[at]) for at in shown))
     return table
 
 
@@ -163,13 +162,9 @@ def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:
         by_row.setdefault((one.model, one.attack, one.share), {})[one.agents] = one
     lines = [["model", "attack", "share", *(f"{size:,} agents" for size in sizes)]]
     for (model, attack, share), cells in by_row.items():
-        shown = [_shown(cells[size].harm if share else cells[size].skill) for size in sizes]
+        shown = [plus_minus(cells[size].harm if share else cells[size].skill) for size in sizes]
         lines.append([model, attack if share else "honest: skill", f"{share:.0%}" if share else "", *shown])
     return lines
-
-
-def _shown(estimate: Estimate) -> str:
-    return f"{estimate.mean:.3f} ± {estimate.half:.3f}"
 
 
 def _cost_lines(found: Sequence[RoundCost]) -> list[list[str]]:

@@ -13,7 +13,7 @@ from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.storage.provenance import software
 from roletrust_experiments.attackers.runs import read_runs
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, option, print_next
+from roletrust_experiments.commands.console import console, number_table, option, plus_minus, print_next
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, Again, Out, Seed, Workers
 from roletrust_experiments.commands.played import play_and_keep
@@ -202,7 +202,6 @@ def _rows(found: Sequence["Level"], columns: Sequence[str]) -> list[list[str]]:
 
 def _number(level: "Level", column: str) -> str:
     if column != _PRICE:
-        one = level.estimates[_MEASURES[column]]
-        return f"{one.mean + 0.0:.3f} ± {one.half:.3f}"
+        return plus_minus(level.estimates[_MEASURES[column]])
     price = level.anarchy
     return "∞" if price.value == float("inf") else f"{price.value:.2f} ({price.low:.2f}, {price.high:.2f})"

@@ -142,7 +142,8 @@ def leads(runs: Sequence[Comparison]) -> dict[str, list[Row]]:
     """Return by how much the model of each learner is above each fixed one, in the same games."""
     found, fixed = {}, _of_fixed(runs)
     for learner, name in names_of(runs).items():
-        pairs = {other: zip(_of_learner(runs, learner), theirs, strict=True) for other, theirs in fixed.items()}
+        ours = _of_learner(runs, learner)
+        pairs = {other: zip(ours, theirs, strict=True) for other, theirs in fixed.items()}
         found[name] = _rows({o: [{c: a[c] - b[c] for c in a} for a, b in each] for o, each in pairs.items()})
     return found
 
