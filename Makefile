@@ -43,7 +43,7 @@ test-site: docs
 
 # The wheel with each extra alone, in fresh environments.
 test-extras: setup
-	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmark
+	$(BIN)/pytest -n 2 -m extras tests/extras tests/benchmarking
 
 # Teams of processes on DDS, two at a time. They run in real time, so a test that a busy machine failed is repeated.
 test-live: setup
@@ -106,14 +106,14 @@ benchmark: setup
 known-attacks: setup
 	$(BIN)/roletrust benchmark --suite standard-3-search --out $(OUT)/standard-3-search
 	$(BIN)/roletrust submit $(OUT)/standard-3-search/results.sqlite --attacks \
-		--out roletrust_env/benchmark/suites/standard-3-known.json
+		--out roletrust_env/benchmarking/suites/standard-3-known.json
 	$(BIN)/roletrust benchmark --suite standard-4-search --out $(OUT)/standard-4-search
 	$(BIN)/roletrust submit $(OUT)/standard-4-search/results.sqlite --attacks \
-		--out roletrust_env/benchmark/suites/standard-4-known.json
-	$(BIN)/roletrust benchmark --suite standard-5-search --known roletrust_env/benchmark/suites/standard-4-known.json \
+		--out roletrust_env/benchmarking/suites/standard-4-known.json
+	$(BIN)/roletrust benchmark --suite standard-5-search --known roletrust_env/benchmarking/suites/standard-4-known.json \
 		--out $(OUT)/standard-5-search
 	$(BIN)/roletrust submit $(OUT)/standard-5-search/results.sqlite --attacks \
-		--out roletrust_env/benchmark/suites/standard-5-known.json
+		--out roletrust_env/benchmarking/suites/standard-5-known.json
 
 # Whether runs with other seeds agree as often as they promise, and whether the places of agents matter; some 20 minutes on
 # two cores.

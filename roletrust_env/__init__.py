@@ -3,6 +3,7 @@
 Plug-in authors find checks of their trust models and attacks in `roletrust_env.testing`.
 """
 
+from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ from roletrust_env.trust import TrustModel, make_trust_model, register_trust_mod
 from roletrust_env.world import Scenario, load_scenario, make_scenario, register_scenario, scenarios
 
 if TYPE_CHECKING:
+    from roletrust_env.benchmarking import benchmark
+    from roletrust_env.data import TrustStream
     from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
     from roletrust_env.evaluation import evaluate
 
@@ -59,8 +62,10 @@ __all__ = [
     "SparseGame",
     "State",
     "TrustModel",
+    "TrustStream",
     "WindowedAttack",
     "attackers",
+    "benchmark",
     "env",
     "evaluate",
     "load_scenario",
@@ -78,17 +83,21 @@ __all__ = [
     "trust_models",
 ]
 
+_LATE = {
+    "TrustStream": "roletrust_env.data",
+    "benchmark": "roletrust_env.benchmarking",
+    "evaluate": "roletrust_env.evaluation",
+}
+
 
 def __getattr__(name: str) -> Any:
-    """Return what is imported only when it is needed: `evaluate`, or an environment for Stable-Baselines3.
+    """Return what is imported only when it is needed, such as `benchmark`, or an environment for Stable-Baselines3.
 
     Raises:
         DependencyNotInstalled: Stable-Baselines3 is missing. The class is that of Gymnasium.
     """
-    if name == "evaluate":
-        from roletrust_env import evaluation
-
-        return evaluation.evaluate
+    if name in _LATE:
+        return getattr(import_module(_LATE[name]), name)
     if name not in ("AttackVecEnv", "RoleVecEnv"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

@@ -11,7 +11,7 @@ import shutil
 import hypothesis
 import pytest
 
-from roletrust_env.benchmark.learners.learner import registry as learners
+from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "attackers.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ from pages import HOUSE, blocks, cells, run, written_file
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
-from roletrust_env.benchmark.learners.learner import Learner, LearnerSearch
-from roletrust_env.benchmark.learners.suite import Task
+from roletrust_env.benchmarking.learners.learner import Learner, LearnerSearch
+from roletrust_env.benchmarking.learners.suite import Task
 from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
 from roletrust_env.testing import check_trust_model

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import spearmanr
 
-from roletrust_env.benchmark.known_attacks import read_known_attacks
+from roletrust_env.benchmarking.known_attacks import read_known_attacks
 
 BOARDS = Path(__file__).parents[1] / "docs" / "leaderboards"
 CURRENT = (BOARDS.parent / "robustness.md").read_text(encoding="utf-8")
@@ -156,7 +156,7 @@ def test_no_score_depends_on_places_by_more_than_its_interval() -> None:
 
 
 def test_the_fourth_page_counts_the_attacks_of_longer_searches() -> None:
-    suites = BOARDS.parents[1] / "roletrust_env" / "benchmark" / "suites"
+    suites = BOARDS.parents[1] / "roletrust_env" / "benchmarking" / "suites"
     older = {(*one.condition, one.name) for one in read_known_attacks(suites / "standard-4-known.json")}
     rows = worst_cases("standard-5/worst_cases.csv")
     known = [

@@ -22,7 +22,7 @@ _PRIOR_SHARE = 0.5
 """Share of the degrees of freedom of a prior that count.
 
 True variances need not scatter as the prior says. This share keeps the level of the tests for tiers where the variance
-between seeds differs from model to model, see `tests/benchmark/test_verdict.py`.
+between seeds differs from model to model, see `tests/benchmarking/test_verdict.py`.
 """
 
 

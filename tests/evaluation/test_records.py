@@ -27,8 +27,8 @@ class Unnamed(Policy):
 
 
 def every_policy() -> list[Policy]:
-    from roletrust_env.benchmark.cells import attack_names
-    from roletrust_env.benchmark.suite_files import load_suite
+    from roletrust_env.benchmarking.cells import attack_names
+    from roletrust_env.benchmarking.suite_files import load_suite
 
     names = attack_names(load_suite("full"))
     needs = {"accomplices": (0, 1), "length": 50}

@@ -10,9 +10,9 @@ import numpy as np
 from command_line import run
 from small_suites import small
 
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.store import Store
 
 SHOWN = {
     "heatmap": "cells",

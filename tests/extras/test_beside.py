@@ -120,7 +120,7 @@ def test_a_package_of_plug_ins_is_listed_plays_and_enters_the_benchmark(
     shares = {row["learner"]: row for row in rows(user.folder / "learners" / "learners.csv")}
     assert float(shares["steady"]["share"]) > 0
     called = """
-from roletrust_env.benchmark import benchmark
+from roletrust_env.benchmarking import benchmark
 board = benchmark(["mean", "grudge"], "models.toml", attacks=["gossip"], workers=1, progress=False)
 print(sorted(row.model for row in board.rows), {row.worst_attack for row in board.rows})
 """

@@ -109,7 +109,7 @@ print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
 
 def test_notebook(fresh: Callable[..., Environment]) -> None:
     lines = """
-from roletrust_env.benchmark import Suite, benchmark
+from roletrust_env.benchmarking import Suite, benchmark
 tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
 market = {"preset": "market", "set": {"max_cycles": 5}}
 suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=2)

@@ -14,7 +14,7 @@ from pages import HOUSE, blocks
 
 import roletrust_env
 from roletrust_env import evaluate, make_scenario
-from roletrust_env.benchmark.sources import hashes
+from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.evaluation.specs import check_installed, named_factory, parse_trust_model
 from roletrust_env.testing import trust_models as checks
 from roletrust_env.trust import outside_sessions

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.benchmark.pool import ONE_THREAD, TRIES
-from roletrust_env.benchmark.processes import WorkerPool
-from roletrust_env.benchmark.schema import reason
+from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES
+from roletrust_env.benchmarking.processes import WorkerPool
+from roletrust_env.benchmarking.schema import reason
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.storage.files import write_json
 from roletrust_env.storage.untrusted import UntrustedModel, check_plain, parse_json

@@ -10,20 +10,20 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
-from roletrust_env.benchmark.cells import attack_names, cells, model_names
-from roletrust_env.benchmark.command_line import reproduction_command
-from roletrust_env.benchmark.cost_estimate import estimate_cost
-from roletrust_env.benchmark.known_attacks import check_records, read_known_attacks
-from roletrust_env.benchmark.learners.suite import LearnersSuite
-from roletrust_env.benchmark.pool import LocalPool, Pool, cores
-from roletrust_env.benchmark.remaining_time import RemainingTime
-from roletrust_env.benchmark.result import Leaderboard
-from roletrust_env.benchmark.run import play_suite, with_names
-from roletrust_env.benchmark.schema import CellResult
-from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite, with_known
-from roletrust_env.benchmark.suite_files import load_suite
-from roletrust_env.benchmark.suite_types import AnySuite
+from roletrust_env.benchmarking.cells import attack_names, cells, model_names
+from roletrust_env.benchmarking.command_line import reproduction_command
+from roletrust_env.benchmarking.cost_estimate import estimate_cost
+from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
+from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
+from roletrust_env.benchmarking.remaining_time import RemainingTime
+from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.run import play_suite, with_names
+from roletrust_env.benchmarking.schema import CellResult
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Suite, with_known
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.suite_types import AnySuite
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
@@ -241,7 +241,7 @@ def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
     if ray is None:
         yield LocalPool(workers)
         return
-    from roletrust_env.benchmark.cluster import Cluster
+    from roletrust_env.benchmarking.cluster import Cluster
 
     with closing(Cluster(ray)) as cluster:
         yield cluster

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
-from roletrust_env.benchmark.learners.learner import registry as learners
+from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, SearchRange, allowed

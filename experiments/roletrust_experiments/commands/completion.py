@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 import typer
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmark.attackers import SEARCH_RUNGS
-from roletrust_env.benchmark.learners.learner import registry as learner_registry
-from roletrust_env.benchmark.suite_files import suites as benchmark_suites
+from roletrust_env.benchmarking.attackers import SEARCH_RUNGS
+from roletrust_env.benchmarking.learners.learner import registry as learner_registry
+from roletrust_env.benchmarking.suite_files import suites as benchmark_suites
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers

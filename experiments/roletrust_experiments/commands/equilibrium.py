@@ -47,10 +47,10 @@ def equilibrium(
     [cyan]roletrust equilibrium results/quick/results.sqlite --model beta --model median --model travos[/]
     """
     require("the equilibrium", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_env.benchmark.cells import model_names
-    from roletrust_env.benchmark.equilibrium import equilibrium as solved
-    from roletrust_env.benchmark.equilibrium import payoffs
-    from roletrust_env.benchmark.worst_case import attack_scores
+    from roletrust_env.benchmarking.cells import model_names
+    from roletrust_env.benchmarking.equilibrium import equilibrium as solved
+    from roletrust_env.benchmarking.equilibrium import payoffs
+    from roletrust_env.benchmarking.worst_case import attack_scores
     from roletrust_experiments.commands.leaderboard import read_run
 
     suite, stored = read_run(results)

@@ -5,9 +5,9 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.result import Leaderboard, row_texts
-from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmarking.result import Leaderboard, row_texts
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_experiments.commands.console import number_table, short
 
 _SHOWN = ("clean", "worst", "damage", "alarms", "AUC", "holds")

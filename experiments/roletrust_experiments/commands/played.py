@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from roletrust_env.benchmark.pool import cores
+from roletrust_env.benchmarking.pool import cores
 from roletrust_experiments.attackers.runs import Run, Work, play_runs, write_runs
 from roletrust_experiments.commands.console import console, interruptible, progress_bar
 

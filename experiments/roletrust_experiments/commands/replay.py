@@ -7,12 +7,12 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmark.cells import Cell, model_names
-from roletrust_env.benchmark.result import Leaderboard
-from roletrust_env.benchmark.schema import AttackResult
-from roletrust_env.benchmark.store import Store
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.worst_case import as_array, attack_scores, least_mean, worst_cases
+from roletrust_env.benchmarking.cells import Cell, model_names
+from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.schema import AttackResult
+from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers

@@ -58,8 +58,8 @@ def reruns(
 
 def _show_promises(results: Path, seeds: int, out: Path) -> None:
     """Show and write what runs of a few seeds promise of one another, and how often others keep it."""
-    from roletrust_env.benchmark.reruns import promises
-    from roletrust_env.benchmark.reruns import reruns as leaderboards
+    from roletrust_env.benchmarking.reruns import promises
+    from roletrust_env.benchmarking.reruns import reruns as leaderboards
     from roletrust_experiments.commands.leaderboard import read_run
 
     suite, stored = read_run(results)
@@ -72,7 +72,7 @@ def _show_promises(results: Path, seeds: int, out: Path) -> None:
 
 def _show_places(results: Path, shuffled: Path, out: Path) -> None:
     """Show and write how the scores of models change if they see the agents in another order."""
-    from roletrust_env.benchmark.shuffled import place_effects
+    from roletrust_env.benchmarking.shuffled import place_effects
     from roletrust_experiments.commands.leaderboard import read_run
 
     (suite, stored), (other, theirs) = read_run(results), read_run(shuffled)

@@ -11,15 +11,15 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmark.agreement import Check, check_bias, check_cell, check_fresh
-from roletrust_env.benchmark.attack_entries import make_entries
-from roletrust_env.benchmark.pool import LocalPool
-from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.submission import CellClaim, make_submission
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.suite_files import suites
-from roletrust_env.benchmark.suite_types import AnyCell
-from roletrust_env.benchmark.verification import (
+from roletrust_env.benchmarking.agreement import Check, check_bias, check_cell, check_fresh
+from roletrust_env.benchmarking.attack_entries import make_entries
+from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.submission import CellClaim, make_submission
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import suites
+from roletrust_env.benchmarking.suite_types import AnyCell
+from roletrust_env.benchmarking.verification import (
     LONGEST_S,
     check_claims,
     check_names,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_agents.training.defence import Floats
-from roletrust_env.benchmark.known_attacks import KnownAttack
+from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.attackers.runs import Run
 from roletrust_experiments.defence.double_oracle import Game, label

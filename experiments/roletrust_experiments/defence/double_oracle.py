@@ -13,9 +13,9 @@ import numpy as np
 from roletrust_agents.training.defence import Climb, Floats, train_defence
 from roletrust_agents.training.defence import Front as Mixture
 from roletrust_agents.training.defence_learners import learner_of
-from roletrust_env.benchmark.equilibrium import Payoffs, Solution, solve
-from roletrust_env.benchmark.known_attacks import KnownAttack
-from roletrust_env.benchmark.worst_case import Condition
+from roletrust_env.benchmarking.equilibrium import Payoffs, Solution, solve
+from roletrust_env.benchmarking.known_attacks import KnownAttack
+from roletrust_env.benchmarking.worst_case import Condition
 from roletrust_experiments.attackers.runs import Run
 from roletrust_experiments.defence.fronts import Front
 from roletrust_experiments.defence.response import respond_by_attack

@@ -9,7 +9,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_agents.training.universal import known_starts
-from roletrust_env.benchmark.known_attacks import KnownAttack
+from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.make_task import make_task
 

@@ -7,7 +7,7 @@ from pydantic import Field, NonNegativeInt
 
 from roletrust_agents.learned.cards import Number
 from roletrust_agents.training.defence_learners import learner_of
-from roletrust_env.benchmark.known_attacks import KnownAttack, check_records
+from roletrust_env.benchmarking.known_attacks import KnownAttack, check_records
 from roletrust_env.storage.untrusted import UntrustedModel, check_plain
 from roletrust_experiments.attackers.runs import Check, Run
 from roletrust_experiments.defence.double_oracle import Setup

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmark.cells import model_names
-from roletrust_env.benchmark.suite import Stage, Suite, Track
-from roletrust_env.benchmark.suite_files import load_suite
-from roletrust_env.benchmark.worst_case import WorstCase, attack_scores, worst_cases
+from roletrust_env.benchmarking.cells import model_names
+from roletrust_env.benchmarking.suite import Stage, Suite, Track
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
 from roletrust_experiments.findings.finding import Finding, sign
 from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite, scripts

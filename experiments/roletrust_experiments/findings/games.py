@@ -6,11 +6,11 @@ from typing import Any, NamedTuple, TypeVar
 from rich.progress import Progress
 
 from roletrust_env import Policy, Scenario, metrics
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.pool import LocalPool
-from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import Floats, Watched, watch

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmark.cells import HONEST
-from roletrust_env.benchmark.schema import AttackResult
-from roletrust_env.benchmark.store import StoredCell
-from roletrust_env.benchmark.suite import Stage, Suite, Track
+from roletrust_env.benchmarking.cells import HONEST
+from roletrust_env.benchmarking.schema import AttackResult
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_experiments.findings.finding import Finding, listed, verdict
 from roletrust_experiments.findings.games import PATIENCE_S, Effort, play_suite, scripts

@@ -6,9 +6,9 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmark.cells import Cell
-from roletrust_env.benchmark.run_cell import FoundAttack, find_attack
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmarking.cells import Cell
+from roletrust_env.benchmarking.run_cell import FoundAttack, find_attack
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.envs.task_batch import one_game
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmark.verdict import told_apart
-from roletrust_env.benchmark.worst_case import Condition, WorstCase
+from roletrust_env.benchmarking.verdict import told_apart
+from roletrust_env.benchmarking.worst_case import Condition, WorstCase
 
 
 class ConditionRow(NamedTuple):

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from roletrust_env.benchmark.cells import model_names
-from roletrust_env.benchmark.learners.suite import LearnersSuite
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import model_names
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
+from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.report.learners import Learners

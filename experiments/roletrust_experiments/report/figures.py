@@ -15,7 +15,7 @@ from bokeh.models.annotations import ColorBar, Span, TeeHead, Whisker
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
-from roletrust_env.benchmark.suite import Scale
+from roletrust_env.benchmarking.suite import Scale
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.learners import Learners
 from roletrust_experiments.report.robustness import HeatMap, Robustness

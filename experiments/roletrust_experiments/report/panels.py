@@ -11,8 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
-from roletrust_env.benchmark.leaderboard import LeaderboardRow
-from roletrust_env.benchmark.suite import Scale
+from roletrust_env.benchmarking.leaderboard import LeaderboardRow
+from roletrust_env.benchmarking.suite import Scale
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET, tidy
 from roletrust_experiments.report.looks import Look
 from roletrust_experiments.report.table import Table

@@ -17,9 +17,9 @@ from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
-from roletrust_env.benchmark.cells import Cell, task_arguments
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.cells import Cell, task_arguments
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.measurement import score
 from roletrust_env.game.coalition_features import FEATURES

@@ -17,8 +17,8 @@ from roletrust_agents.strategic.strategies import (
     random_population,
 )
 from roletrust_env import Game, Scenario
-from roletrust_env.benchmark.suite import Suite
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate

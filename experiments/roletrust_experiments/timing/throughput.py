@@ -5,9 +5,9 @@ from time import process_time
 from typing import NamedTuple
 
 from roletrust_env import Game, JointPolicy
-from roletrust_env.benchmark.cells import Cell, attacked_scenario, cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmarking.cells import Cell, attacked_scenario, cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.rollout import rollout
 

@@ -12,7 +12,7 @@ from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_scenario
-from roletrust_env.benchmark.known_attacks import KnownAttack
+from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.records import record_of
 from roletrust_env.evaluation.specs import parse_trust_model

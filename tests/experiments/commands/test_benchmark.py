@@ -13,8 +13,8 @@ import pytest
 from children import children
 from command_line import run
 
-from roletrust_env.benchmark.store import Store
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.suite_files import load_suite
 
 SUITE = """
 models = ["mean"]

@@ -11,8 +11,8 @@ pytest.importorskip("stable_baselines3")
 from attackers_suite import condition
 from typer.testing import CliRunner
 
-from roletrust_env.benchmark.cells import Cell, task_arguments
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.cells import Cell, task_arguments
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.measurement import score
 from roletrust_env.evaluation.search import Budget, search_methods

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 import roletrust_env
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
-from roletrust_env.benchmark import register_learner
-from roletrust_env.benchmark.attackers import SEARCH_RUNGS
+from roletrust_env.benchmarking import register_learner
+from roletrust_env.benchmarking.attackers import SEARCH_RUNGS
 from roletrust_env.trust import Mean, register_trust_model
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands.catalogue import all_attackers, all_models

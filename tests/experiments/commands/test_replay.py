@@ -8,10 +8,10 @@ import pytest
 from command_line import run
 from small_suites import small
 
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.result import Leaderboard
-from roletrust_env.benchmark.run_cell import find_attack, play_cell
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.run_cell import find_attack, play_cell
+from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.measurement import watch
 from roletrust_experiments.playing.replay import Replay
 

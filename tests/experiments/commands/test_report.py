@@ -12,9 +12,9 @@ from command_line import run
 from report_run import SHOWN, SUITE, lines, mean
 from small_suites import small
 
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import is_own_model
 
 

@@ -7,7 +7,7 @@ pytest.importorskip("cma")
 from small_suites import MARKET, small
 from typer.testing import CliRunner
 
-from roletrust_env.benchmark import benchmark
+from roletrust_env.benchmarking import benchmark
 from roletrust_experiments.cli import app
 
 SUITE = small(

@@ -11,13 +11,13 @@ import pytest
 from benchmark_cases import tiny
 from command_line import run
 
-from roletrust_env.benchmark import verification
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.store import Store, StoredCell
-from roletrust_env.benchmark.submission import ClaimedMetrics, fingerprint
-from roletrust_env.benchmark.suite_files import load_suite
-from roletrust_env.benchmark.verification import read_submission
+from roletrust_env.benchmarking import verification
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.submission import ClaimedMetrics, fingerprint
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
 
 SUITE = tiny(rungs=["scripted"])

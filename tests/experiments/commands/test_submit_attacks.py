@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from command_line import run
 
-from roletrust_env.benchmark.known_attacks import read_known_attacks
-from roletrust_env.benchmark.store import Store
-from roletrust_env.benchmark.suite import Suite
+from roletrust_env.benchmarking.known_attacks import read_known_attacks
+from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.suite import Suite
 
 SUITE = """
 models = ["mean"]

@@ -12,9 +12,9 @@ import pytest
 from benchmark_cases import tiny
 from command_line import run
 
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.resources import processor
 
 
@@ -92,9 +92,9 @@ PLAY = """
 from pathlib import Path
 from benchmark_cases import tiny
 from command_line import run
-from roletrust_env.benchmark.cells import cells
-from roletrust_env.benchmark.run_cell import play_cell
-from roletrust_env.benchmark.store import Store
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.store import Store
 suite = tiny(rungs=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
 with Store(Path("results.sqlite"), suite) as store:
     for cell in cells(suite):

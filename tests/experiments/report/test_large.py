@@ -9,7 +9,7 @@ import large_run
 import numpy as np
 import pytest
 
-from roletrust_env.benchmark.worst_case import attack_scores
+from roletrust_env.benchmarking.worst_case import attack_scores
 from roletrust_experiments.report.content import Content
 from roletrust_experiments.report.learners import Learners
 from roletrust_experiments.report.page import page

@@ -113,7 +113,7 @@ def test_every_command_and_option_is_told(site):
         "roletrust_env.metrics",
         "roletrust_env.world",
         "roletrust_env.evaluation",
-        "roletrust_env.benchmark",
+        "roletrust_env.benchmarking",
         "roletrust_env.testing",
         "roletrust_agents.learned",
     ],

@@ -2,7 +2,7 @@
 
 import pytest
 
-from roletrust_env.benchmark.suite_files import load_suite
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_experiments.timing.throughput import throughput
 
 

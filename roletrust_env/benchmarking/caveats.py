@@ -1,0 +1,194 @@
+"""Caveats of a leaderboard: where the suite does not suit a model, or its attacks were not strong enough."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from roletrust_env import Game
+from roletrust_env.arrays import Array
+from roletrust_env.benchmarking.schema import reason
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, WITHOUT_SEARCH, Suite
+from roletrust_env.benchmarking.worst_case import AttackScores, Condition
+from roletrust_env.evaluation.search import Progress
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.game.state import Actions
+from roletrust_env.trust import Traits
+from roletrust_env.trust.model_checks import needs_watching
+from roletrust_env.trust.seats import RandomSeats
+
+_SAME = 1e-9
+_ROUNDING = 1e-6  # of sums in another order
+_GAMES, _ROUNDS = 4, 12
+_FLAT = 0.01  # of the mean reward per round
+_POINTS = 4  # a course with fewer says nothing of its end
+
+
+def caveats(
+    suite: Suite, stored: Sequence[StoredCell], attacks: Sequence[AttackScores], models: Sequence[str]
+) -> list[str]:
+    """Return the limitations of the numbers, one line each.
+
+    Args:
+        suite: Suite of the run.
+        stored: Cells of the run with their results.
+        attacks: Scores of all attacks.
+        models: Names of the models.
+    """
+    return [
+        *_model_caveats(suite, attacks, models),
+        *_search_caveats(attacks),
+        *_progress_caveats(stored),
+        *_rung_caveats(stored),
+        *_condition_caveats(suite, attacks),
+        *_failures(stored),
+    ]
+
+
+def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
+    scenario = next(iter(suite.scenarios.values())).scenario()
+    played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
+    discontinuous = []
+    for name in models:
+        if name not in played:
+            continue
+        try:
+            model = parse_trust_model(name, scenario)
+            game = Game(scenario, model)
+            at_random, jumps = is_random(game), not Traits.of(model).differentiable
+            places_count = not at_random and needs_watching(model) and depends_on_places(game)
+        except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
+            yield f"{name}: it failed after the run: {reason(error)}"
+            at_random = jumps = places_count = False
+        if "white-box planner" in suite.rungs and jumps:
+            discontinuous.append(name)
+        if at_random:
+            yield f"{name}: its trust is random, so other runs give other numbers"
+        if places_count:
+            shown = "are the last of their role" if suite.places == "last" else "are at random places"
+            yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
+        clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
+        informative = [one for one in clean if providers_differ(one)]
+        if informative and all(ignores_ratings(one) for one in informative):
+            yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"
+    if discontinuous:
+        them = "them" if discontinuous[1:] else "it"
+        yield f"{', '.join(discontinuous)}: trust jumps, so the white-box planner could not attack {them}"
+
+
+def providers_differ(clean: AttackScores) -> bool:
+    """Return whether providers differ in quality, so that the best choice is better than a blind choice."""
+    return bool(np.nanmin(clean.measured["blind"]) < 1 - _SAME)
+
+
+def ignores_ratings(clean: AttackScores) -> bool:
+    """Return whether a choice by trust has the same utility as a blind choice."""
+    difference = clean.measured["utility"] - clean.measured["blind"]
+    return bool(np.nanmax(abs(difference)) < _SAME)
+
+
+def is_random(game: Game) -> bool:
+    """Return whether the model of a game computes different trust from the same ratings."""
+    return not all(map(np.array_equal, _rated(game), _rated(game)))
+
+
+def depends_on_places(game: Game) -> bool:
+    """Return whether the model of a game trusts an agent otherwise if it has another place among the agents."""
+    if not game.roster.not_self.all():  # places of raters and providers cannot change apart from each other
+        return False
+    seats: Any = RandomSeats(game.model)
+    seated = Game(game.scenario, seats)
+    return any((abs(one - other) > _ROUNDING).any() for one, other in zip(*map(_rated, (game, seated)), strict=True))
+
+
+def _rated(game: Game) -> tuple[Array, Array]:
+    """Return trust after some rounds in which all raters and providers differ."""
+    shape = (game.roster.n_raters, game.roster.n_providers, _GAMES)
+    random, state = np.random.default_rng(0), game.start(game.draw(game.random(0), (_GAMES,), start=True))
+    for _ in range(min(_ROUNDS, game.scenario.max_cycles)):
+        actions = Actions(random.random(shape[1:]), random.random(shape))
+        state, _ = game.step(state, actions, game.draw(game.random(0), (_GAMES,)))
+    return game.published(state)
+
+
+def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
+    """Yield searches and learners that never beat the scripted attacks with default parameters."""
+    scripted: dict[tuple[str, Condition], float] = {}
+    for one in attacks:
+        if one.rung == "scripted":
+            key = one.model, one.condition
+            scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
+    for rung in dict.fromkeys(one.rung for one in attacks if one.rung not in WITHOUT_SEARCH | WHITE_BOX_RUNGS):
+        results = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
+        if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
+            yield f"{rung} never beat the scripts; a larger budget might"
+
+
+def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield searches that still found worse attacks at the end of their budget, or that cannot tell."""
+    gains: dict[str, list[tuple[float, str]]] = {}
+    short: Counter[str] = Counter()
+    for cell, result in stored:
+        for row in result.rows:
+            if row.progress:
+                gains.setdefault(cell.rung, []).append((late_gain(row.progress), cell.key))
+                short[cell.rung] += len(row.progress) < _POINTS
+    for rung, found in gains.items():
+        rising = sum(gain > _FLAT for gain, _ in found)
+        if rising:
+            gain, key = max(found)
+            yield (
+                f"{rung}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
+                f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
+            )
+        if short[rung]:
+            yield (
+                f"{rung}: in {short[rung]} of {len(found)} cells its course has fewer than {_POINTS} points, "
+                "too few to say whether a larger budget finds worse"
+            )
+
+
+def late_gain(progress: Progress) -> float:
+    """Return how much the reward of a search rose with the last doubling of its rounds.
+
+    Args:
+        progress: Course of the search, one point or more.
+    """
+    rounds, last = progress[-1]
+    earlier = [best for played, best in progress if 2 * played <= rounds]
+    return last - earlier[-1] if earlier else 0.0
+
+
+def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield searches and learners that never attacked. The planner is a caveat of the models."""
+    for rung in dict.fromkeys(cell.rung for cell, _ in stored if cell.rung not in WHITE_BOX_RUNGS):
+        reasons = [result.unsuitable for cell, result in stored if cell.rung == rung]
+        if all(reasons):
+            yield f"{rung} attacked nothing: {reasons[0]}"
+
+
+def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
+    """Yield conditions in which no attack can be played, so that they do not count."""
+    played = {one.condition[1:] for one in attacks}
+    for name in suite.tracks:
+        idle = dict.fromkeys(
+            share for _, track, share in suite.conditions if track == name and (name, share) not in played
+        )
+        if attacks and idle:
+            shares = ", ".join(f"{share:g}" for share in idle)
+            yield f"{name} {shares}: no attack was played there, so the worst case is that of the other conditions"
+
+
+def _failures(stored: Sequence[StoredCell]) -> Iterator[str]:
+    """Yield the failures, one line for each model and error message."""
+    failures: dict[tuple[str, str], list[str]] = {}
+    for cell, result in stored:
+        if result.failed:
+            others = f"; its other {len(result.rows)} attacks count" if result.rows else ""
+            name = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}"
+            failures.setdefault((cell.model, f"{result.failed}{others}"), []).append(name)
+    for (model, message), names in failures.items():
+        more = f" and {len(names) - 1} more cells" if names[1:] else ""
+        yield f"{model}, {names[0]}{more}: {message}"

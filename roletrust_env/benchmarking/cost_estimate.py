@@ -1,0 +1,116 @@
+"""Estimate of the cost of a run from short trials."""
+
+from collections.abc import Sequence
+from time import process_time
+from typing import NamedTuple
+
+from roletrust_env.benchmarking.attackers import SEARCH_RUNGS, make_search
+from roletrust_env.benchmarking.cells import HONEST, Cell, attack_names, attacked_scenario, task_arguments
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.evaluation.attacked_games import HELD_OUT, exact_task, judged_rollout, random_sources
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.search import Budget, UnsuitableError
+
+_TRIAL_ROUNDS = 4
+"""Number of rounds in a trial of a trust model."""
+_TRIAL_BATCH = 8
+"""Number of attacks side by side in a trial of a trust model; scripts, known attacks and searches play so, too."""
+_TRIAL_BUDGETS = (6_000, 100_000)
+"""Budgets of a trial of a search, a learner or the planner, in game rounds (rounds x games); the larger one is tried if
+the smaller one does not suffice."""
+
+
+class CostEstimate(NamedTuple):
+    """Cost of several cells.
+
+    Attributes:
+        cells: Number of cells.
+        env_steps: Number of game rounds, rounds x games.
+        seconds: Time of one core in seconds.
+    """
+
+    cells: int
+    env_steps: int
+    seconds: float
+
+
+def estimate_cost(suite: Suite, cells: Sequence[Cell]) -> dict[str, CostEstimate]:
+    """Return the cost of the cells of each trust model: an upper bound of the rounds and an estimate of the time.
+
+    The speed of each model is measured in each scenario and track. The overhead of a search, a learner or the planner
+    is measured with the first model only.
+
+    Args:
+        suite: Suite of the cells.
+        cells: Cells to play.
+    """
+    seconds, costs = estimate_seconds(suite, cells), dict[str, CostEstimate]()
+    for cell in cells:
+        before = costs.get(cell.model, CostEstimate(0, 0, 0.0))
+        rounds = sum(round_counts(suite, cell))
+        costs[cell.model] = CostEstimate(
+            before.cells + 1, before.env_steps + rounds, before.seconds + seconds[cell.key]
+        )
+    return costs
+
+
+def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
+    """Return an estimate of the seconds of each cell on one core, by its key. Arguments as for `estimate_cost`."""
+    speeds: dict[tuple[str, str, str], float] = {}
+    overheads: dict[tuple[str, str], float] = {}
+    seconds: dict[str, float] = {}
+    for cell in cells:
+        where, way = (cell.model, cell.scenario, cell.track), (cell.rung, cell.scenario)
+        if where not in speeds:
+            speeds[where] = _seconds_each(suite, cell)
+        if way not in overheads:
+            overheads[way] = _overhead(suite, cell, speeds[where]) if cell.rung in SEARCH_RUNGS else 0.0
+        to_find, to_measure = round_counts(suite, cell)
+        seconds[cell.key] = speeds[where] * (to_find + to_measure) + overheads[way] * to_find
+    return seconds
+
+
+def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
+    """Return upper bounds of the game rounds (rounds x games) that find attacks, and of those that measure them.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+    """
+    each = 2 * suite.games * attacked_scenario(suite, cell).scenario.max_cycles
+    if cell.rung == HONEST:
+        return 0, each
+    if cell.rung == "scripted":
+        return 0, each * (len(attack_names(suite)) + 1)
+    if cell.rung == "known":
+        return 0, each * (len(suite.known_in(cell[1:4])) + 1)
+    return suite.budget_of(cell.rung, cell.scenario), 2 * each
+
+
+def _seconds_each(suite: Suite, cell: Cell) -> float:
+    """Return the seconds of a round of one game in a batch, while all agents are honest."""
+    arguments = task_arguments(suite, cell)
+    task = exact_task(
+        {**arguments, "scenario": arguments["scenario"].change(max_cycles=_TRIAL_ROUNDS), "objective": "mislead"}
+    )
+    seconds = 0.0
+    for batch in (1, _TRIAL_BATCH):  # the first pass includes one-time preparations
+        began = process_time()
+        for _ in judged_rollout(task, Scripted({}), (batch, suite.games), *random_sources(task, 0, HELD_OUT)):
+            pass
+        seconds = (process_time() - began) / batch
+    return seconds / _TRIAL_ROUNDS / suite.games
+
+
+def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
+    """Return the seconds that a rung takes for each round in addition to playing it."""
+    for budget in _TRIAL_BUDGETS:
+        began = process_time()
+        try:
+            search = make_search(cell.rung).search(
+                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung, cell.scenario), budget)), cell.seed
+            )
+        except UnsuitableError:
+            continue
+        return max(0.0, (process_time() - began) / max(search.rounds, 1) - seconds_each)
+    return 0.0

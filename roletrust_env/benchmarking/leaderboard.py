@@ -1,0 +1,176 @@
+"""Leaderboard: the trust models in the order of their mean score in the worst case of each condition.
+
+On the scale of utility a score is never less than that of a blind choice, since a consumer can always choose blindly. A
+model that ignores ratings has exactly this utility in every condition, and is ranked last. On the scale of skill a
+blind choice is 0.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, Suite
+from roletrust_env.benchmarking.verdict import DIGITS, verdict
+from roletrust_env.benchmarking.worst_case import AttackScores, WorstCase, attack_scores, worst_cases
+from roletrust_env.metrics.confidence import Estimate, over_seeds
+from roletrust_env.metrics.score import mean_or_nan
+
+Floats = npt.NDArray[np.float64]
+
+
+class LeaderboardRow(NamedTuple):
+    """Row of the leaderboard. Each estimate is a mean with half its 95% interval over the games and the seeds.
+
+    Attributes:
+        tier: Tier, which counts from 1. Models that are not told apart from the best one of a tier share it. None if
+            the model lacks results.
+        rank: Rank, which counts from 1.
+        model: Name of the model.
+        clean: Mean score over the tracks on which all agents are honest, on the scale of the suite.
+        worst: Mean score of the worst case over the conditions.
+        published: Mean score of the worst case if the consumers went by published trust.
+        ensemble: Mean score of the worst case without the known attacks that others have found.
+        open_worst: Mean score of the worst case if rungs with more knowledge than a real attacker count, too.
+        damage: Loss of trust of honest agents in the worst case.
+        false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
+        detection: AUC of the detection of attackers in the worst case.
+        holds: Probability of the same rank in another run, with new games, and with new seeds if there are several.
+        missing: Number of cells that failed, entirely or in part, or that have not been played.
+        worst_attack: Name of the attack in the condition with the least score. Empty if none was played.
+        worst_condition: Description of that condition.
+    """
+
+    tier: int | None
+    rank: int
+    model: str
+    clean: Estimate
+    worst: Estimate
+    published: Estimate
+    ensemble: Estimate
+    open_worst: Estimate
+    damage: Estimate
+    false_alarms: Estimate
+    detection: Estimate
+    holds: float
+    missing: int
+    worst_attack: str = ""
+    worst_condition: str = ""
+
+    def line(self) -> list[object]:
+        """Return the row as plain values in the order of `HEADER`."""
+        numbers = [value for name in _ESTIMATES for value in getattr(self, name)[:2]]
+        return [*self[:_FIRST], *numbers, *self[_LAST:]]
+
+
+_ESTIMATES = tuple(name for name, kind in LeaderboardRow.__annotations__.items() if kind is Estimate)
+_FIRST = LeaderboardRow._fields.index(_ESTIMATES[0])
+_LAST = _FIRST + len(_ESTIMATES)
+
+HEADER = (
+    *LeaderboardRow._fields[:_FIRST],
+    *(f"{name}{end}" for name in _ESTIMATES for end in ("", "_half_95")),
+    *LeaderboardRow._fields[_LAST:],
+)
+"""Column names of the leaderboard as a table."""
+
+
+def leaderboard_rows(
+    suite: Suite,
+    stored: Sequence[StoredCell],
+    models: Sequence[str],
+    cells_each: int,
+    attacks: Sequence[AttackScores] | None = None,
+) -> list[LeaderboardRow]:
+    """Return the rows of the leaderboard from the best model to the worst. Models that tie share a rank.
+
+    Args:
+        suite: Suite of the run.
+        stored: Cells of the run with their results.
+        models: Names of the models to rank.
+        cells_each: Number of cells of each model.
+        attacks: Scores of the attacks in the cells. They are computed if None.
+    """
+    attacks = attack_scores(stored, suite.score) if attacks is None else attacks
+    honest = {name for name, track in suite.tracks.items() if not track.roles}
+    entered = {(one.name, one.condition) for one in suite.known if one.finder}
+    own = [one for one in attacks if (one.attack, tuple(one.condition)) not in entered]
+    black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, WHITE_BOX_RUNGS)
+    clean = [one for one in black_box.values() if one.condition.track in honest]
+    attacked, ensemble, open_attacked = (
+        [one for one in cases.values() if one.condition.track not in honest]
+        for cases in (black_box, without, white_box)
+    )
+    worst = score_table(attacked, models)
+    columns = {
+        "clean": score_table(clean, models),
+        "worst": worst,
+        "published": score_table(attacked, models, lambda one: one.published),
+        "ensemble": score_table(ensemble, models),
+        "open_worst": score_table(open_attacked, models),
+        "damage": score_table(attacked, models, lambda one: one.measured["damage"]),
+        "false_alarms": score_table(clean, models, lambda one: one.measured["false_alarms"]),
+        "detection": score_table(attacked, models, lambda one: one.measured["auc"]),
+    }
+    estimates = {name: over_seeds(values, len(models)).estimates for name, values in columns.items()}
+    rows = []
+    for k, model in enumerate(models):
+        complete = sum(cell.model == model and not result.failed for cell, result in stored)
+        lowest = min((one for one in attacked if one.model == model), key=lambda one: one.mean, default=None)
+        row = LeaderboardRow(
+            tier=None,
+            rank=0,
+            model=model,
+            clean=estimates["clean"][k],
+            worst=estimates["worst"][k],
+            published=estimates["published"][k],
+            ensemble=estimates["ensemble"][k],
+            open_worst=estimates["open_worst"][k],
+            damage=estimates["damage"][k],
+            false_alarms=estimates["false_alarms"][k],
+            detection=estimates["detection"][k],
+            holds=np.nan,
+            missing=cells_each - complete,
+            worst_attack="" if lowest is None else lowest.attack,
+            worst_condition="" if lowest is None else lowest.condition.description,
+        )
+        rows.append(row)
+    keys = [(row.missing > 0, *_order(row.worst.mean, row.clean.mean)) for row in rows]
+    order = sorted(range(len(rows)), key=lambda k: keys[k])
+    ranks = _shared_ranks([keys[k] for k in order])
+    judged = [k for k in order if not rows[k].missing and not np.isnan(rows[k].worst.mean)]
+    found = verdict(worst[judged])
+    tiers, holds = dict(zip(judged, found.tiers, strict=True)), dict(zip(judged, found.holds, strict=True))
+    return [
+        rows[k]._replace(tier=tiers.get(k), rank=rank, holds=holds.get(k, np.nan))
+        for k, rank in zip(order, ranks, strict=True)
+    ]
+
+
+def _shared_ranks(keys: Sequence[Any]) -> list[int]:
+    """Return the ranks of sorted keys. Equal keys share the rank of the first one."""
+    return [keys.index(key) + 1 for key in keys]
+
+
+def _order(worst: float, clean: float) -> tuple[float, float]:
+    """Return a sort key: the best first, undefined values last, and equal keys where only rounding differs."""
+    return tuple(np.inf if np.isnan(x) else -round(x, DIGITS) for x in (worst, clean))  # type: ignore[return-value]
+
+
+def score_table(
+    cases: Sequence[WorstCase], models: Sequence[str], value: Callable[[WorstCase], Floats] = lambda one: one.score
+) -> Floats:
+    """Return the mean over the conditions for each model, seed and game, shape (M, S, G); NaN without a condition.
+
+    Args:
+        cases: Worst cases of the models.
+        models: Names of the models.
+        value: Function that returns the value of a worst case, shape (S, G).
+    """
+    table = np.full((len(models), *(cases[0].score.shape if cases else (1, 1))), np.nan)
+    for k, model in enumerate(models):
+        if mine := [value(one) for one in cases if one.model == model]:
+            table[k] = mean_or_nan(np.stack(mine), axis=0)
+    return table

@@ -1,0 +1,120 @@
+"""Suites for learners and their trials. A trial is one learner on one task with one budget and one seed."""
+
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import Field, PositiveInt, model_validator
+
+from roletrust_env import make_scenario
+from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
+from roletrust_env.envs.tasks import TASKS
+from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.game.attack_task import Objective
+from roletrust_env.game.make_task import Observation, make_task
+from roletrust_env.world.base_model import FrozenModel
+
+HONEST_PLAY = "honest play"
+"""Name of the reference whose share of the optimum is 0."""
+
+BOUNDS = ("exact", "best known")
+"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
+
+
+class Task(FrozenModel):
+    """Attack task with changes of its arguments and its scenario."""
+
+    task: Literal["ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"]
+    """Name of the task, whose Gymnasium id is `RoleTrust/NAME-v0`."""
+    preset: str = ""
+    """Name of a preset scenario. Empty means that of the task."""
+    set: dict[str, Any] = Field(default_factory=dict)
+    """Changed fields of the scenario."""
+    compromised: tuple[str, ...] = ()
+    """Names of the compromised agents. Empty means those of the task."""
+    objective: Objective | None = None
+    """Objective. None means that of the task."""
+    observation: Observation = "agents"
+    """Observation and action of learners, see `make_task`. Coalitions by evolution or PPO have their own always."""
+    stealth: dict[str, float] = Field(default_factory=dict)
+    """`weight` and `tolerance` of the penalty for detection. Empty means no penalty."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        make_task(**self.arguments())
+        return self
+
+    @property
+    def id(self) -> str:
+        """Gymnasium id of the task."""
+        return f"RoleTrust/{self.task}-v0"
+
+    def arguments(self) -> TaskArguments:
+        """Return the arguments of the task, see `roletrust_env.make_task`."""
+        changes = {"compromised": self.compromised, "objective": self.objective, "stealth": self.stealth}
+        arguments = {**TASKS[self.id].defaults, **{name: value for name, value in changes.items() if value}}
+        scenario = make_scenario(self.preset or arguments["scenario"])
+        scenario = scenario.change(**self.set) if self.set else scenario
+        return {**arguments, "scenario": scenario, "observation": self.observation}
+
+
+class LearnersSuite(SuiteSchema):
+    """Benchmark of learners: tasks x learners x budgets x seeds.
+
+    A learner learns from scratch for each budget, so it can plan for the budget. Its score is that of the final policy,
+    without exploration, in held-out games.
+    """
+
+    kind: Literal["learners"] = "learners"
+    """Type of the suite."""
+    tasks: Annotated[dict[Label, Task], Field(min_length=1)]
+    """Tasks by their name in the suite."""
+    learners: Annotated[tuple[Label, ...], Field(min_length=1)]
+    """Names of search rungs or installed learners, or `package.module:Class`, with parameters or without."""
+    budgets: Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = (25_000, 50_000, 100_000)
+    """Budgets of each learner in game rounds (rounds x games). The last one is used for the ranking."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        check_unique(learners=self.learners)
+        if list(self.budgets) != sorted(set(self.budgets)):
+            raise ValueError(f"budgets must be increasing, not {self.budgets}")
+        if references := {HONEST_PLAY, *BOUNDS} & {*self.learners}:
+            raise ValueError(f"learners must not contain {references.pop()!r}, which is always played")
+        return self
+
+
+class Trial(NamedTuple):
+    """Smallest unit of a benchmark of learners, independent of all other trials.
+
+    Attributes:
+        task: Name of the task in the suite.
+        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have no budget.
+        budget: Budget in game rounds.
+        seed: Random seed.
+    """
+
+    task: str
+    learner: str
+    budget: int
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Unique key of the trial in its suite."""
+        return "|".join(map(str, self))
+
+
+def trials(suite: LearnersSuite) -> list[Trial]:
+    """Return all trials of a suite. The longest come first, so that all workers end at about the same time.
+
+    Args:
+        suite: Suite of the trials.
+    """
+    result = [
+        Trial(task, learner, budget, seed)
+        for budget in reversed(suite.budgets)
+        for seed in suite.seeds
+        for learner in suite.learners
+        for task in suite.tasks
+    ]
+    result += [Trial(task, HONEST_PLAY, 0, seed) for task in suite.tasks for seed in suite.seeds]
+    return result + [Trial(task, bound, 0, suite.seeds[0]) for task in suite.tasks for bound in BOUNDS]

@@ -1,0 +1,204 @@
+"""Benchmark runs from Python, with the same suites, cells and results as the command `roletrust benchmark`."""
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from multiprocessing import current_process
+from pathlib import Path
+from typing import Any
+
+from roletrust_env.benchmarking.cells import attack_names, model_names
+from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
+from roletrust_env.benchmarking.known_attacks import check_records
+from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
+from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.suite_types import AnySuite, suite_type
+from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
+from roletrust_env.storage.files import prepare_folder
+
+OnStart = Callable[[Sequence[Any], int], None]
+"""Callback for the start of a run. It receives the cells to play and the number of all cells."""
+
+OnCell = Callable[[Any, CellResult], None]
+"""Callback for each cell that has been played. It receives the cell and its result."""
+
+
+def benchmark(
+    models: Entrant | list[Entrant] | tuple[Entrant, ...] | None = None,
+    suite: str | Path | Suite = "quick",
+    *,
+    attacks: str | Sequence[str] | None = None,
+    workers: int | None = None,
+    out: str | Path | None = None,
+    force: bool = False,
+    progress: bool = True,
+) -> Leaderboard:
+    """Attack trust models with all attacks of a suite, and rank them by the worst case.
+
+    Args:
+        models: Trust models: a spec such as `"role-trust:lam=0.7"`, a class, an instance, or a list of these.
+            `"all"` means all installed models, and None means the models of the suite.
+        suite: Name of a suite, path of a TOML file, or a `Suite`.
+        attacks: Specs of scripted attacks that replace those of the suite, or one spec.
+        workers: Number of processes. None means one for each core. With 0 the cells are played in this process. A
+            script that starts processes calls `benchmark` below `if __name__ == "__main__":`; a notebook need not.
+        out: Folder of the results. A stopped run continues from there. None writes no files.
+        force: Start again, and delete earlier results in `out`.
+        progress: Show a progress bar.
+
+    Returns:
+        The leaderboard. It displays as a table in a terminal and in a notebook.
+
+    Raises:
+        ValueError: A name is unknown, a model or an attack cannot be created, the suite is one for learners, or `out`
+            contains another run.
+        OSError: `out` cannot be written.
+
+    Example:
+        >>> from roletrust_env.benchmarking import Suite, benchmark
+        >>> tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
+        >>> market = {"preset": "market", "set": {"max_cycles": 10}}
+        >>> suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=4)
+        >>> board = benchmark(["mean", "constant"], suite, attacks=["bad-mouthing"], workers=0, progress=False)
+        >>> [row.model for row in board.rows]
+        ['mean', 'constant']
+    """
+    if isinstance(attacks, str):
+        attacks = [attacks]
+    for name, chosen in (("models", models), ("attacks", attacks)):
+        if _is_empty(chosen):
+            raise ValueError(f"{name} is empty; None means those of the suite")
+    if workers is not None and (not isinstance(workers, int) or workers < 0):
+        raise ValueError(f"workers is {workers!r}; it must be 0 or more, or None for one for each core")
+    if workers != 0 and getattr(current_process(), "_inheriting", False):
+        # A worker imports the script again, which must not play the benchmark again.
+        sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")
+    entrants: list[Entrant] = []
+    if isinstance(models, str) and models == "all":
+        entrants += model_names(_robustness(suite).model_copy(update={"models": "all"}))
+    elif models is not None:
+        entrants += models if isinstance(models, list | tuple) else [models]
+    names, instances = name_entrants(entrants)
+    with temporary_registration(instances):
+        selected = with_names(_robustness(suite), names, attacks or ())
+        pool: Pool = InProcess() if workers == 0 else LocalPool(workers, pack(instances))
+        with ExitStack() as stack:
+            listeners = _bar(stack, selected.name) if progress else {}
+            cells = play_suite(selected, pool, out=None if out is None else Path(out), force=force, **listeners)
+        return Leaderboard.of(selected, cells)
+
+
+def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> Suite:
+    """Return the suite with other trust models and attacks, and check that all of them can be created.
+
+    Args:
+        suite: Suite to change.
+        models: Specs of trust models that replace those of the suite. Empty keeps the models of the suite.
+        attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks of the suite.
+
+    Raises:
+        ValueError: A name is unknown, or a model or an attack cannot be created.
+    """
+    selected = suite.model_copy(
+        update={
+            "models": tuple(dict.fromkeys(models)) or tuple(model_names(suite)),
+            "attacks": tuple(dict.fromkeys(attacks)) or tuple(attack_names(suite)),
+        }
+    )
+    check_records(selected.known)
+    for stage in selected.scenarios.values():
+        for name in model_names(selected):
+            parse_trust_model(name, stage.scenario())
+        parse_kinds(attack_names(selected), stage.scenario())
+    return selected
+
+
+def play_suite(
+    suite: AnySuite,
+    pool: Pool,
+    *,
+    out: Path | None = None,
+    force: bool = False,
+    on_start: OnStart = lambda remaining, total: None,
+    on_cell: OnCell = lambda cell, result: None,
+) -> list[StoredCell]:
+    """Play the cells of a suite that are not stored yet, and return all of them.
+
+    Args:
+        suite: Suite to play.
+        pool: Processes that play the cells.
+        out: Folder of `results.sqlite`. None writes no file.
+        force: Start again, and delete earlier results in the folder.
+        on_start: See `OnStart`.
+        on_cell: See `OnCell`.
+
+    Raises:
+        ValueError: The folder contains another run, or another run writes to it.
+        OSError: The folder cannot be written.
+    """
+    every = suite_type(suite).cells(suite)
+    if out is None:
+        on_start(every, len(every))
+        played = []
+        with closing(pool.play(suite, every)) as playing:
+            for cell, result in playing:
+                played.append(StoredCell(cell, result))
+                on_cell(cell, result)
+        return sorted(played, key=lambda one: str(one.cell.key))
+    prepare_folder(out)
+    with Store(out / "results.sqlite", suite, overwrite=force) as store:
+        finished = store.finished_keys()
+        remaining = [cell for cell in every if cell.key not in finished]
+        on_start(remaining, len(every))
+        with closing(pool.play(suite, remaining)) as playing:
+            for cell, result in playing:
+                store.add(cell, result)
+                on_cell(cell, result)
+        return store.all()
+
+
+class InProcess:
+    """Pool that plays the cells one after another in this process, without a time limit."""
+
+    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Any:
+        """See `Pool.play`."""
+        for cell in cells:
+            yield cell, play_safely(suite, cell)
+
+
+def _is_empty(chosen: Any) -> bool:
+    return isinstance(chosen, list | tuple) and not chosen
+
+
+def _robustness(suite: str | Path | Suite) -> Suite:
+    """Return a robustness suite. Raise an error for another type of suite."""
+    if not isinstance(suite, str | Path | SuiteSchema):
+        raise ValueError(f"suite is {suite!r}; it must be a Suite, the name of one, or the path of a TOML file")
+    loaded = suite if isinstance(suite, SuiteSchema) else load_suite(suite)
+    if not isinstance(loaded, Suite):
+        raise ValueError(
+            f"suite {loaded.name} is for learners; play it with `roletrust benchmark --suite {loaded.name}`"
+        )
+    return loaded
+
+
+def _bar(stack: ExitStack, name: str) -> dict[str, Any]:
+    """Return callbacks of `play_suite` that update a progress bar. The bar closes with the stack."""
+    from tqdm import tqdm
+
+    bar = stack.enter_context(tqdm(desc=f"Playing {name}", unit="cell"))
+
+    def begin(remaining: Sequence[Any], total: int) -> None:
+        bar.total = total
+        bar.update(total - len(remaining))
+
+    def advance(cell: Any, result: CellResult) -> None:
+        if result.failed:
+            bar.write(f"{cell.key}: {result.failed}")
+        bar.update()
+
+    return {"on_start": begin, "on_cell": advance}

@@ -1,0 +1,320 @@
+"""Storage of results: one SQLite file for each run. A stopped run continues from its file.
+
+It also continues with a larger suite, for example with further models, seeds or rungs.
+"""
+
+import json
+import platform
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Self
+
+from filelock import FileLock, Timeout
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
+
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.sources import hashes
+from roletrust_env.benchmarking.suite_files import read_suite
+from roletrust_env.benchmarking.suite_types import AnyCell, AnySuite, suite_type
+from roletrust_env.errors import explain
+from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.storage.provenance import software
+from roletrust_env.storage.untrusted import check_file
+
+FORMAT = 3
+"""Version of the file format."""
+
+READABLE = (2, FORMAT)
+"""Readable versions of the file format. A run with format 2 cannot go on, for its results lack the attackers."""
+
+_TABLES = """
+CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE cells (
+    key TEXT PRIMARY KEY, cell TEXT NOT NULL, seconds REAL NOT NULL, unsuitable TEXT NOT NULL, failed TEXT NOT NULL,
+    env_steps INTEGER NOT NULL, host TEXT NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE attacks (
+    cell TEXT NOT NULL REFERENCES cells (key), attack TEXT NOT NULL, words TEXT NOT NULL, rounds INTEGER NOT NULL,
+    chosen TEXT NOT NULL, measured TEXT NOT NULL, by_round TEXT NOT NULL,
+    record TEXT NOT NULL, progress TEXT NOT NULL,
+    PRIMARY KEY (cell, attack)
+) WITHOUT ROWID;
+"""
+
+
+_JOURNALS = "-wal", "-shm"
+
+_Numbers = list[FiniteFloat | None]
+_NUMBERS, _SCORES = TypeAdapter(_Numbers), TypeAdapter(dict[str, _Numbers])
+_RECORD = TypeAdapter(Annotated[str, Field(max_length=MAX_RECORD)])
+_PROGRESS = TypeAdapter(tuple[tuple[int, FiniteFloat], ...])
+
+
+class StoredCell(NamedTuple):
+    """Cell with its result.
+
+    Attributes:
+        cell: The cell, or the trial of a learner.
+        result: Result of the cell.
+    """
+
+    cell: Any
+    result: CellResult
+
+
+class Store:
+    """File of a run. It has one writer at a time and any number of readers.
+
+    Args:
+        path: Path of the file.
+        suite: Suite of the run to write. None opens the file for reading.
+        overwrite: Delete the previous content of the file. This fails while another run writes to it.
+
+    Raises:
+        ValueError: The file does not exist, is damaged, is being written by another run, has another format, software
+            or source, or has cells that the suite lacks or plays in another way.
+        OSError: The file cannot be written.
+    """
+
+    def __init__(self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False) -> None:
+        self.path = path
+        self._lock: FileLock | None = None
+        self._file: sqlite3.Connection | None = None
+        self._left: list[Path] = []  # journals that a reader may leave
+        if suite is None:
+            check_file(path, "`roletrust benchmark` creates it", wanted="the results.sqlite in it")
+        try:
+            with _readable_errors(path):
+                if suite is not None:
+                    self._lock = _write_lock(path)
+                    if overwrite:
+                        _remove(path)
+                mode = "mode=rwc"
+                if suite is None:
+                    there = [end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()]
+                    mode = "mode=ro" if there else "immutable=1"  # a finished run has no journal
+                    self._left = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
+                self._file = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None)
+                if suite is not None and not self._tables():
+                    _prepare(self._file, suite)
+                facts = self._facts()
+            self.suite = read_suite(facts["suite"], str(path))
+            self.software: dict[str, Any] = facts["software"]
+            self._sources: dict[str, str] = facts.get("sources", {})
+            if suite is not None:
+                self._check(suite)
+                with _readable_errors(path):
+                    self._file.execute("PRAGMA journal_mode=WAL")
+                    self._file.execute("PRAGMA synchronous=NORMAL")
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Return the store."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file and let others write to it."""
+        if self._file is not None:
+            self._file.close()
+        if self._lock is not None:
+            self._lock.release()
+        if any(journal.exists() for journal in self._left):
+            begun = Path(f"{self.path}.lock").exists()  # journals of a run that has begun since are its own
+            with suppress(ValueError, OSError), _write_lock(self.path) if begun else nullcontext():
+                for journal in self._left:
+                    journal.unlink(missing_ok=True)
+
+    def add(self, cell: AnyCell, result: CellResult) -> None:
+        """Store the result of a cell in one transaction. It replaces an earlier result of the cell.
+
+        Args:
+            cell: The cell.
+            result: Result of the cell.
+        """
+        row = (cell.key, json.dumps(cell._asdict()), *result[1:], platform.node())
+        attacks = [
+            (cell.key, *part[:3], *map(json.dumps, part[3:6]), part.record, json.dumps(part.progress))
+            for part in result.rows
+        ]
+        with self._transaction() as file:
+            file.execute("DELETE FROM attacks WHERE cell = ?", (cell.key,))
+            file.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)
+            file.executemany("INSERT INTO attacks VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", attacks)
+
+    def finished_keys(self) -> set[str]:
+        """Return the keys of the cells that were played without a failure."""
+        with self._reading() as file:
+            return {key for (key,) in file.execute("SELECT key FROM cells WHERE failed = ''")}
+
+    def hosts(self) -> set[str]:
+        """Return the names of the machines that played cells."""
+        with self._reading() as file:
+            return {host for (host,) in file.execute("SELECT DISTINCT host FROM cells")}
+
+    def all(self) -> list[StoredCell]:
+        """Return all cells with their results, in the order of their keys."""
+        with self._reading() as file:
+            attacks: dict[str, list[AttackResult]] = {}
+            for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
+                attacks.setdefault(key, []).append(_attack_result((name, words, rounds), *plain))
+            rows = file.execute(
+                "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
+            ).fetchall()
+            kind = suite_type(self.suite)
+            cells = [(key, kind.cell(**json.loads(cell)), columns) for key, cell, *columns in rows]
+        return [StoredCell(cell, CellResult(tuple(attacks.get(key, ())), *columns)) for key, cell, columns in cells]
+
+    def _tables(self) -> int:
+        """Return the number of tables, which is 0 in a new file."""
+        with self._reading() as file:
+            return int(file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0])
+
+    def _facts(self) -> dict[str, Any]:
+        """Return the metadata of the file after a check of its integrity and its format."""
+        with self._reading() as file:
+            facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
+            readable = READABLE if self._lock is None else (FORMAT,)
+            if facts.get("format") not in readable:
+                can = f"{'reads' if self._lock is None else 'continues'} {' and '.join(map(str, readable))}"
+                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version {can}")
+            if not {"suite", "software"} <= facts.keys():
+                raise sqlite3.DatabaseError("the suite or the software is missing")
+            for (message,) in file.execute("PRAGMA quick_check"):
+                if message != "ok":
+                    raise sqlite3.DatabaseError(" ".join(str(message).split()))
+        return facts
+
+    def _check(self, suite: AnySuite) -> None:
+        """Check that the run to continue has the same software and sources, and go on with the suite."""
+        if self.suite != suite and not self._extended_by(suite):
+            names = [
+                name for name in type(suite).model_fields if getattr(self.suite, name, None) != getattr(suite, name)
+            ]
+            raise ValueError(
+                f"{self.path} holds another suite (different: {', '.join(names)}), and the new one lacks cells that "
+                "were played, or plays them in another way; give another --out, or start again with --force"
+            )
+        if self.software != software():
+            raise ValueError(f"{self.path} was written with other software versions; start again with --force")
+        self.check_sources(suite)
+        if self.suite != suite:
+            sources = {**self._sources, **hashes(suite_type(suite).factories(suite))}
+            facts = {"suite": suite.model_dump(mode="json"), "sources": sources}
+            with self._transaction() as file:
+                rows = [(json.dumps(value), name) for name, value in facts.items()]
+                file.executemany("UPDATE facts SET value = ? WHERE name = ?", rows)
+            self.suite, self._sources = suite, sources
+
+    def _extended_by(self, suite: AnySuite) -> bool:
+        """Return whether a suite contains all cells in the file, and plays them in the same way."""
+        if type(suite) is not type(self.suite):
+            return False
+        kind = suite_type(suite)
+        known = {cell.key for cell in kind.cells(suite)}
+        with self._reading() as file:
+            played = [kind.cell(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")]
+        return all(cell.key in known and kind.rules(self.suite, cell) == kind.rules(suite, cell) for cell in played)
+
+    def check_sources(self, suite: AnySuite) -> None:
+        """Check that the models, attacks and learners have the same source as when they were played.
+
+        Args:
+            suite: Suite of the run. Everything that it names is imported.
+
+        Raises:
+            ValueError: The source of a model, an attack or a learner has changed.
+        """
+        current = hashes(suite_type(suite).factories(suite))
+        changed = [name for name, digest in current.items() if self._sources.get(name, digest) != digest]
+        if changed:
+            raise ValueError(
+                f"{self.path} was played with another source of {', '.join(changed)}, or with other parameters; give "
+                "another --out, or start again with --force"
+            )
+
+    @contextmanager
+    def _reading(self) -> Iterator[sqlite3.Connection]:
+        assert self._file is not None
+        with _readable_errors(self.path):
+            yield self._file
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with self._reading() as file:
+            file.execute("BEGIN IMMEDIATE")
+            try:
+                yield file
+                file.execute("COMMIT")
+            except BaseException:
+                if file.in_transaction:
+                    file.execute("ROLLBACK")
+                raise
+
+
+def _write_lock(path: Path) -> FileLock:
+    """Acquire the lock of the writer."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(f"{path}.lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ValueError(f"another run writes to {path}; wait for it, or give another --out") from None
+    return lock
+
+
+def _remove(path: Path) -> None:
+    """Remove a database and the journals of SQLite, but not the lock, which is held."""
+    for suffix in ("", *_JOURNALS):
+        Path(f"{path}{suffix}").unlink(missing_ok=True)
+
+
+def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
+    """Create the tables of a new file in one transaction."""
+    sources = hashes(suite_type(suite).factories(suite))
+    facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
+    rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
+    file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
+
+
+def _attack_result(named: tuple[str, str, int], chosen: str, measured: str, by_round: str, *later: str) -> AttackResult:
+    """Return the result of a row. Rows of format 2 have nothing later than the curve."""
+    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
+    record, progress = later or ("", "[]")
+    found = _RECORD.validate_python(record, strict=True), _PROGRESS.validate_json(progress)
+    return AttackResult(*named, *scores, _NUMBERS.validate_json(by_round), *found)
+
+
+def _quoted(text: str) -> str:
+    return text.replace("'", "''")
+
+
+_NOT_WRITABLE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY}
+_LOCKED = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
+
+
+@contextmanager
+def _readable_errors(path: Path) -> Iterator[None]:
+    """Turn errors of SQLite into one-line errors that say what to do."""
+    try:
+        yield
+    except ValidationError as error:
+        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {explain(error)}") from None
+    except (sqlite3.DatabaseError, json.JSONDecodeError, TypeError, AttributeError, RecursionError) as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary result code
+        if code in _NOT_WRITABLE:
+            raise OSError(
+                f"{path} cannot be written: {error}; its content is safe, so free some space and run the command again"
+            ) from None
+        if code in _LOCKED:
+            raise ValueError(
+                f"{path} is locked by another program ({error}); close it and run the command again"
+            ) from None
+        raise ValueError(f"{path} is damaged or is not a results file of a benchmark: {error}") from None

@@ -1,0 +1,308 @@
+"""Submissions: the results of trust models in one file, which others can verify."""
+
+import hashlib
+import json
+import platform
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from roletrust_env.benchmarking.cells import Cell, attack_names, cells, model_names
+from roletrust_env.benchmarking.leaderboard import leaderboard_rows
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, Name, check_unique
+from roletrust_env.benchmarking.sources import Sha256, Source, Word, source_of
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Stage, Suite
+from roletrust_env.benchmarking.worst_case import as_array
+from roletrust_env.errors import explain, suggest
+from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.evaluation.resources import processor
+from roletrust_env.evaluation.specs import check_installed, named_factory
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.metrics.confidence import over_games
+from roletrust_env.storage.provenance import software
+from roletrust_env.storage.untrusted import UntrustedModel
+from roletrust_env.trust.model import registry as trust_models
+
+BASE_PRESET = "paper-3x3"
+"""Preset of the scenarios. A submission sets all their fields, so that its suite needs no other file."""
+
+Number = Annotated[float, Field(ge=-1e9, le=1e9)]
+Count = Annotated[int, Field(ge=0, le=10**15)]
+
+
+class Score(UntrustedModel):
+    """Mean over games with its interval."""
+
+    mean: Number | None
+    """Mean. None is undefined."""
+    half_95: Annotated[Number, Field(ge=0)] | None
+    """Half the 95% interval. None is undefined."""
+
+    @classmethod
+    def of(cls, values: Sequence[float | None]) -> Self:
+        """Return the score of games.
+
+        Args:
+            values: Value of each game. None is undefined.
+        """
+        mean, half, _ = over_games(as_array(values))
+        return cls.from_estimate(float(mean), float(half))
+
+    @property
+    def text(self) -> str:
+        """Score as text, such as `0.8125±0.0100`."""
+        if self.mean is None:
+            return "undefined"
+        return f"{self.mean:.4f}" + ("" if self.half_95 is None else f"±{self.half_95:.4f}")
+
+    @classmethod
+    def from_estimate(cls, mean: float, half: float) -> Self:
+        """Return the score of an estimate.
+
+        Args:
+            mean: Mean. NaN is undefined.
+            half: Half the 95% interval. NaN is undefined.
+        """
+        return cls(mean=None if mean != mean else mean, half_95=None if half != half else half)
+
+
+class ClaimedMetrics(UntrustedModel):
+    """Scores of an attack, by the names of `MEASURED`."""
+
+    utility: Score
+    published: Score = Score(mean=None, half_95=None)  # results of earlier versions lack it
+    blind: Score
+    damage: Score
+    false_alarms: Score
+    auc: Score
+
+
+class Claim(UntrustedModel):
+    """Claimed result of one attack."""
+
+    attack: Name
+    rounds: Count
+    """Number of game rounds that were played to find the attack."""
+    chosen: Number
+    """Mean utility in the games for choosing the worst case."""
+    chosen_blind: Number
+    """Mean utility of a blind choice in these games."""
+    measured: ClaimedMetrics
+    """Scores in the games for measuring."""
+    record: Annotated[str, Field(max_length=MAX_RECORD)] = ""
+    """Record of the attacker that a search found, see `AttackResult`."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.measured.utility.mean is None or self.measured.blind.mean is None:
+            raise ValueError(f"utility of {self.attack!r} is undefined, so it cannot be ranked")
+        return self
+
+
+class CellClaim(UntrustedModel):
+    """Claimed result of a cell, see `Cell`."""
+
+    model: Name
+    scenario: Name
+    track: Name
+    share: Annotated[float, Field(ge=0, lt=1)]
+    rung: Name
+    seed: Count
+    attacks: tuple[Claim, ...]
+    """Results of the attacks. Empty if the rung does not apply."""
+
+    @property
+    def cell(self) -> Cell:
+        """Cell of the claim."""
+        return Cell(*(getattr(self, name) for name in Cell._fields))
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        check_unique(attacks=tuple(one.attack for one in self.attacks))
+        if self.rung in WITHOUT_SEARCH and self.record:
+            raise ValueError(f"{self.cell.key} has a record, but the rung {self.rung} does not search")
+        if self.rung not in WITHOUT_SEARCH and any(one.attack != self.rung for one in self.attacks):
+            raise ValueError(f"{self.cell.key} has other attacks than the one that the rung {self.rung} finds")
+        return self
+
+    @property
+    def record(self) -> str:
+        """Record of the attacker that a search found. Empty if there is none."""
+        return next((one.record for one in self.attacks if one.record), "")
+
+    def as_single_game(self) -> StoredCell:
+        """Return the cell with its means as the scores of a single game. A leaderboard of it has the same means."""
+        rows = []
+        for one in self.attacks:
+            measured = {name: [score.mean] for name, score in one.measured}
+            chosen: dict[str, list[float | None]] = {"utility": [one.chosen], "blind": [one.chosen_blind]}
+            rows.append(AttackResult(one.attack, "", one.rounds, chosen, measured))
+        return StoredCell(self.cell, CellResult(tuple(rows), 0.0))
+
+
+class ModelScores(UntrustedModel):
+    """Scores of a trust model, see `LeaderboardRow`."""
+
+    clean: Score
+    worst: Score
+    published: Score
+    ensemble: Score
+    open_worst: Score
+    damage: Score
+    false_alarms: Score
+    detection: Score
+
+
+class Package(UntrustedModel):
+    """Name and version of this package."""
+
+    name: Word
+    version: Word
+
+
+class Software(UntrustedModel):
+    """Software that determines the numbers, see `roletrust_env.storage.provenance.software`."""
+
+    package: Package
+    python: Word
+    packages: dict[Word, Word]
+
+
+class Submission(UntrustedModel):
+    """Content of a submission file."""
+
+    format: Literal[2] = 2
+    software: Software
+    processor: Word
+    """Processor that played all cells. Empty if several machines played them."""
+    suite: dict[str, Any]
+    """Fields of the suite, with all fields of its scenarios and only the submitted trust models."""
+    suite_sha256: Sha256
+    """Hash of the suite without its models, see `fingerprint`."""
+    models: dict[Name, Source]
+    attacks: dict[Name, Source]
+    standings: dict[Name, ModelScores]
+    cells: tuple[CellClaim, ...]
+
+
+def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool = False) -> Submission:
+    """Return a submission of trust models of a run.
+
+    Args:
+        store: File of the run.
+        names: Names of the models, which need not be installed. Empty means all models of the run.
+        allow_code: Allow the file to name models and attacks that are not installed.
+
+    Raises:
+        ValueError: The run is incomplete, does not contain a model, is not a robustness run, was played with other
+            software, or names a model or an attack that is not installed.
+    """
+    if not isinstance(store.suite, Suite):
+        raise ValueError(f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be submitted")
+    if store.software != software():
+        raise ValueError(f"{store.path} was written with other software versions; submit it with those versions")
+    known = model_names(store.suite)
+    if unknown := [name for name in names if name not in known]:
+        raise ValueError(f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
+    suite = self_contained(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
+    if not allow_code:
+        check_installed(trust_models, [name for name in suite.models if name not in names])
+        check_installed(attackers, suite.attacks)
+    store.check_sources(suite)
+    stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
+    every = cells(suite)
+    if bad := [cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed]:
+        raise ValueError(
+            f"{store.path}: {len(bad)} of {len(every)} cells failed or have not been played, such as {bad[0]}; only "
+            "complete runs can be submitted"
+        )
+    ordered = [stored[cell.key] for cell in every]
+    try:
+        return Submission(
+            software=Software.model_validate(store.software),
+            processor=processor() if store.hosts() == {platform.node()} else "",
+            suite=suite.model_dump(mode="json"),
+            suite_sha256=fingerprint(suite),
+            **suite_sources(suite),
+            standings=model_scores(suite, ordered),
+            cells=tuple(make_claim(cell, result) for cell, result in ordered),
+        )
+    except ValidationError as error:
+        raise ValueError(f"{store.path}: {explain(error)}") from None
+
+
+def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
+    """Return a suite that does not depend on other files or versions: its attacks by name, its scenarios in full.
+
+    Args:
+        suite: Suite to change.
+        names: Names of the models.
+    """
+    stages = {
+        name: Stage(preset=BASE_PRESET, set=stage.scenario().model_dump(mode="json"))
+        for name, stage in suite.scenarios.items()
+    }
+    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(attack_names(suite)), "scenarios": stages})
+
+
+def fingerprint(suite: Suite) -> str:
+    """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way.
+
+    Args:
+        suite: Suite to hash.
+    """
+    data = suite.model_dump(mode="json", exclude={"models"})
+    return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def suite_sources(suite: Suite) -> dict[str, Any]:
+    """Return the sources of the models and the attacks of a suite, by name."""
+    return {
+        "models": {name: source_of(named_factory(trust_models, name)) for name in suite.models},
+        "attacks": {name: source_of(named_factory(attackers, name)) for name in suite.attacks},
+    }
+
+
+def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelScores]:
+    """Return the scores of each model on the leaderboard.
+
+    Args:
+        suite: Suite of the cells.
+        stored: All cells of the suite with their results, in any order.
+    """
+    by_key = {one.cell.key: one for one in stored}
+    in_order = [by_key[cell.key] for cell in cells(suite)]  # the order changes the last bits of sums
+    rows = leaderboard_rows(suite, in_order, model_names(suite), len(stored) // len(suite.models))
+    return {
+        row.model: ModelScores(
+            **{name: Score.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
+        )
+        for row in rows
+    }
+
+
+def make_claim(cell: Cell, result: CellResult) -> CellClaim:
+    """Return the claim for a cell.
+
+    Args:
+        cell: The cell.
+        result: Result of the cell.
+    """
+    rows = tuple(
+        Claim(
+            attack=row.attack,
+            rounds=row.rounds,
+            chosen=_mean(row.chosen["utility"]),
+            chosen_blind=_mean(row.chosen["blind"]),
+            measured=ClaimedMetrics(**{name: Score.of(values) for name, values in row.measured.items()}),
+            record=row.record,
+        )
+        for row in result.rows
+    )
+    return CellClaim(**cell._asdict(), attacks=rows)
+
+
+def _mean(values: Sequence[float | None]) -> float:
+    return float(over_games(as_array(values)).mean)

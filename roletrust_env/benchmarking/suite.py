@@ -1,0 +1,229 @@
+"""Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
+
+from collections.abc import Sequence
+from itertools import chain
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import Field, PositiveInt, model_validator
+
+from roletrust_env import Scenario, make_scenario
+from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, joined
+from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
+from roletrust_env.game.attack_task import Consumers
+from roletrust_env.world.base_model import FrozenModel
+
+Rung = Literal[
+    "scripted",
+    "known",
+    "universal",
+    "random search",
+    "CMA-ES",
+    "agreed CMA-ES",
+    "evolution",
+    "evolution strategy",
+    "coalition PPO",
+    "PPO",
+    "white-box planner",
+]
+"""Way to find an attack; known attacks were found before. The planner has full knowledge, so its result is shown apart
+and is never the worst case."""
+
+PLANNER = "white-box planner"
+"""Name of the rung that follows gradients."""
+
+WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", "nobody"})
+"""Rungs that play what is given, and that of cells in which everybody is honest."""
+
+FROM_KNOWN: frozenset[str] = frozenset({"known", "evolution", "evolution strategy"})
+"""Rungs that play known attacks, or start from them."""
+
+WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
+"""Rungs that use knowledge that a real attacker does not have."""
+
+Scale = Literal["utility", "skill"]
+"""Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
+
+_Part = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Stage(FrozenModel):
+    """Scenario of a suite."""
+
+    preset: Label
+    """Name of a scenario, or path of its file."""
+    set: dict[str, Any] = Field(default_factory=dict)
+    """Changed fields of the scenario."""
+    shares: dict[Label, tuple[_Part, ...]] | None = None
+    """Tracks that are played in the scenario, and the shares of compromised agents there. None means all tracks of the
+    suite with all their shares."""
+    budgets: dict[str, PositiveInt] = Field(default_factory=dict)
+    """Budgets of single rungs in the scenario where they differ from those of the suite."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.scenario()
+        return self
+
+    def scenario(self) -> Scenario:
+        """Return the scenario with its changed fields."""
+        rules = make_scenario(self.preset)
+        return rules.change(**self.set) if self.set else rules
+
+
+class Track(FrozenModel):
+    """Compromised agents, and changes of the world in which they act."""
+
+    roles: tuple[Literal["SR", "SP"], ...] = ()
+    """Roles of the compromised agents: raters, providers or both. Without a role all agents are honest."""
+    shares: tuple[_Part, ...] = ()
+    """Shares of compromised agents in each of these roles. The number is rounded and at least one."""
+    reserve: Annotated[int, Field(ge=0, le=100)] = 0
+    """Number of reserve identities of each compromised agent. If positive, only attacks that use them are played."""
+    counted: Literal["agents", "identities"] = "agents"
+    """Unit of the shares: agents, or, in a track with reserve identities, identities. Then a share is that of all
+    identities of compromised agents among all identities."""
+    set: dict[str, Any] = Field(default_factory=dict)
+    """Changed fields of every scenario."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if bool(self.roles) != bool(self.shares):
+            raise ValueError("roles and shares must both be given, or both be empty if all agents are honest")
+        if self.reserve and not self.roles:
+            raise ValueError(f"reserve is {self.reserve}, but the track has no compromised agents")
+        if self.counted == "identities" and not self.reserve:
+            raise ValueError("counted is 'identities', but reserve is 0: each agent has one identity")
+        return self
+
+    def compromised(self, share: float, agents: int) -> int:
+        """Return the number of compromised agents of a role.
+
+        Args:
+            share: Share of the track.
+            agents: Number of all agents of the role.
+        """
+        spare = self.reserve if self.counted == "identities" else 0
+        # n agents with r reserve identities each are a share x of N + r n identities if n (1 + r) = x (N + r n).
+        return max(1, round(share * agents / (1 + spare - share * spare)))
+
+
+class Suite(SuiteSchema):
+    """Benchmark of trust models: models x scenarios x tracks x shares x rungs x seeds.
+
+    The worst case is chosen in one set of games and measured in another set of the same size.
+    """
+
+    kind: Literal["robustness"] = "robustness"
+    """Type of the suite."""
+    models: tuple[Label, ...] | Literal["all"] = "all"
+    """Specs of trust models. `all` means all registered or installed ones."""
+    attacks: tuple[Label, ...] | Literal["all"] = "all"
+    """Specs of scripted attacks. `all` means all registered or installed ones."""
+    scenarios: dict[Label, Stage]
+    """Scenarios by their name in the suite."""
+    tracks: dict[Label, Track]
+    """Tracks by name. A track without roles measures a model while all agents are honest."""
+    rungs: tuple[Rung, ...] = ("scripted", "random search", "CMA-ES", "PPO", "white-box planner")
+    """Ways to find attacks, each with the same budget. Scripted attacks with default parameters need no budget."""
+    budget: PositiveInt = 100_000
+    """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
+    budgets: dict[str, PositiveInt] = Field(default_factory=dict)
+    """Budgets of single rungs where they differ from `budget`."""
+    known: tuple[KnownAttack, ...] = ()
+    """Attacks that the rung `known` plays, and from which evolution starts. In a TOML file it is the name of their JSON
+    file, or a list of names; the files lie beside it."""
+    score: Scale = "utility"
+    """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
+    the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
+    places: Literal["last", "random", "shuffled"] = "last"
+    """Places of the compromised agents as a trust model sees them: the last of their role, or random in each game. The
+    models of this project, which treat all agents alike, see random places only if it is `shuffled`."""
+    consumers: Consumers = "public"
+    """Who consumes: the public, which goes by published trust, or the honest raters, each by what it knows."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.scenarios or not self.tracks or not self.rungs:
+            raise ValueError("scenarios, tracks and rungs must not be empty")
+        if not self.models or not self.attacks:
+            raise ValueError("models and attacks must not be empty")
+        check_unique(rungs=self.rungs)
+        check_names(self.known)
+        self._check_stages()
+        self._check_known()
+        for what, names in (("models", self.models), ("attacks", self.attacks)):
+            if not isinstance(names, str):
+                check_unique(**{what: names})
+        return self
+
+    def _check_stages(self) -> None:
+        """Check that the rungs and tracks that budgets and scenarios name exist.
+
+        Scenarios that a suite has from another one may have budgets of rungs that it does not play.
+        """
+        for rung in self.budgets:
+            if rung not in self.rungs:
+                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
+        for rung in chain(*(stage.budgets for stage in self.scenarios.values())):
+            if rung not in get_args(Rung):
+                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(get_args(Rung))}")
+        for name, stage in self.scenarios.items():
+            for track, shares in (stage.shares or {}).items():
+                if track not in self.tracks:
+                    raise ValueError(f"shares of scenario {name!r} names the track {track!r}, which does not exist")
+                if bool(shares) != bool(self.tracks[track].roles):
+                    raise ValueError(
+                        f"shares of scenario {name!r}: a track has shares if it has compromised agents; {track!r} has "
+                        f"{len(self.tracks[track].roles)} roles of compromised agents and {len(shares)} shares"
+                    )
+
+    def _check_known(self) -> None:
+        """Check that there are known attacks if and only if they are played, and that their conditions exist."""
+        if ("known" in self.rungs) != bool(self.known):
+            raise ValueError("known and the rung 'known' belong together; give both or none")
+        for one in self.known:
+            if one.condition not in self.conditions:
+                where = f"{one.scenario}, {one.track} {one.share:g}"
+                raise ValueError(f"known attack {one.name!r} is for {where}, which the suite does not have")
+            if one.name in self.rungs or (self.attacks != "all" and one.name in self.attacks):
+                raise ValueError(f"known attack {one.name!r} has the name of another attack of the suite")
+
+    @property
+    def conditions(self) -> list[tuple[str, str, float]]:
+        """Scenario, track and share of each condition in which models are attacked."""
+        return [
+            (scenario, track, share)
+            for scenario in self.scenarios
+            for track, shares in self.shares_in(scenario).items()
+            for share in shares
+        ]
+
+    def known_in(self, condition: tuple[str, str, float]) -> list[KnownAttack]:
+        """Return the known attacks of a condition: scenario, track and share."""
+        return [one for one in self.known if one.condition == condition]
+
+    def shares_in(self, scenario: str) -> dict[str, tuple[float, ...]]:
+        """Return the shares of compromised agents in a scenario by track. A track without any is honest."""
+        own = self.scenarios[scenario].shares
+        return {name: track.shares for name, track in self.tracks.items()} if own is None else own
+
+    def budget_of(self, rung: str, scenario: str) -> int:
+        """Return the budget of a rung in a cell of a scenario, in game rounds."""
+        return self.scenarios[scenario].budgets.get(rung, self.budgets.get(rung, self.budget))
+
+
+def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
+    """Return the suite with further known attacks, those of its own conditions.
+
+    Args:
+        suite: Suite to change.
+        attacks: Known attacks. Those of conditions that the suite does not have are left out.
+
+    Raises:
+        ValueError: None is for a condition of the suite.
+    """
+    fitting = tuple(one for one in attacks if one.condition in suite.conditions)
+    if not fitting:
+        raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
+    rungs = suite.rungs if "known" in suite.rungs else (*suite.rungs, "known")
+    return suite.model_copy(update={"known": joined(suite.known, fitting), "rungs": rungs})

@@ -1,0 +1,99 @@
+"""Suites by name and in TOML files."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from roletrust_env.benchmarking.known_attacks import joined, read_known_attacks
+from roletrust_env.benchmarking.learners.suite import LearnersSuite
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.errors import explain, suggest
+
+_FOLDER = Path(__file__).parent / "suites"
+
+
+def suites() -> dict[str, str]:
+    """Return the descriptions of the suites of the project, by name."""
+    return {name: load_suite(name).description for name in _names()}
+
+
+def load_suite(suite: str | Path) -> Suite | LearnersSuite:
+    """Return a suite by name, or from a TOML file.
+
+    Args:
+        suite: Name of a suite, or path of a file that ends in `.toml`.
+
+    Raises:
+        ValueError: The name is unknown, or the file cannot be read or does not contain a valid suite.
+    """
+    path = Path(suite)
+    if path.suffix == ".toml":
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ValueError(f"suite {path} cannot be read: {error}") from None
+        return read_suite({"name": path.stem, **_parse(text, path, path.parent)}, f"suite {path}")
+    if str(suite) not in (names := _names()):
+        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
+    return read_suite({"name": str(suite), **_parse(_text(str(suite)), suite)}, f"suite {suite}")
+
+
+def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
+    """Return a suite from plain data.
+
+    Args:
+        data: Fields of the suite.
+        source: Origin of the data, for error messages.
+
+    Raises:
+        ValueError: A field is wrong. The message states its value and the allowed ones.
+    """
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{source}: a suite must be a table of fields, not {str(data)[:100]!r}")
+    kind = str(data.get("kind", "robustness"))
+    if kind not in _TYPES:
+        raise ValueError(f"{source}: kind is {kind!r}; it must be one of {', '.join(_TYPES)}")
+    try:
+        return _TYPES[kind].model_validate(data)
+    except ValidationError as error:
+        raise ValueError(f"{source}: {explain(error)}") from None
+
+
+_TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
+_SEARCHED = "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
+_EXTENDABLE = ("quick", "standard", "standard-2", *_SEARCHED, "reruns", "full")
+
+
+def _names() -> list[str]:
+    return sorted(path.stem for path in _FOLDER.glob("*.toml"))
+
+
+def _text(name: str) -> str:
+    return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, Any]:
+    """Return the fields in a text, and those of the suite that it extends where it has none of its own.
+
+    Args:
+        text: Content of a TOML file.
+        source: Name of the suite or path of the file, for error messages.
+        folder: Folder of the file, which also has the known attacks.
+    """
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"suite {source} is not valid TOML: {error}") from None
+    if isinstance(names := data.get("known"), str):
+        names = [names]
+    if isinstance(names, list):
+        data["known"] = joined(*(read_known_attacks(folder / str(name)) for name in names))
+    if "extends" not in data:
+        return data
+    base = data.pop("extends")
+    if base not in _EXTENDABLE:
+        raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
+    return {**_parse(_text(base), base), **data}

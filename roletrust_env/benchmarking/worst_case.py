@@ -1,0 +1,207 @@
+"""The worst case of each trust model in each condition, chosen in some games and measured in others.
+
+A condition is a scenario, a track and a share. Its worst case is the attack that leaves the least score in the games
+for choosing. Rungs with more knowledge than a real attacker are excluded. The result is the score in the games for
+measuring, on the scale of the suite, see `Suite.score`. Each seed searches, chooses and measures as in a run of its
+own, and the scores of a run are means over its seeds.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.benchmarking.schema import AttackResult
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, Scale
+from roletrust_env.metrics.consumers import skill
+from roletrust_env.metrics.score import mean_or_nan
+
+Floats = npt.NDArray[np.float64]
+
+
+class Condition(NamedTuple):
+    """Combination of scenario, track and share in which models are attacked.
+
+    Attributes:
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite.
+        share: Share of compromised agents.
+    """
+
+    scenario: str
+    track: str
+    share: float
+
+    @property
+    def description(self) -> str:
+        """Short text for tables, such as `market, raters 30%`."""
+        share = f" {self.share:.0%}" if self.share else ""
+        return f"{self.scenario}, {self.track}{share}"
+
+
+class AttackScores(NamedTuple):
+    """Scores of one attack on one model in one condition, in G games of each of S seeds.
+
+    Searches with other seeds find other attacks, which have the same name here. Seeds are in ascending order. Where a
+    seed has no such attack, its scores are NaN.
+
+    Attributes:
+        model: Name of the model.
+        condition: Condition of the attack.
+        attack: Name of the attack.
+        rung: Name of the rung that found the attack.
+        words: Short description of the attack.
+        chosen: Score in the games for choosing, on the scale of the suite, shape (S, G).
+        measured: Scores in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
+        score: Score in the games for measuring, on the scale of the suite, shape (S, G).
+        published: Same score if the consumers went by published trust; NaN in results that do not have it.
+        by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
+    """
+
+    model: str
+    condition: Condition
+    attack: str
+    rung: str
+    words: str
+    chosen: Floats
+    measured: Mapping[str, Floats]
+    score: Floats
+    published: Floats
+    by_round: Floats
+
+
+class WorstCase(NamedTuple):
+    """Worst case of a model in a condition. Each of S seeds chooses its own attack.
+
+    Attributes:
+        model: Name of the model.
+        condition: Condition of the worst case.
+        choices: Attack of each seed.
+        measured: Scores of these attacks in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
+        score: Score of these attacks in the games for measuring, on the scale of the suite, shape (S, G).
+        published: Same score if the consumers went by published trust.
+    """
+
+    model: str
+    condition: Condition
+    choices: tuple[AttackScores, ...]
+    measured: Mapping[str, Floats]
+    score: Floats
+    published: Floats
+
+    @property
+    def common(self) -> AttackScores:
+        """Attack that most seeds choose, the first one of several."""
+        names = [(one.rung, one.attack) for one in self.choices]
+        return self.choices[names.index(max(names, key=names.count))]
+
+    @property
+    def attack(self) -> str:
+        """Name of the attack that most seeds choose."""
+        return self.common.attack
+
+    @property
+    def mean(self) -> float:
+        """Mean score; infinite where it is undefined, so that any other is worse."""
+        return least_mean(self.score)
+
+
+def attack_scores(stored: Iterable[StoredCell], scale: Scale = "utility") -> list[AttackScores]:
+    """Return the scores of all attacks of a run.
+
+    Args:
+        stored: Cells of the run with their results.
+        scale: Scale of the suite.
+    """
+    groups: dict[tuple[str, Condition, str, str], dict[int, AttackResult]] = {}
+    for cell, result in stored:
+        for row in result.rows:
+            condition = Condition(cell.scenario, cell.track, cell.share)
+            groups.setdefault((cell.model, condition, row.attack, cell.rung), {})[cell.seed] = row
+    every = [row for rows in groups.values() for row in rows.values()]
+    seeds = sorted({seed for rows in groups.values() for seed in rows})
+    lengths = (len(values) for row in every for part in (row.chosen, row.measured) for values in part.values())
+    games = max(lengths, default=0)
+
+    def table(rows: Mapping[int, AttackResult], part: str, name: str) -> Floats:
+        """Return a score of an attack, (S, G)."""
+        values = np.full((len(seeds), games), np.nan)
+        for k, seed in enumerate(seeds):
+            if seed in rows:
+                own = as_array(getattr(rows[seed], part)[name])
+                values[k, : len(own)] = own
+        return values
+
+    found = []
+    for (model, condition, attack, rung), rows in groups.items():
+        first, words = next(iter(rows.values())), "; ".join(dict.fromkeys(row.words for row in rows.values()))
+        chosen, measured = (
+            {name: table(rows, part, name) for name in getattr(first, part)} for part in ("chosen", "measured")
+        )
+        by_round = mean_or_nan(np.stack([as_array(row.by_round) for row in rows.values()]), axis=0)
+        undefined = np.full_like(measured["utility"], np.nan)
+        by_published = measured | {"utility": measured.get("published", undefined)}
+        counted = _to_count(measured, scale), _to_count(by_published, scale)
+        scores = _to_choose(chosen, scale), measured, *counted
+        found.append(AttackScores(model, condition, attack, rung, words, *scores, by_round))
+    return found
+
+
+def worst_cases(
+    attacks: Iterable[AttackScores], included: frozenset[str] = frozenset()
+) -> dict[tuple[str, Condition], WorstCase]:
+    """Return the worst case of each model and condition, for each seed the attack with the least score when it chooses.
+
+    Args:
+        attacks: Scores of all attacks.
+        included: Rungs of `WHITE_BOX_RUNGS` that count.
+    """
+    groups: dict[tuple[str, Condition], list[AttackScores]] = {}
+    for one in attacks:
+        if one.rung not in WHITE_BOX_RUNGS - included:
+            groups.setdefault((one.model, one.condition), []).append(one)
+    return {key: _worst_case(group) for key, group in groups.items()}
+
+
+def _worst_case(attacks: Sequence[AttackScores]) -> WorstCase:
+    means = [[least_mean(games) for games in one.chosen] for one in attacks]
+    choices = tuple(attacks[k] for k in np.argmin(means, axis=0))
+    measured = {name: _by_seed([one.measured[name] for one in choices]) for name in choices[0].measured}
+    scores = (_by_seed([getattr(one, name) for one in choices]) for name in ("score", "published"))
+    return WorstCase(attacks[0].model, attacks[0].condition, choices, measured, *scores)
+
+
+def _by_seed(scores: Sequence[Floats]) -> Floats:
+    """Return the games of the s-th seed under the s-th attack for all s, shape (S, G)."""
+    return np.stack([games[seed] for seed, games in enumerate(scores)])
+
+
+def least_mean(score: Floats) -> float:
+    """Return the mean score by which a worst case is chosen; infinite where it is undefined, so any other is worse."""
+    mean = float(mean_or_nan(score.ravel(), axis=0))
+    return np.inf if np.isnan(mean) else mean
+
+
+def _to_choose(chosen: Mapping[str, Floats], scale: Scale) -> Floats:
+    return skill_by_seed(chosen["utility"], chosen["blind"]) if scale == "skill" else chosen["utility"]
+
+
+def _to_count(measured: Mapping[str, Floats], scale: Scale) -> Floats:
+    """Return the score that counts. On the scale of utility, no seed has less than a blind choice in its games."""
+    by_trust, blind = measured["utility"], measured["blind"]
+    if scale == "skill":
+        return skill_by_seed(by_trust, blind)
+    below = mean_or_nan(by_trust, axis=1) < mean_or_nan(blind, axis=1)
+    return np.where(below[:, None], blind, by_trust)
+
+
+def skill_by_seed(by_trust: Floats, blind: Floats) -> Floats:
+    """Return the skill of each seed for itself, shape (S, G)."""
+    return np.stack([skill(*games) for games in zip(by_trust, blind, strict=True)])
+
+
+def as_array(values: Sequence[float | None]) -> Floats:
+    """Return stored numbers as an array. None becomes NaN."""
+    return np.array([np.nan if x is None else x for x in values], np.float64)

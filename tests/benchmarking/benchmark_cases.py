@@ -1,0 +1,120 @@
+"""A tiny suite, faulty models and attackers, and a run that tests can kill: `python benchmark_cases.py FILE`."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from roletrust_env import Policy
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.trust.models.central.mean import Mean
+
+GROUPS = [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}]
+TINY = {
+    "name": "tiny",
+    "models": ["mean", "role-trust"],
+    "attacks": ["bad-mouthing", "random-rating", "on-off"],
+    "scenarios": {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": GROUPS}}},
+    "tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5]}},
+    "rungs": ["scripted", "random search"],
+    "budget": 200,
+    "games": 3,
+    "limit_s": 60.0,
+}
+
+
+def tiny(**changes):
+    return Suite.model_validate({**TINY, **changes})
+
+
+def results(stored):
+    """Return the results by key, without the seconds, which differ between runs."""
+    return {cell.key: result._replace(seconds=0.0) for cell, result in stored}
+
+
+class FirstRaters(Mean):
+    """A mean of the first raters only, since compromised agents often are the last ones."""
+
+    takes_full_rounds = False
+
+    def update(self, state, ratings, mask):
+        early = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1)) < len(mask) // 2
+        return super().update(state, ratings, mask & early)
+
+
+class _Faulty(Mean):
+    """Mean that misbehaves from the second round on."""
+
+    def update(self, state, ratings, mask=None):
+        self.misbehave()
+        return super().update(state, ratings, mask)
+
+    def misbehave(self):
+        pass
+
+
+class Hanging(_Faulty):
+    def misbehave(self):
+        time.sleep(1000)
+
+
+class Raising(_Faulty):
+    def misbehave(self):
+        raise RuntimeError("two\nlines")
+
+
+class Leaving(_Faulty):
+    def misbehave(self):
+        sys.exit(3)
+
+
+class Dying(_Faulty):
+    def misbehave(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class NotANumber(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state) * np.nan
+
+
+class TooMuch(Mean):
+    def provider_trust(self, state):
+        return super().provider_trust(state) + 1
+
+
+class WildRater(Policy):
+    attacks = frozenset({"ratings"})
+
+    def ratings(self, view, memory, random):
+        return view.service + 2, memory
+
+
+class NanRater(WildRater):
+    def ratings(self, view, memory, random):
+        return view.service * np.nan, memory
+
+
+class BrokenRater(WildRater):
+    def ratings(self, view, memory, random):
+        raise ZeroDivisionError("by nothing")
+
+
+def run(path):
+    """Play the cells that are not stored yet, and store them."""
+    suite = tiny(seeds=[0, 1])
+    with Store(path, suite) as store:
+        remaining = [cell for cell in cells(suite) if cell.key not in store.finished_keys()]
+        for cell, result in LocalPool(2).play(suite, remaining):
+            store.add(cell, result)
+        return store.all()
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]))

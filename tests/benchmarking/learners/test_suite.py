@@ -1,0 +1,159 @@
+"""Suites for learners, their trials and their results."""
+
+from collections import Counter
+
+import pytest
+
+from roletrust_env.benchmarking.cells import Cell, task_arguments
+from roletrust_env.benchmarking.learners.leaderboard import learner_results
+from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS
+from roletrust_env.benchmarking.learners.run_trial import play_trial
+from roletrust_env.benchmarking.learners.search_methods import make_search_method
+from roletrust_env.benchmarking.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial, trials
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite_files import load_suite, read_suite
+from roletrust_env.benchmarking.suite_types import suite_type
+
+SHORT = {"max_cycles": 12, "noise": 0.0, "perturbations": []}
+
+
+def small(**fields) -> LearnersSuite:
+    tasks = {
+        "provider": {"task": "ProviderAttack", "set": SHORT},
+        "dual": {"task": "DualAttack", "set": {"max_cycles": 12}},
+    }
+    defaults = {"kind": "learners", "tasks": tasks, "learners": ["CMA-ES"], "budgets": [2000, 4000], "games": 4}
+    return read_suite(defaults | {"seeds": [3, 4]} | fields, "small")
+
+
+def test_every_learner_has_every_task_budget_and_seed_once():
+    suite = small(learners=["CMA-ES", "PPO"])
+    every = trials(suite)
+    assert len({trial.key for trial in every}) == len(every)
+    assert Counter(trial.learner for trial in every) == {
+        "CMA-ES": 8,
+        "PPO": 8,
+        HONEST_PLAY: 4,
+        "exact": 2,
+        "best known": 2,
+    }
+    budgets = [trial.budget for trial in every]
+    assert budgets == sorted(budgets, reverse=True)  # the longest first
+
+
+def test_a_trial_is_reproducible():
+    suite = small()
+    result = play_trial(suite, Trial("provider", "CMA-ES", 4000, 3))
+    (row,) = result.rows
+    assert (row.attack, len(row.measured["score"]), row.chosen) == ("CMA-ES", 4, {})
+    assert 3000 < row.rounds <= 4000
+    assert result.env_steps == row.rounds + 4 * 12
+    again = play_trial(suite, Trial("provider", "CMA-ES", 4000, 3))
+    assert again._replace(seconds=0) == result._replace(seconds=0)
+    assert "too small" in play_trial(suite, Trial("provider", "CMA-ES", 100, 3)).unsuitable
+    assert play_trial(suite, Trial("dual", "exact", 0, 3)).unsuitable
+
+
+def test_the_exact_optimum_is_share_1(tmp_path):
+    suite = small(seeds=[3])
+    with Store(tmp_path / "results.sqlite", suite) as store:
+        for trial in trials(suite):
+            store.add(trial, play_trial(suite, trial))
+        stored = store.all()
+        assert store.finished_keys() == {trial.key for trial in trials(suite)}
+    assert {one.cell for one in stored} == set(trials(suite))
+    scales, results = learner_results(suite, stored)
+    assert scales["provider"].description == "the exact optimum"
+    assert scales["dual"].description.startswith("the best that was found, by CMA-ES with")
+    shares = {(one.task, one.budget): one.share.value for one in results}
+    assert 0.3 < shares["provider", 4000] < 1
+    assert max(shares["dual", 2000], shares["dual", 4000]) == pytest.approx(1)
+    assert shares[ALL_TASKS, 4000] == pytest.approx((shares["provider", 4000] + shares["dual", 4000]) / 2)
+    assert Store(tmp_path / "results.sqlite").suite == suite
+
+
+def test_a_run_of_another_suite_type_is_not_continued(tmp_path):
+    with Store(tmp_path / "results.sqlite", small()):
+        pass
+    with pytest.raises(ValueError, match="holds another suite"):
+        Store(tmp_path / "results.sqlite", load_suite("quick"))
+
+
+def test_without_honest_play_there_is_no_scale():
+    """A run that was stopped early, or whose reference failed, has incomplete results."""
+    suite = small()
+    row = AttackResult("CMA-ES", "", 0, {}, {"score": [0.5] * 4})
+    stored = [StoredCell(Trial("provider", "CMA-ES", 4000, seed), CellResult((row,), 1.0)) for seed in suite.seeds]
+    assert learner_results(suite, stored) == ({}, [])
+    honest = AttackResult(HONEST_PLAY, "", 0, {}, {"score": [0.1] * 4})
+    stored += [StoredCell(Trial("provider", HONEST_PLAY, 0, 3), CellResult((honest,), 1.0))]
+    scales, results = learner_results(suite, stored)
+    assert list(scales) == ["provider"]
+    assert {one.runs for one in results} == {1}  # only the run with the same seed
+
+
+@pytest.mark.parametrize("name", ["learners", "learners-quick", "learners-coalitions", "learners-optimum"])
+def test_the_suites_of_the_project_can_be_played(name):
+    suite = load_suite(name)
+    assert isinstance(suite, LearnersSuite)
+    assert suite_type(suite).cells(suite) == trials(suite)
+    assert set(BOUNDS) < {trial.learner for trial in trials(suite)}
+
+
+@pytest.mark.parametrize(
+    ("task", "condition"),
+    [
+        ("liars", ("crowd", "raters", 0.5)),
+        ("coalition", ("crowd", "coalition", 0.3)),
+        ("market", ("market", "raters", 0.3)),
+    ],
+)
+def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
+    arguments = load_suite("learners").tasks[task].arguments()
+    standard = task_arguments(load_suite("standard"), Cell("role-trust", *condition, "PPO", 0))
+    assert {name: arguments[name] for name in ("scenario", "compromised", "objective")} == {
+        name: standard[name] for name in ("scenario", "compromised", "objective")
+    }
+    assert arguments["observation"] == "coalition"
+    assert load_suite("learners-coalitions").tasks[task] == load_suite("learners").tasks[task]
+
+
+@pytest.mark.parametrize("task", ["provider", "rater"])
+def test_the_tasks_with_an_optimum_are_those_of_the_suite_of_all_learners(task):
+    assert load_suite("learners-optimum").tasks[task] == load_suite("learners").tasks[task]
+
+
+def test_evolution_learns_from_scratch_or_says_why_it_cannot():
+    suite = load_suite("learners")
+    (name,) = [name for name in suite.learners if name.startswith("evolution")]
+    assert make_search_method(name, suite.tasks["liars"].id).start == "random"
+    assert "too small for evolution" in play_trial(suite, Trial("liars", name, 25_000, 0)).unsuitable
+    with pytest.raises(ValueError, match="begin"):
+        make_search_method("evolution:begin=random", suite.tasks["liars"].id)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"kind": "dancers"}, "kind is 'dancers'; it must be one of robustness, learners"),
+        ({"tasks": {}}, "tasks"),
+        ({"tasks": {"one": {"task": "MoonAttack"}}}, "tasks.one.task is 'MoonAttack'"),
+        ({"tasks": {"one": {"task": "DualAttack", "set": {"lamb": 1}}}}, "lamb"),
+        ({"tasks": {"one": {"task": "DualAttack", "stealth": {"wait": 1}}}}, "wait"),
+        ({"tasks": {"one": {"task": "DualAttack", "preset": "moon"}}}, "moon"),
+        ({"tasks": {"one": {"task": "RaterAttack", "compromised": ["sr_7"]}}}, "sr_7"),
+        ({"tasks": {"one": {"task": "DualAttack", "observation": "all"}}}, "observation"),
+        ({"budgets": [4000, 2000]}, "budgets must be increasing"),
+        ({"budgets": [2000, 2000]}, "budgets must be increasing"),
+        ({"learners": []}, "learners"),
+        ({"learners": ["PPO", "PPO"]}, "learners must not contain a value twice"),
+        ({"learners": ["exact"]}, "learners must not contain 'exact', which is always played"),
+        ({"seeds": []}, "seeds must not be empty"),
+        ({"rungs": ["PPO"]}, "there is no field 'rungs'"),
+    ],
+)
+def test_an_invalid_suite_is_refused(fields, message):
+    with pytest.raises(ValueError, match=message) as error:
+        small(**fields)
+    assert str(error.value).startswith("small: ")

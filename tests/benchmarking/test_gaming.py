@@ -1,0 +1,110 @@
+"""Models that play the benchmark rather than the game: what they gain, and what finds them."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from small_suites import small
+
+from roletrust_env.benchmarking.agreement import check_bias, check_fresh
+from roletrust_env.benchmarking.cells import Cell, cells, task_arguments
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.schema import CellResult
+from roletrust_env.benchmarking.submission import CellClaim, make_claim
+from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, exact_task, random_sources
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.trust import register_trust_model
+
+PUBLIC = 0
+"""Seed of every suite of the package."""
+
+SUITE = small(
+    models=["mean"],
+    attacks=["rank-lies", "bad-mouthing"],
+    tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.25, 0.5]}},
+    games=80,
+)
+
+
+class Oracle:
+    """A model that ignores ratings: it computes the abilities in the games of the public seed."""
+
+    rates_raters = False
+
+    def start(self, like: Any) -> Any:
+        trust = 0.5 + np.zeros(like.shape[1:])
+        if like.ndim == 4:
+            task = exact_task(task_arguments(SUITE, cells(SUITE)[0]))
+            sources = random_sources(task, PUBLIC, HELD_OUT)
+            first = next(attacked_rollout(task, Scripted({}), (1, like.shape[-1]), *sources))
+            trust = trust + first.before.properties.ability - 0.5
+        return trust.astype(like.dtype)
+
+    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+        return state
+
+    def rater_trust(self, state: Any) -> Any:
+        return np.broadcast_to(0.5, (4, *state.shape[1:])).astype(state.dtype)
+
+    def provider_trust(self, state: Any) -> Any:
+        return state
+
+
+def results(model: str, seed: int) -> list[tuple[Cell, CellResult]]:
+    played = [cell._replace(model=model, seed=seed) for cell in cells(SUITE)]
+    return [(cell, play_cell(SUITE, cell)) for cell in played]
+
+
+def fresh(models: list[str], claimed: int, new: int, half: float | None = None) -> list[bool]:
+    pairs = [pair for model in models for pair in results(model, claimed)]
+    claims = [make_claim(cell, result) for cell, result in pairs]
+    if half is not None:
+        claims = [_wider(claim, half) for claim in claims]
+    return [
+        check.ok for check in check_fresh(claims, [result for model in models for _, result in results(model, new)])
+    ]
+
+
+def _wider(claim: CellClaim, half: float) -> CellClaim:
+    data = claim.model_dump()
+    for attack in data["attacks"]:
+        attack["measured"]["utility"]["half_95"] = half
+    return CellClaim.model_validate(data)
+
+
+def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
+    register_trust_model("oracle", Oracle)
+    worst = min(np.mean(row.measured["utility"]) for _, result in results("oracle", PUBLIC) for row in result.rows)
+    assert worst > 0.99
+    assert fresh(["oracle"], PUBLIC, 17) == [False]
+    assert fresh(["oracle"], PUBLIC, 17, half=20.0) == [False]
+    assert fresh(["mean", "oracle", "constant"], PUBLIC, 17) == [True, False, True]
+
+
+def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() -> None:
+    suite = small(models=["gaming_models:OffTheStack"], attacks=["rank-lies"], tracks=SUITE.tracks, games=40)
+    cell = next(one for one in cells(suite) if one.share == 0.5)
+    inside, apart = (play_cell(suite, cell, isolated=isolated).rows[0] for isolated in (False, True))
+    (honest,) = play_cell(suite, cell._replace(model="mean")).rows
+    assert np.mean(inside.measured["utility"]) > 0.99
+    assert apart.measured == honest.measured  # it is no more than the mean, to the last bit
+    claims = [make_claim(cell, CellResult((inside,), 0.0))]
+    assert [check.ok for check in check_fresh(claims, [CellResult((apart,), 0.0)])] == [False]
+
+
+@pytest.mark.slow
+def test_twenty_honest_entries_are_accepted() -> None:
+    """Each entry is a run with a seed of its own; the next one is what a verifier plays with a new seed."""
+    models = ["mean", "median", "travos"]
+    runs = [[pair for model in models for pair in results(model, seed)] for seed in range(21)]
+    claims = [[make_claim(cell, result) for cell, result in one] for one in runs]
+    for mine, after in pairwise(range(21)):
+        checks = check_fresh(claims[mine], [result for _, result in runs[after]])
+        checks += check_bias(claims[mine], [result for _, result in runs[after]])
+        assert [check.message for check in checks if not check.ok] == []
+
+
+@pytest.mark.parametrize("new", range(1, 5))
+def test_an_honest_model_is_as_good_in_games_with_a_new_seed(new: int) -> None:
+    assert fresh(["mean"], PUBLIC, new) == fresh(["mean"], new, PUBLIC) == [True]

@@ -1,0 +1,270 @@
+"""Known attacks: they play as they were found, in a suite of their own or of others, and bad files are refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmark_cases import results, tiny
+
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
+from roletrust_agents.training.universal import universal_coalitions
+from roletrust_env.benchmarking import Leaderboard, load_suite
+from roletrust_env.benchmarking.attack_entries import make_entries
+from roletrust_env.benchmarking.cells import cells, rules
+from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, check_records, joined, read_known_attacks
+from roletrust_env.benchmarking.run_cell import find_attack, play_cell
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import with_known
+from roletrust_env.benchmarking.worst_case import worst_cases
+from roletrust_env.evaluation.records import record_of
+
+SUITE = tiny(rungs=["scripted", "random search"], budget=2000)
+
+
+def play(suite: Any) -> list[StoredCell]:
+    return [StoredCell(cell, play_cell(suite, cell)) for cell in cells(suite)]
+
+
+@pytest.fixture(scope="module")
+def stored() -> list[StoredCell]:
+    return play(SUITE)
+
+
+@pytest.fixture(scope="module")
+def found(stored: list[StoredCell]) -> KnownAttacks:
+    entries, lost = make_entries(SUITE, stored, finder="A. Author")
+    assert lost == []
+    return entries
+
+
+def test_there_is_the_worst_attack_on_each_model_in_each_condition(
+    found: KnownAttacks, stored: list[StoredCell]
+) -> None:
+    cases = worst_cases(Leaderboard.of(SUITE, stored).attacks)
+    attacked = {key: case.attack for key, case in cases.items() if key[1].track == "raters"}
+    worst = {(f"{attack} against {model}", tuple(where)) for (model, where), attack in attacked.items()}
+    named = {(one.name, one.condition) for one in found.attacks}
+    assert named <= worst
+    assert len({(one.record, one.condition) for one in found.attacks}) == len(found.attacks) == len(named)
+    left_out = [name.rpartition(" against ")[0] for name, _ in worst - named]
+    assert all("random search" not in attack for attack in left_out)  # scripts only, listed for another model
+
+
+def test_a_known_attack_scores_as_in_the_run_that_found_it(found: KnownAttacks, stored: list[StoredCell]) -> None:
+    again = {cell.key: result for cell, result in play(with_known(SUITE, found.attacks)) if cell.rung == "known"}
+    compared = 0
+    for cell, result in stored:
+        if cell.rung != "random search":  # scripts side by side share their random numbers
+            continue
+        (row,) = result.rows
+        for theirs in again[cell._replace(rung="known").key].rows:
+            assert theirs.words == "known attack, found by A. Author"
+            if theirs.attack == f"random search against {cell.model}":
+                assert (theirs.chosen, theirs.measured) == (row.chosen, row.measured)
+                compared += 1
+    assert compared
+
+
+def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) -> None:
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), found.attacks)
+    board = Leaderboard.of(suite, play(suite))
+    names = {one.attack for one in board.attacks if one.rung == "known"}
+    assert any(name.endswith("against role-trust") for name in names)
+    assert any(case.common.rung == "known" for case in worst_cases(board.attacks).values())
+    assert board.rows[0].worst_attack in {one.attack for one in board.attacks}
+    ensemble = Leaderboard.of(suite, [one for one in board.cells if one.cell.rung != "known"])
+    assert board.rows[0].ensemble.mean == ensemble.rows[0].worst.mean != board.rows[0].worst.mean
+    assert "ensemble" in board.columns
+    assert "ensemble" in repr(board)
+    assert "ensemble" not in Leaderboard.of(SUITE, play(tiny(models=["mean"], rungs=["scripted"]))).columns
+
+
+def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None:
+    """Attacks of an earlier run, here those with another seed, count beside those of this one."""
+    other = tiny(rungs=["random search"], budget=2000, seeds=[7])
+    earlier, _ = make_entries(other, play(other))
+    suite = with_known(tiny(rungs=["random search"], budget=2000), earlier.attacks)
+    entries, _ = make_entries(suite, play(suite))
+    KnownAttacks(attacks=entries.attacks)  # no two have the same name in a condition
+
+
+def test_evolution_starts_from_known_coalitions() -> None:
+    tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}}
+    suite = tiny(models=["median"], rungs=["evolution"], budget=20_000, tracks=tracks)
+    (cell,) = cells(suite)
+    (first,) = play_cell(suite, cell).rows
+    place = {"scenario": cell.scenario, "track": cell.track, "share": cell.share}
+    scripts = tiny(models=["mean"], rungs=["scripted"], tracks=tracks)
+    (script,) = make_entries(scripts, play(scripts))[0].attacks
+    known = [KnownAttack(name="mine", record=first.record, **place), script]
+    larger = with_known(suite, known)
+    (again,) = play_cell(larger, cell).rows
+    assert again.progress[0][1] == pytest.approx(first.progress[-1][1])  # the best of the first search
+    assert again.progress[-1][1] >= first.progress[-1][1] > first.progress[0][1]
+    assert rules(larger, cell) != rules(suite, cell)
+    scripted = cell._replace(rung="scripted")
+    assert rules(larger, scripted) == rules(suite, scripted)
+
+
+def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
+    tracks = {"all": {"roles": ["SR", "SP"], "shares": [0.3], "reserve": 1}}
+    place = {"scenario": "market", "track": "all", "share": 0.3}
+    networks = list(universal_coalitions().values())[:3]
+    wide = DeepSetArchitecture(units=5)  # other networks cannot play beside it
+    networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
+    known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]
+    suite = with_known(tiny(models=["qor"], rungs=["scripted"], tracks=tracks), known)
+    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    rows = {row.attack: row for row in play_cell(suite, cell).rows}
+    assert list(rows) == ["0", "2", "3", "1"]
+    assert find_attack(suite, cell, "2").rows == 3
+    for one in known:
+        (alone,) = play_cell(suite.model_copy(update={"known": (one,)}), cell).rows
+        assert alone == rows[one.name]
+    attacker = find_attack(suite, cell, "2").batch.split()
+    assert [record_of(batch.attacker) for batch in attacker] == [known[k].record for k in (0, 2, 3)]
+
+
+def test_a_script_with_parameters_is_recorded_with_them() -> None:
+    spec = "bad-mouthing:level=0.25,start=2"
+    suite = tiny(
+        models=["mean"], rungs=["scripted"], attacks=[spec], tracks={"raters": {"roles": ["SR"], "shares": [0.3]}}
+    )
+    entries, _ = make_entries(suite, play(suite))
+    (one,) = entries.attacks
+    assert one.name == f"{spec} against mean"
+    assert '"start":2' in one.record
+    assert '"level":0.25' in one.record
+
+
+def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
+    suite = with_known(SUITE, found.attacks)
+    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    name = next(one.name for one in found.attacks if one.condition == cell[1:4])
+    assert find_attack(suite, cell, name).batch.names == (name,)
+
+
+def test_a_known_attack_that_cannot_play_harms_no_other(found: KnownAttacks) -> None:
+    record = json.dumps({"kind": "scripts", "policies": {"nobody_7": {"name": "bad-mouthing"}}})
+    wrong = found.attacks[0].model_copy(update={"name": "wrong", "record": record})
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), [wrong, *found.attacks])
+    cell = next(cell for cell in cells(suite) if cell.rung == "known" and cell[1:4] == wrong.condition)
+    result = play_cell(suite, cell)
+    assert result.rows
+    assert result.failed.startswith("attack wrong: ")
+
+
+def test_the_worst_attacks_of_a_run_with_known_ones_are_these(found: KnownAttacks) -> None:
+    suite = with_known(tiny(models=["mean"], rungs=["scripted"], attacks=["random-rating"]), found.attacks)
+    again, lost = make_entries(suite, play(suite))
+    assert lost == []
+    assert set(again.attacks) & set(found.attacks)
+
+
+def test_names_that_harm_terminals_or_files_are_refused() -> None:
+    with pytest.raises(ValueError, match="name"):
+        KnownAttack(**ONE | {"name": "a/b"})
+    with pytest.raises(ValueError, match="finder"):
+        KnownAttack(**ONE, finder="a\x1b[31m")
+
+
+def test_a_condition_without_known_attacks_is_said(found: KnownAttacks) -> None:
+    few = [one for one in found.attacks if one.share == 0.3]
+    suite = with_known(SUITE, few)
+    by_share = {cell.share: result for cell, result in play(suite) if cell.rung == "known"}
+    assert by_share[0.3].rows
+    assert by_share[0.5].unsuitable == "there is no known attack for this condition"
+    assert results(play(SUITE)).items() <= results(play(suite)).items()  # the other cells stay as they are
+
+
+def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text(found.model_dump_json())
+    text = """
+        rungs = ["known"]
+        known = "mine.json"
+        models = ["mean"]
+        [scenarios.market]
+        preset = "market"
+        [tracks.raters]
+        roles = ["SR"]
+        shares = [0.3, 0.5]
+    """
+    (tmp_path / "suite.toml").write_text(text)
+    assert load_suite(tmp_path / "suite.toml").known == found.attacks  # type: ignore[union-attr]
+    (tmp_path / "mine.json").unlink()
+    with pytest.raises(ValueError, match=r"there is no file '.*mine.json'; `roletrust submit --attacks`"):
+        load_suite(tmp_path / "suite.toml")
+    (tmp_path / "mine.json").mkdir()
+    with pytest.raises(ValueError, match=r"mine.json is a folder; give the path of a file"):
+        load_suite(tmp_path / "suite.toml")
+    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
+        read_known_attacks(Path("x" * 300))
+
+
+def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttacks, tmp_path: Path) -> None:
+    one = found.attacks[0]
+    namesake = one.model_copy(update={"record": "{}", "finder": "B. Author"})
+    both = joined([one], [namesake, one])
+    assert both == (one, namesake.model_copy(update={"name": f"{one.name} (2)"}))
+    (tmp_path / "mine.json").write_text(found.model_dump_json())
+    (tmp_path / "yours.json").write_text(KnownAttacks(attacks=(namesake,)).model_dump_json())
+    text = """
+        rungs = ["known"]
+        known = ["mine.json", "yours.json"]
+        [scenarios.market]
+        preset = "market"
+        [tracks.raters]
+        roles = ["SR"]
+        shares = [0.3, 0.5]
+    """
+    (tmp_path / "suite.toml").write_text(text)
+    assert load_suite(tmp_path / "suite.toml").known == (*found.attacks, both[1])  # type: ignore[union-attr]
+
+
+ONE = {"name": "mine", "scenario": "market", "track": "raters", "share": 0.3, "record": "{}"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "Expecting"),
+        ("[]", "object|dictionary"),
+        ('{"attacks": []}', "attacks"),
+        (json.dumps({"attacks": [ONE, ONE]}), "two known attacks 'mine' in market, raters 30%"),
+        (json.dumps({"attacks": [ONE | {"share": 1.5}]}), "share"),
+        (json.dumps({"attacks": [ONE | {"name": "a|b"}]}), "name"),
+        (json.dumps({"attacks": [ONE | {"more": 1}]}), "more"),
+        (json.dumps({"format": "other", "attacks": [ONE]}), "format"),
+        (json.dumps({"format_version": 2, "attacks": [ONE]}), "format_version"),
+        ('{"attacks": NaN}', "NaN"),
+    ],
+)
+def test_a_bad_file_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "attacks.json").write_text(text)
+    with pytest.raises(ValueError, match=words) as error:
+        read_known_attacks(tmp_path / "attacks.json")
+    assert "\n" not in str(error.value)
+
+
+def test_attacks_that_no_suite_can_play_are_refused() -> None:
+    one = KnownAttack(**ONE)
+    with pytest.raises(ValueError, match="none of the 1 known attacks is for a condition of the suite"):
+        with_known(SUITE, [one.model_copy(update={"track": "others"})])
+    assert with_known(with_known(SUITE, [one]), [one]).known == (one,)
+    with pytest.raises(ValueError, match="give both or none"):
+        tiny(known=[ONE])
+    with pytest.raises(ValueError, match="give both or none"):
+        tiny(rungs=["known"])
+    with pytest.raises(ValueError, match="has the name of another attack of the suite"):
+        tiny(rungs=["known"], known=[ONE | {"name": "on-off"}])
+    with pytest.raises(ValueError, match="known attack 'mine': the record of an attacker must be an object"):
+        check_records([one])
+    with pytest.raises(ValueError, match="which the suite does not have"):
+        tiny(rungs=["known"], known=[ONE | {"share": 0.4}])
+    with pytest.raises(ValueError, match="no trust model 'men'"):
+        make_entries(SUITE, [], ["men"])
+    with pytest.raises(ValueError, match="no attack that can be recorded"):
+        make_entries(SUITE, [])

@@ -1,0 +1,146 @@
+"""The result of a cell depends on the cell alone."""
+
+import random
+
+import numpy as np
+import pytest
+from benchmark_cases import results, tiny
+
+from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.entrants import temporary_registration
+from roletrust_env.benchmarking.pool import LocalPool, play_safely
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.trust.models.personal.travos import Travos
+
+
+def play_all(suite):
+    return results((cell, play_cell(suite, cell)) for cell in cells(suite))
+
+
+@pytest.fixture(scope="module")
+def expected():
+    return play_all(tiny())
+
+
+def test_a_cell_is_the_same_in_any_order(expected):
+    suite = tiny()
+    shuffled = random.Random(0).sample(cells(suite), len(cells(suite)))
+    assert results((cell, play_cell(suite, cell)) for cell in shuffled) == expected
+
+
+def test_a_cell_is_the_same_in_processes(expected):
+    suite = tiny()
+    for workers in (1, 2):
+        played = list(LocalPool(workers).play(suite, cells(suite)))
+        assert results(played) == expected
+        assert len(played) == len(expected)
+
+
+def test_a_cell_does_not_depend_on_the_other_cells_of_its_suite(expected):
+    small = tiny(models=["role-trust"], tracks={"raters": {"roles": ["SR"], "shares": [0.5]}})
+    assert play_all(small).items() <= expected.items()
+
+
+def test_the_worst_case_is_chosen_in_other_games_than_it_is_measured_in(expected):
+    for key, result in expected.items():
+        assert not result.failed
+        for row in result.rows:
+            assert len(row.chosen["utility"]) == len(row.measured["utility"]) == 3
+            assert row.chosen["utility"] != row.measured["utility"], key
+
+
+def test_a_record_plays_in_place_of_the_search():
+    suite = tiny(models=["mean"], rungs=["random search"], budget=2000)
+    cell = cells(suite)[1]
+    (row,) = play_cell(suite, cell).rows
+    (again,) = play_cell(suite, cell, row.record).rows
+    assert again == row._replace(words="as recorded", rounds=0)
+    (other,) = play_cell(suite, cell._replace(seed=9)).rows
+    (theirs,) = play_cell(suite, cell, other.record).rows
+    assert theirs.measured != row.measured
+
+
+def test_another_seed_gives_other_numbers(expected):
+    assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in cells(tiny(seeds=[7]))).items() & (
+        expected.items()
+    )
+
+
+def test_all_rounds_are_counted():
+    suite = tiny(models=["mean"], rungs=["scripted"])
+    honest, attacked, _ = (play_cell(suite, cell) for cell in cells(suite))
+    assert honest.env_steps == 5 * 2 * 3  # rounds x two kinds of games x games
+    assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the honest twin
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("Raising", "RuntimeError: two lines"),
+        ("Leaving", "SystemExit: 3"),
+        ("NotANumber", "nan"),
+        ("TooMuch", r"[0, 1]"),
+        ("NoSuchModel", "NoSuchModel"),
+    ],
+)
+def test_a_faulty_model_is_a_one_line_error(model, words):
+    suite = tiny(models=[f"benchmark_cases:{model}"])
+    result = play_safely(suite, cells(suite)[1])
+    assert words in result.failed
+    assert "\n" not in result.failed
+    assert not result.rows
+
+
+@pytest.mark.parametrize(
+    ("attack", "words"), [("WildRater", "[0, 1]"), ("NanRater", "NaN"), ("BrokenRater", "ZeroDivisionError")]
+)
+def test_a_faulty_attacker_does_not_affect_others(attack, words, expected):
+    suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
+    cell = cells(suite)[1]
+    result = play_safely(suite, cell)
+    assert words in result.failed
+    assert f"attack benchmark_cases:{attack}: " in result.failed
+    assert "\n" not in result.failed
+    assert [row.attack for row in result.rows] == ["bad-mouthing"]
+    assert result.rows[0] in expected[cell.key].rows  # the same as without the faulty attacker
+
+
+def test_consumers_are_the_public_or_the_honest_raters():
+    """What a judge thinks is no concern of the public; with a central model, both go by the published trust."""
+
+    def utility(model, consumers):
+        suite = tiny(models=[model], consumers=consumers, games=8, rungs=["scripted"])
+        cell = next(one for one in cells(suite) if one.track == "raters")
+        return [value for row in play_cell(suite, cell).rows for value in row.measured["utility"]]
+
+    assert utility("mean", "raters") == pytest.approx(utility("mean", "public"), abs=1e-12)
+    assert utility("travos", "raters") != pytest.approx(utility("travos", "public"), abs=1e-3)
+
+
+class WithoutJudges(Travos):
+    """Travos for consumers who see published trust only."""
+
+    judge_trust = property()  # as if it were not there: to read it is an AttributeError
+
+
+def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_of_their_own():
+    def measured(model):
+        with temporary_registration({"one": model}):
+            suite = tiny(models=["one"], consumers="raters", games=8, rungs=["scripted"])
+            (cell, *_) = [one for one in cells(suite) if one.share == 0.5]
+            return play_cell(suite, cell).rows
+
+    for row, other in zip(measured(Travos()), measured(WithoutJudges()), strict=True):
+        assert row.attack == other.attack
+        assert row.measured["published"] == other.measured["utility"] == other.measured["published"]
+        assert row.measured["published"] != pytest.approx(row.measured["utility"], abs=1e-3)
+
+
+def test_a_model_cannot_know_liars_by_their_place():
+    def utility(places, model="benchmark_cases:FirstRaters"):
+        suite = tiny(models=[model], places=places, games=20, rungs=["scripted"], attacks=["complementary"])
+        cell = next(one for one in cells(suite) if one.share == 0.5)
+        return np.mean(play_cell(suite, cell).rows[0].measured["utility"])
+
+    assert utility("last") > utility("random") + 0.02
+    assert utility("random", "mean") == utility("last", "mean")

@@ -1,0 +1,281 @@
+"""File of a run: every error is one line, and no stored result is lost."""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from benchmark_cases import TINY, results, tiny
+
+from roletrust_env.benchmarking import store as store_file
+from roletrust_env.benchmarking.cells import Cell, cells, rules
+from roletrust_env.benchmarking.run_cell import AttackResult, CellResult, play_cell
+from roletrust_env.benchmarking.store import Store
+
+SUITE = tiny()
+SCORES = {"utility": [0.25, None, 1.0]}
+RESULT = CellResult(
+    (AttackResult("bad-mouthing", "at its defaults", 0, SCORES, SCORES, [0.5, None], "{}", ((10, 0.25), (20, 0.5))),),
+    1.5,
+    env_steps=15,
+)
+
+
+@pytest.fixture
+def path(tmp_path):
+    """File with three cells."""
+    with Store(tmp_path / "results.sqlite", SUITE) as store:
+        for cell in cells(SUITE)[:3]:
+            store.add(cell, RESULT)
+    return tmp_path / "results.sqlite"
+
+
+def refused(path, suite=None, kind=ValueError):
+    """Return the one-line error for a file."""
+    with pytest.raises(kind) as error:
+        Store(path, suite).all()
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)
+    return str(error.value)
+
+
+def execute(path, statement, *values):
+    file = sqlite3.connect(path)
+    with file:
+        file.execute(statement, values)
+    file.close()
+
+
+def test_stored_cells_can_be_read(path):
+    with Store(path) as store:
+        assert [one.result for one in store.all()] == [RESULT] * 3
+        assert {one.cell for one in store.all()} == set(cells(SUITE)[:3])
+        assert store.suite == SUITE
+
+
+def test_a_reader_leaves_the_folder_as_it_was(path):
+    """Also beside the journal of a run that was killed, whole or cut off."""
+    before = {one.name: one.read_bytes() for one in path.parent.iterdir()}
+    with Store(path) as store:
+        assert len(store.all()) == 3
+    assert {one.name: one.read_bytes() for one in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize(("length", "found"), [(None, 3), (20, 2), (0, 2)])
+def test_a_reader_leaves_the_journal_of_a_killed_run(tmp_path, length, found):
+    with Store(tmp_path / "running.sqlite", SUITE) as store:
+        for cell in cells(SUITE)[:2]:
+            store.add(cell, RESULT)
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    with Store(tmp_path / "running.sqlite", SUITE) as store:
+        store.add(cells(SUITE)[2], RESULT)
+        for end in ("", "-wal"):
+            (folder / f"results.sqlite{end}").write_bytes(
+                (tmp_path / f"running.sqlite{end}").read_bytes()[: length if end else None]
+            )
+    before = {one.name: one.read_bytes() for one in folder.iterdir()}
+    with Store(folder / "results.sqlite") as store:
+        assert len(store.all()) == found
+    assert {one.name: one.read_bytes() for one in folder.iterdir()} == before
+
+
+def test_a_reader_beside_a_writer_leaves_its_journals(path):
+    with Store(path, SUITE) as writer:
+        writer.add(cells(SUITE)[3], RESULT)
+        with Store(path) as reader:
+            assert len(reader.all()) == 4
+        assert path.with_name("results.sqlite-wal").exists()
+        writer.add(cells(SUITE)[4], RESULT)
+    with Store(path) as reader:
+        assert len(reader.all()) == 5
+
+
+def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
+    monkeypatch.setattr(store_file, "hashes", lambda factories: dict.fromkeys(factories, "0" * 64))
+    name = cells(SUITE)[0].model
+    assert f"another source of trust model {name}, " in refused(path, SUITE)
+    with Store(path) as store:  # reading is still allowed
+        assert len(store.all()) == 3
+    with Store(path, SUITE, overwrite=True) as store:
+        assert not store.all()
+    Store(path, SUITE).close()
+
+
+def test_a_folder_is_refused(tmp_path):
+    assert "is a folder; give the path of the results.sqlite in it" in refused(tmp_path)
+
+
+def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
+    first, second, *_ = cells(SUITE)
+    with Store(path, SUITE) as store:
+        store.add(first, RESULT._replace(rows=(), failed="it broke"))
+        assert len(store.all()) == 3
+        assert first.key not in store.finished_keys()
+        assert second.key in store.finished_keys()
+        store.add(first, RESULT)
+        assert results(store.all())[first.key].rows == RESULT.rows
+        assert len(store.finished_keys()) == 3
+
+
+def test_a_run_with_another_writer_is_refused(path):
+    with Store(path, SUITE):
+        assert "another run writes" in refused(path, SUITE)
+        with Store(path) as reader:  # reading is always allowed
+            assert len(reader.all()) == 3
+        code = "from benchmark_cases import *\ntry: Store(Path(sys.argv[1]), tiny())\nexcept ValueError as e: print(e)"
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        process = subprocess.run([sys.executable, "-c", code, path], env=environment, capture_output=True, text=True)
+        assert "another run writes" in process.stdout, process.stderr
+    with Store(path, SUITE) as store:
+        assert len(store.finished_keys()) == 3
+
+
+def test_a_file_that_another_program_locks_is_unchanged(path):
+    with Store(path, SUITE) as store:
+        store._file.execute("PRAGMA busy_timeout=50")
+        other = sqlite3.connect(path, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(ValueError, match="locked by another program"):
+            store.add(cells(SUITE)[3], RESULT)
+        other.execute("ROLLBACK")
+        other.close()
+        store.add(cells(SUITE)[3], RESULT)
+        assert len(store.all()) == 4
+
+
+def test_a_run_goes_on_with_a_larger_suite(path):
+    more = {
+        "models": ["mean", "role-trust", "median"],
+        "seeds": [0, 1],
+        "rungs": ["scripted", "random search", "CMA-ES"],
+    }
+    tracks = {**TINY["tracks"], "providers": {"roles": ["SP"], "shares": [0.3]}}
+    tracks["raters"] = {"roles": ["SR"], "shares": [0.3, 0.4, 0.5]}
+    larger = tiny(**more, tracks=tracks, budgets={"CMA-ES": 400})
+    with Store(path, larger) as store:
+        assert [one.result for one in store.all()] == [RESULT] * 3
+        assert store.finished_keys() < {cell.key for cell in cells(larger)}
+    with Store(path) as store:
+        assert store.suite == larger
+
+
+@pytest.mark.parametrize("rung", ["scripted", "random search"])
+def test_a_cell_plays_the_same_in_a_larger_suite(rung):
+    larger = tiny(models=["mean", "median"], rungs=["random search", "scripted", "CMA-ES"], seeds=[1, 0])
+    cell = Cell("mean", "market", "raters", 0.5, rung, 0)
+    assert rules(larger, cell) == rules(SUITE, cell)
+    one, other = (play_cell(suite, cell) for suite in (SUITE, larger))
+    assert one._replace(seconds=0) == other._replace(seconds=0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"games": 4},
+        {"models": ["role-trust"]},  # cells of mean were played
+        {"attacks": ["bad-mouthing"]},
+        {"places": "random"},
+        {"consumers": "raters"},
+        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5], "set": {"max_cycles": 4}}}},
+        {"tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}},
+        {"scenarios": {"market": {**TINY["scenarios"]["market"], "budgets": {"random search": 300}}}},
+        {"budget": 300},
+        {"limit_s": 61},
+    ],
+)
+def test_a_suite_that_plays_stored_cells_in_another_way_is_refused(tmp_path, changes):
+    path = tmp_path / "results.sqlite"
+    with Store(path, SUITE) as store:
+        for cell in cells(SUITE):
+            store.add(cell, RESULT)
+    before = path.read_bytes()
+    assert f"another suite (different: {next(iter(changes))})" in refused(path, tiny(**changes))
+    assert path.read_bytes() == before
+
+
+def test_another_suite_format_or_software_is_refused(path):
+    assert "another suite (different: games)" in refused(path, tiny(games=4))
+    other = json.dumps({"package": {"name": "roletrust-env", "version": "0.0.1"}})
+    execute(path, "UPDATE facts SET value = ? WHERE name = 'software'", other)
+    assert "other software versions" in refused(path, SUITE)
+    with Store(path) as store:  # reading is still allowed
+        assert len(store.all()) == 3
+    execute(path, "UPDATE facts SET value = '99' WHERE name = 'format'")
+    assert "format 99" in refused(path)
+    assert "format 99" in refused(path, SUITE)
+
+
+@pytest.mark.parametrize("writing", [None, SUITE])
+def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
+    other = tmp_path / "other.sqlite"
+    execute(other, "CREATE TABLE friends (name TEXT)")
+    noise, truncated = tmp_path / "noise.sqlite", tmp_path / "truncated.sqlite"
+    noise.write_bytes(bytes(range(256)) * 64)
+    with Store(truncated, SUITE) as store:
+        for cell in cells(SUITE):
+            store.add(cell, RESULT._replace(rows=tuple(RESULT.rows[0]._replace(attack=f"{k}") for k in range(50))))
+    truncated.write_bytes(truncated.read_bytes()[: truncated.stat().st_size // 2])
+    for path in (other, noise, truncated):
+        before = path.read_bytes()
+        assert "is damaged or is not a results file of a benchmark" in refused(path, writing)
+        assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE attacks SET measured = '[1, 2]'",
+        'UPDATE attacks SET chosen = \'{"utility": ["much"]}\'',
+        "UPDATE attacks SET by_round = '[1e999]'",
+        "UPDATE cells SET cell = '{\"ghost\": 1}'",
+        "UPDATE cells SET cell = '[]'",
+        f"UPDATE facts SET value = '{'[' * 100_000}' WHERE name = 'suite'",
+        "UPDATE facts SET value = '[1]' WHERE name = 'suite'",
+    ],
+)
+def test_a_file_with_invalid_values_is_refused(path, statement):
+    execute(path, statement)
+    refused(path)
+
+
+def test_overwriting_fails_while_another_run_writes(path):
+    with Store(path, SUITE) as store:
+        with pytest.raises(ValueError, match="another run writes"):
+            Store(path, SUITE, overwrite=True)
+        assert len(store.all()) == 3
+    with Store(path, tiny(games=4), overwrite=True) as store:
+        assert store.all() == []
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    assert "there is no" in refused(tmp_path / "none.sqlite")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_too_long_is_refused():
+    with pytest.raises(ValueError, match=r"^path 'x{100}'\.\.\. cannot be looked up: File name too long$"):
+        Store(Path("x" * 300))
+
+
+def test_a_full_disk_loses_nothing(path):
+    with Store(path, SUITE) as store:
+        pages = store._file.execute("PRAGMA page_count").fetchone()[0]
+        store._file.execute(f"PRAGMA max_page_count={pages}")
+        large = RESULT._replace(rows=(RESULT.rows[0]._replace(words="much " * 100_000),))
+        with pytest.raises(OSError, match="cannot be written") as error:
+            store.add(cells(SUITE)[0], large)
+        assert "\n" not in str(error.value)
+        assert [one.result for one in store.all()] == [RESULT] * 3  # also the cell that was being replaced
+        store._file.execute("PRAGMA max_page_count=100000")
+        store.add(cells(SUITE)[3], large)
+    with Store(path, SUITE) as store:
+        assert len(store.finished_keys()) == 4
+
+
+def test_a_path_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "results.sqlite").mkdir()
+    assert "cannot be written" in refused(tmp_path / "results.sqlite", SUITE, OSError)

@@ -1,0 +1,185 @@
+"""Suites as data, and their cells."""
+
+from pathlib import Path
+
+import pytest
+from small_suites import MARKET, small
+
+from roletrust_env import attackers
+from roletrust_env.benchmarking.cells import Cell, attack_names, attacked_scenario, cells, model_names, objective
+from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.suite import Track
+from roletrust_env.benchmarking.suite_files import load_suite, suites
+from roletrust_env.benchmarking.suite_types import suite_type
+from roletrust_env.trust import trust_models
+
+
+@pytest.mark.parametrize("name", suites())
+def test_the_suites_of_the_project_can_be_played(name: str) -> None:
+    suite = load_suite(name)
+    assert suite.description
+    every = suite_type(suite).cells(suite)
+    assert len({cell.key for cell in every}) == len(every)
+    for cell in every if suite.kind == "robustness" else ():
+        if cell.model == every[0].model:
+            attacked_scenario(suite, cell)
+
+
+def test_all_registered_models_and_attacks_are_in_the_suites() -> None:
+    suite = load_suite("quick")
+    assert model_names(suite) == list(trust_models())
+    assert set(attackers()) - set(attack_names(suite)) == {"learned"}  # it needs a file
+
+
+def test_every_attack_is_played_on_a_track_of_the_quick_suite() -> None:
+    suite = load_suite("quick").model_copy(update={"games": 2, "rungs": ("scripted",)})
+    played = [row.attack for cell in cells(suite) if cell.model == "mean" for row in play_cell(suite, cell).rows]
+    assert set(attack_names(suite)) <= set(played)
+
+
+def test_the_share_determines_the_compromised_agents() -> None:
+    suite = small()
+    one, half = (
+        attacked_scenario(suite, Cell("mean", "market", "raters", share, "scripted", 0)) for share in (0.25, 0.5)
+    )
+    assert one.compromised == ("sr_3",)
+    assert half.compromised == ("sr_2", "sr_3")
+    both = attacked_scenario(suite, Cell("mean", "market", "identities", 0.3, "scripted", 0))
+    assert both.compromised == ("sr_3", "sp_2")
+    assert [(g.role, g.count, g.reserve) for g in both.scenario.agents] == [
+        ("SR", 3, 0),
+        ("SP", 2, 0),
+        ("SR", 1, 2),
+        ("SP", 1, 2),
+    ]
+
+
+@pytest.mark.parametrize(("agents", "reserve", "share"), [(10, 3, 0.3), (6, 3, 0.3), (20, 2, 0.4), (100, 1, 0.25)])
+def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: int, share: float) -> None:
+    track = Track(roles=("SR",), shares=(share,), reserve=reserve, counted="identities")
+
+    def part(number: int) -> float:
+        return number * (1 + reserve) / (agents + number * reserve)
+
+    nearest = min(range(1, agents), key=lambda number: abs(part(number) - share))
+    assert track.compromised(share, agents) == nearest
+    assert track.model_copy(update={"counted": "agents"}).compromised(share, agents) == max(1, round(share * agents))
+
+
+def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None:
+    square = {**MARKET, "shares": {"honest": [], "raters": [0.25]}, "budgets": {"random search": 70}}
+    suite = small(scenarios={"square": square, "market": MARKET}, rungs=["scripted", "random search"], budget=90)
+    found = [cell[1:5] for cell in cells(suite) if cell.model == "mean" and cell.scenario == "square"]
+    assert found == [
+        ("square", "honest", 0.0, "nobody"),
+        ("square", "raters", 0.25, "scripted"),
+        ("square", "raters", 0.25, "random search"),
+    ]
+    assert [where for where in suite.conditions if where[0] == "square"] == [("square", "raters", 0.25)]
+    assert len(suite.conditions) == 1 + 4
+    assert (suite.budget_of("random search", "square"), suite.budget_of("random search", "market")) == (70, 90)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "message"),
+    [
+        ({"shares": {"liars": [0.3]}}, "names the track 'liars', which does not exist"),
+        ({"shares": {"raters": []}}, "a track has shares if it has compromised agents"),
+        ({"shares": {"honest": [0.3]}}, "a track has shares if it has compromised agents"),
+        ({"shares": {"raters": [1.5]}}, "less than 1"),
+        ({"budgets": {"PP": 100}}, "budgets names 'PP', which is none of the rungs scripted, known"),
+    ],
+)
+def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(scenario: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        small(scenarios={"market": {**MARKET, **scenario}})
+
+
+def test_identities_are_counted_where_there_are_some() -> None:
+    with pytest.raises(ValueError, match="counted is 'identities', but reserve is 0"):
+        small(tracks={"raters": {"roles": ["SR"], "shares": [0.3], "counted": "identities"}})
+
+
+def test_one_agent_of_a_role_stays_honest() -> None:
+    suite = small(tracks={"raters": {"roles": ["SR"], "shares": [0.95]}})
+    with pytest.raises(
+        ValueError, match="compromises 4 of 4 agents with the role SR in scenario 'market'; at least one"
+    ):
+        attacked_scenario(suite, cells(suite)[0])
+
+
+def test_the_objective_of_the_planner_has_a_gradient() -> None:
+    assert [
+        objective("PPO", ["SP"]),
+        objective("white-box planner", ["SP"]),
+        objective("white-box planner", ["SR", "SP"]),
+    ] == [
+        "mislead",
+        "exploit",
+        "damage",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"games": 1}, "games is 1"),
+        ({"rungs": ["sorcery"]}, "rungs"),
+        ({"seeds": [0, 0]}, "seeds must not contain a value twice"),
+        ({"scenarios": {}}, "scenarios, tracks and rungs must not be empty"),
+        ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, "unknown scenario 'nowhere'"),
+        ({"scenarios": {"market": {"preset": "market", "set": {"lamb": 1}}}}, "lamb"),
+        ({"tracks": {"raters": {"roles": ["SR"]}}}, "roles and shares must both be given"),
+        ({"tracks": {"raters": {"reserve": 1}}}, "reserve is 1, but the track has no compromised agents"),
+        ({"tracks": {"a|b": {}}}, "tracks"),
+        ({"budgets": 1}, "budgets"),
+    ],
+)
+def test_an_invalid_suite_is_refused(fields: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message) as error:
+        small(**fields)
+    assert str(error.value).startswith("small: ")
+
+
+def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
+    for text, message in (("= 1", "is not valid TOML"), ("games = 8", "scenarios"), ("games = 'all'", "games")):
+        path = tmp_path / "mine.toml"
+        path.write_text(text)
+        with pytest.raises(ValueError, match=message):
+            load_suite(path)
+    with pytest.raises(ValueError, match="cannot be read"):
+        load_suite(tmp_path / "none.toml")
+    with pytest.raises(ValueError, match=r"unknown suite 'brief'. Known: .*quick"):
+        load_suite("brief")
+
+
+@pytest.mark.parametrize("name", ["quick", "standard"])
+@pytest.mark.parametrize("rung", ["random search", "CMA-ES"])
+def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, rung: str) -> None:
+    suite = load_suite(name)
+    if rung in suite.rungs:
+        for stage in suite.scenarios:
+            result = play_cell(suite, Cell("mean", stage, "raters", 0.3, rung, 0))
+            assert result.rows, result.unsuitable
+
+
+def test_a_suite_extends_one_of_the_project(tmp_path):
+    """Only what it names differs; another base is refused."""
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "standard"\ndescription = "mine"\nbudget = 7\n')
+    mine, standard = load_suite(path), load_suite("standard")
+    assert (mine.name, mine.description, mine.budget) == ("mine", "mine", 7)
+    assert (mine.scenarios, mine.tracks, mine.attacks) == (standard.scenarios, standard.tracks, standard.attacks)
+    path.write_text('extends = "development"\n')
+    searched = "standard-3-search, standard-3, standard-4-search, standard-4, standard-5"
+    allowed = f"quick, standard, standard-2, {searched}, reruns, full"
+    with pytest.raises(ValueError, match=f"extends is 'development'; it must be one of {allowed}"):
+        load_suite(path)
+
+
+def test_a_suite_extends_one_that_extends_another(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "standard-3"\ndescription = "mine"\nseeds = [7]\n')
+    mine, base = load_suite(path), load_suite("standard-3")
+    assert (tuple(mine.seeds), mine.known, mine.rungs) == ((7,), base.known, base.rungs)
+    assert mine.scenarios == base.scenarios == load_suite("standard-3-search").scenarios
