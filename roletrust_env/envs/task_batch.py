@@ -9,6 +9,7 @@ from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
+from roletrust_env.trees import is_array, map_leaves
 
 
 class TaskBatch:
@@ -74,22 +75,16 @@ def one_game(state: State, place: tuple[int, ...]) -> State:
         state: State of a batch.
         place: Index of the game along the axes of the batch.
     """
-    one: State = _each(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
+    one: State = _map(lambda leaf: to_device(leaf[..., *place], "cpu"), state)
     return one
 
 
 def _choose(condition: Array, yes: Any, no: Any) -> Any:
     """Choose between two trees of the same structure, by game."""
     xp = namespace(condition)
-    return _each(lambda a, b: xp.where(condition, a, b), yes, no)
+    return _map(lambda a, b: xp.where(condition, a, b), yes, no)
 
 
-def _each(change: Callable[..., Array], *trees: Any) -> Any:
-    """Apply a function to the leaves of trees of the same structure; a flag must hold in both to hold in the result."""
-    tree = trees[0]
-    if tree is None or isinstance(tree, bool):
-        return tree and trees[-1]
-    if isinstance(tree, tuple):
-        parts = [_each(change, *branches) for branches in zip(*trees, strict=True)]
-        return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)
-    return change(*trees)
+def _map(change: Callable[..., Array], *states: Any) -> Any:
+    """Apply a function to the arrays of states; a flag must hold in all of them to hold in the result."""
+    return map_leaves(lambda *same: change(*same) if is_array(same[0]) else same[0] and same[-1], *states)

@@ -22,6 +22,7 @@ from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
 from roletrust_env.randomness import Random
+from roletrust_env.trees import arrays
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]
@@ -266,7 +267,7 @@ class AttackTask:
         if self.knowledge == "white_box":
             dtype, batch = state.game.ratings.dtype, state.game.round.shape
             xp = namespace(state.game.ratings)
-            seen += [xp.astype(leaf, dtype).reshape(-1, *batch) for leaf in leaves(state.game)]
+            seen += [xp.astype(leaf, dtype).reshape(-1, *batch) for leaf in arrays(state.game)]
         return namespace(seen[0]).concat(seen)
 
     def _seen(self, name: str, state: State, providers: ProviderView, raters: RaterView) -> Array:
@@ -309,13 +310,6 @@ class AttackTask:
             quality=_replace(xp, scripted.quality, self._providers, quality),
             ratings=_replace(xp, scripted.ratings, self._raters, ratings),
         )
-
-
-def leaves(tree: Any) -> list[Array]:
-    """Return the arrays of nested tuples, in order; None and booleans are left out."""
-    if tree is None or isinstance(tree, bool):
-        return []
-    return [leaf for part in tree for leaf in leaves(part)] if isinstance(tree, tuple) else [tree]
 
 
 def _replace(xp: Any, rows: Array, places: list[int], new: list[Array]) -> Array:

@@ -11,6 +11,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy, policy_name
 from roletrust_env.game.state import Actions, Noise, State
 from roletrust_env.game.views import ProviderView, RaterView, SparseRaterView
+from roletrust_env.trees import leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.world.scenario import Encounters, Scenario
 
@@ -73,7 +74,7 @@ class SparseGame(Game):
             raise ValueError(
                 f"{policy_name(policy)} treats raters differently; in a sparse game providers serve all alike"
             )
-        if _has_arrays(memory):
+        if any(leaf is not None for leaf in leaves(memory)):
             raise ValueError(
                 f"{policy_name(policy)} remembers what it saw of each provider; in a sparse game a rater meets others "
                 "in each round, so only policies without such a memory can rate"
@@ -147,11 +148,6 @@ class SparseGame(Game):
         offered = np.where(after.awaiting, offered, np.nan)
         of_each = buy(cells.of_providers(top, after.met), offered, axis=1)
         return Bought(*(part.mean() for part in of_each))
-
-
-def _has_arrays(memory: Any) -> bool:
-    """Return whether a memory, or any part of it, is there."""
-    return any(map(_has_arrays, memory)) if isinstance(memory, tuple) else memory is not None
 
 
 def _check(scenario: Scenario) -> None:

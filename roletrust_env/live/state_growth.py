@@ -1,34 +1,17 @@
 """Growth of the state of a trust model when agents join a team, without a replay of the rounds so far."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from roletrust_env.trees import map_leaves
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import start_model
 
 _TRIALS, _ROUNDS = 18, 12
 _DENSITIES = 0.2, 0.5, 0.9  # shares of the pairs that meet in a round
 _NEAR = 1e-12  # sums over more agents may be rounded in another way
-
-
-def leaves(state: Any) -> Iterator[Any]:
-    """Iterate over the arrays and numbers of a state, which is a tuple of such and of further tuples."""
-    if isinstance(state, tuple):
-        for part in state:
-            yield from leaves(part)
-    else:
-        yield state
-
-
-def with_leaves(state: Any, values: Iterator[Any]) -> Any:
-    """Return a state of the same form with other arrays and numbers."""
-    if not isinstance(state, tuple):
-        return next(values)
-    parts = [with_leaves(part, values) for part in state]
-    return type(state)(*parts) if hasattr(state, "_fields") else tuple(parts)
 
 
 def grown_state(model: TrustModel[Any], state: Any, peers: NDArray[np.bool_]) -> Any:
@@ -40,8 +23,7 @@ def grown_state(model: TrustModel[Any], state: Any, peers: NDArray[np.bool_]) ->
         peers: Pairs of the larger team, see `start_model`.
     """
     start = start_model(model, np.zeros(peers.shape), peers)
-    pairs = zip(leaves(state), leaves(start), strict=True)
-    return with_leaves(start, iter([_grown(old, new) for old, new in pairs]))
+    return map_leaves(_grown, state, start)
 
 
 def _grown(old: Any, new: Any) -> Any:

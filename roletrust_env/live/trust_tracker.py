@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from roletrust_env.live.state_growth import grown_state, leaves, with_leaves
+from roletrust_env.live.state_growth import grown_state
+from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
@@ -110,7 +111,8 @@ class TrustTracker:
         if [_form(one) for one in own] != [_form(one) for one in memory]:
             raise ValueError("the memory is of another trust model or of another team")
         number, self._rated, self._provided, *state = memory
-        self._round, self._state = np.asarray(number), with_leaves(self._state, iter(state))
+        values = iter(state)
+        self._round, self._state = np.asarray(number), map_leaves(lambda _: next(values), self._state)
 
     def update(self, ratings: RoundRatings) -> None:
         """Update trust with the ratings of one round."""

@@ -9,11 +9,11 @@ import numpy as np
 
 from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attack_space import Space
-from roletrust_env.game.attack_task import leaves
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import Round, rollout
+from roletrust_env.trees import arrays
 from roletrust_env.world.group import AgentGroup
 from roletrust_env.world.scenario import Choice, Scenario
 
@@ -102,12 +102,12 @@ def check_rounds(attack: Policy, like: Array) -> None:
     state = game.start(game.draw(noise, (2,), start=True))
     memories = joint_policy.begin(state_of, (2,))
     for _ in range(5):
-        before = [np.copy(np.asarray(leaf)) for leaf in leaves(memories)]
+        before = [np.copy(np.asarray(leaf)) for leaf in arrays(memories)]
         try:
             actions, after = joint_policy.checked_act(state, memories, state_of)
         except ValueError as error:
             raise AssertionError(_line(attack, f"it cannot play, {error}; see the methods of Policy")) from error
-        unchanged = all(map(np.array_equal, map(np.asarray, leaves(memories)), before))
+        unchanged = all(map(np.array_equal, map(np.asarray, arrays(memories)), before))
         _require(unchanged, attack, "it writes to its memory; return a new memory in place of the old one")
         for name, chosen in (("quality", actions.quality), ("ratings", actions.ratings)):
             fault = f"its {name} are {chosen.dtype} in a game of {like.dtype}; compute them from the view"

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.game.attack_task import leaves
+from roletrust_env.trees import arrays
 from roletrust_env.trust import Traits, TrustModel
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import check_trust_model as check_one_round
@@ -159,10 +159,10 @@ def check_purity(model: TrustModel[Any], shape: Shape) -> None:
     rounds = random_rounds(shape)
     state = play_rounds(model, [], np.zeros(shape))
     for ratings, mask in rounds:
-        before = [np.copy(leaf) for leaf in leaves(state)]
+        before = [np.copy(leaf) for leaf in arrays(state)]
         given = ratings.copy(), mask.copy()
         after = model.update(state, *given)
-        same = all(map(_equal, leaves(state), before))
+        same = all(map(_equal, arrays(state), before))
         _require(same, model, "update changes the state that it is given; return a new one")
         _require(
             _equal(given[0], ratings) and _equal(given[1], mask), model, "update writes to its arguments; copy them"
@@ -258,7 +258,7 @@ def _tensors() -> list[Any]:
 def _kinds(model: TrustModel[Any], state: Any, shape: Shape) -> list[tuple[Shape, Any]]:
     """Return the shape and the dtype of each array of a state, each with the batch on its last axes."""
     found = []
-    for leaf in leaves(state):
+    for leaf in arrays(state):
         is_array = hasattr(leaf, "shape") and hasattr(leaf, "dtype")
         _require(is_array, model, f"the state holds {leaf!r}; a state is a NamedTuple of arrays, None or flags")
         batched = tuple(leaf.shape[leaf.ndim - len(shape[2:]) :]) == shape[2:]

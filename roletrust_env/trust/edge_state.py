@@ -1,18 +1,14 @@
 """The state of a central model on edges: it is read from the state on a grid, and grows with agents and pairs."""
 
-from collections.abc import Callable, Hashable
-from functools import lru_cache
-from typing import Any, Literal, TypeAlias, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
+from roletrust_env.trees import Kind, map_kinds
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.edges import EdgeRatings, edge_ratings
 from roletrust_env.trust.model import Traits, start_model
-
-Kind: TypeAlias = Literal["rater", "provider", "pair", "age"]
-"""What an entry of a field of a state is about; an age is about a pair, see `PairAge`."""
 
 
 def edge_model(model: Any) -> Central:
@@ -49,7 +45,7 @@ def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None
     def spread(kind: Kind, leaf: Array) -> Array:
         return xp.zeros(sizes[kind], dtype=leaf.dtype, device=leaf.device) + leaf.reshape(-1)[0]
 
-    state = map_state(start_model(model, grid, grid > 0), spread)
+    state = map_kinds(spread, start_model(model, grid, grid > 0))
     return model.after_round(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
 
 
@@ -63,30 +59,3 @@ def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) 
 def takes_peers(model: Any) -> bool:
     """Return whether trust depends on the number of agents, and on which rater is which provider."""
     return Traits.of(model).takes_peers
-
-
-def map_state(state: Any, change: Callable[..., Array], *others: Any) -> Any:
-    """Return a state whose arrays about agents or pairs are changed; all else, such as a flag, stays.
-
-    Args:
-        state: State, a NamedTuple whose fields are annotated, see `PerRater`; it may hold further such states.
-        change: Function of the kind and of the array, and of the arrays of the other states in the same place.
-        *others: Further states of the same type.
-    """
-    cls: Any = type(state)
-    fields = []
-    for name, kind in _kinds(cls).items():
-        leaf, rest = getattr(state, name), [getattr(other, name) for other in others]
-        if kind is not None:
-            leaf = change(kind, leaf, *rest)
-        elif hasattr(leaf, "_fields"):
-            leaf = map_state(leaf, change, *rest)
-        fields.append(leaf)
-    return cls(*fields)
-
-
-@lru_cache(maxsize=64)
-def _kinds(state: Hashable) -> dict[str, Kind | None]:
-    """Return the kind of each field of a type of state; None for a field that is about no agent or pair."""
-    hints = get_type_hints(state, include_extras=True)
-    return {name: next(iter(getattr(hint, "__metadata__", ())), None) for name, hint in hints.items()}

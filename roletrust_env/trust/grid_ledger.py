@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from roletrust_env.trees import leaves
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.edges import merge_repeats
 from roletrust_env.trust.key_index import Ints
@@ -113,10 +114,5 @@ def state_bytes(model: Any, shape: tuple[int, int]) -> float:
     """Return the bytes of a model's state with so many raters and providers, from the shapes of a small state."""
     state = start_model(model, np.zeros(_SIDES), np.zeros(_SIDES, bool))
     sizes = dict(zip(_SIDES, shape, strict=True))
-
-    def size(part: Any) -> float:
-        if isinstance(part, tuple):
-            return sum(map(size, part))
-        return part.itemsize * math.prod(sizes.get(n, n) for n in part.shape) if isinstance(part, np.ndarray) else 0
-
-    return size(state)
+    found = (leaf for leaf in leaves(state) if isinstance(leaf, np.ndarray))
+    return float(sum(leaf.itemsize * math.prod(sizes.get(n, n) for n in leaf.shape) for leaf in found))

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from roletrust_env.trees import Kind, kinds, map_kinds
 from roletrust_env.trust.central import Central
-from roletrust_env.trust.edge_state import Kind, map_state, start_on_edges, takes_peers
+from roletrust_env.trust.edge_state import start_on_edges, takes_peers
 from roletrust_env.trust.edges import EdgeCells, EdgeRatings, merge_repeats
 from roletrust_env.trust.fused import FusedCells, FusedRatings
 from roletrust_env.trust.fused_kernels import numba
@@ -59,10 +60,8 @@ class Ledger:
         self._one_role = one_role
         self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
         self._start = start_on_edges(model, (1, 1))
-        self._state = map_state(self._start, lambda kind, leaf: leaf[:0])
-        kinds: set[Kind] = set()
-        map_state(self._start, lambda kind, leaf: kinds.add(kind) or leaf)  # type: ignore[func-returns-value]
-        self._remembers = bool(kinds & {"pair", "age"})
+        self._state = map_kinds(lambda kind, leaf: leaf[:0], self._start)
+        self._remembers = any(kind in ("pair", "age") for kind, _ in kinds(self._start))
         self._index = KeyIndex()
         self._marks = np.zeros(0, np.int32)  # a number for each agent, for a moment
 
@@ -116,11 +115,9 @@ class Ledger:
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return all that the ledger keeps, by name, for `restore`."""
-        leaves: list[Floats] = []
-        sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
-        map_state(self._state, lambda kind, leaf: leaves.append(leaf[: sizes[kind]]) or leaf)  # type: ignore[func-returns-value]
-        counts = np.array([*self.shape, self.rounds])
-        return {"counts": counts, "pairs": self._index.keys, **{f"state_{n}": leaf for n, leaf in enumerate(leaves)}}
+        counts, state = np.array([*self.shape, self.rounds]), self._view(ages=False)
+        leaves = {f"state_{n}": leaf for n, (_, leaf) in enumerate(kinds(state))}
+        return {"counts": counts, "pairs": self._index.keys, **leaves}
 
     def restore(self, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Go on from what another ledger of the same model has kept.
@@ -138,7 +135,7 @@ class Ledger:
                 raise ValueError(f"{stored.shape} values of {stored.dtype} where {sizes[kind]} of {leaf.dtype} belong")
             return stored
 
-        state, index = map_state(self._start, restored), KeyIndex.of(keys)
+        state, index = map_kinds(restored, self._start), KeyIndex.of(keys)
         self._state, self._index, self.rounds = state, index, rounds
         self._sizes = {"rater": raters, "provider": providers}
 
@@ -168,7 +165,7 @@ class Ledger:
         rater, provider = keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1)
         pairs = np.flatnonzero(stay["rater"][rater] & stay["provider"][provider])
         chosen = {**{kind: np.flatnonzero(flags) for kind, flags in stay.items()}, "pair": pairs, "age": pairs}
-        self._state = map_state(self._state, lambda kind, leaf: leaf[chosen[kind]])
+        self._state = map_kinds(lambda kind, leaf: leaf[chosen[kind]], self._state)
         self._sizes = {kind: len(chosen[kind]) for kind in stay}
         rater, provider = (
             moved(flags)[places[pairs]] for flags, places in zip(stay.values(), (rater, provider), strict=True)
@@ -184,7 +181,7 @@ class Ledger:
             more = np.full(max(size, 2 * len(leaf)) - len(leaf), start[0] if kind != "pair" else 0.0, start.dtype)
             return np.concatenate([leaf, more])
 
-        self._state = map_state(self._state, grown, self._start)
+        self._state = map_kinds(grown, self._state, self._start)
 
     def _view(self, *, ages: bool = True) -> Any:
         """Return the state without spare room, with ages as of now; without `ages`, for a read-out, with stamps."""
@@ -193,7 +190,7 @@ class Ledger:
         def cut(kind: Kind, leaf: Floats) -> Floats:
             return self._ages(leaf[: sizes[kind]]) if kind == "age" and ages else leaf[: sizes[kind]]
 
-        return map_state(self._state, cut)
+        return map_kinds(cut, self._state)
 
     def _ages(self, stamps: Floats) -> Floats:
         """Return the rounds since a pair's last rating; a stamp is 1 more than the round before it, and 0 for none."""
@@ -219,8 +216,8 @@ class Ledger:
             return leaf
 
         cells = self._cells(one.places, other.places, (one.size, other.size))
-        after = self.model.after_round(map_state(self._state, taken), self._ratings(cells, values, cells, None))
-        self._state = map_state(self._state, put, after)
+        after = self.model.after_round(map_kinds(taken, self._state), self._ratings(cells, values, cells, None))
+        self._state = map_kinds(put, self._state, after)
 
     def _touched(self, kind: str, places: Ints) -> _Touched:
         """Return the agents of a role at some places, which may repeat."""
@@ -249,7 +246,7 @@ class Ledger:
             leaf[: sizes[kind]] = np.where(new > 0, self.rounds + 2 - new, 0.0) if kind == "age" else new
             return leaf
 
-        self._state = map_state(self._state, put, after)
+        self._state = map_kinds(put, self._state, after)
 
 
 def staying(size: int, leaving: Ints) -> npt.NDArray[np.bool_]:

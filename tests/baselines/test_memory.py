@@ -5,8 +5,8 @@ import pytest
 
 from roletrust_baselines import Camouflage, CamouflageRating, CheatingRing, MilkingRing, RankLies, Sleeper
 from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.game.attack_task import leaves
 from roletrust_env.game.make_task import make_task
+from roletrust_env.trees import arrays
 
 
 @pytest.mark.parametrize(
@@ -28,10 +28,10 @@ def test_a_game_that_begins_anew_forgets_and_the_others_do_not(agent, attack):
     batch.restart(random)
     for _ in range(5):
         batch.step(np.ones((3, 2), np.float32), random)
-    old = leaves(batch.state.memories)
+    old = arrays(batch.state.memories)
     assert any(leaf.any() for leaf in old)
     batch.restart(random, np.array([True, False]))
-    new = leaves(batch.state.memories)
+    new = arrays(batch.state.memories)
     for now, before in zip(new, old, strict=True):
         assert not now[..., 0].any()
         assert (now[..., 1] == before[..., 1]).all()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_env.live.state_growth import grown_state, grows, leaves, with_leaves
+from roletrust_env.live.state_growth import grown_state, grows
 from roletrust_env.live.trust_tracker import Team, TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 from roletrust_env.trust.models import Mean
@@ -109,4 +109,3 @@ def test_the_state_of_a_newcomer_is_that_of_the_start():
     assert grown.tor.tolist() == [0.1, 0.2, 0.7]
     assert grown.last.shape == (3, 4)
     assert type(grown) is type(state)
-    assert list(map(id, leaves(with_leaves(grown, leaves(grown))))) == list(map(id, leaves(grown)))

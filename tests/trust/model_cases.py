@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_env.game.attack_task import leaves
 from roletrust_env.testing.trust_models import Ratings as Round
 from roletrust_env.testing.trust_models import play_rounds as play
 from roletrust_env.testing.trust_models import random_rounds
 from roletrust_env.testing.trust_models import read_trust as read
 from roletrust_env.testing.trust_models import some_peers as who_is_who
+from roletrust_env.trees import arrays
 from roletrust_env.trust import Traits, TrustModel, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 
-__all__ = ["EVERY_MODEL", "Round", "leaves", "play", "random_rounds", "read", "who_is_who"]
+__all__ = ["EVERY_MODEL", "Round", "arrays", "play", "random_rounds", "read", "who_is_who"]
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 

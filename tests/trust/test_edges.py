@@ -9,9 +9,10 @@ import torch
 from hypothesis import given, settings
 from model_cases import assert_close, having, named, read
 
+from roletrust_env.trees import map_kinds
 from roletrust_env.trust import Traits, TrustModel, trust_models
 from roletrust_env.trust.central import Central
-from roletrust_env.trust.edge_state import edge_model, map_state, no_ratings, start_on_edges
+from roletrust_env.trust.edge_state import edge_model, no_ratings, start_on_edges
 from roletrust_env.trust.edges import EdgeCells, edge_ratings
 from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.model import start_model
@@ -156,7 +157,7 @@ def test_edges_on_torch(name: str, dtype: torch.dtype, tolerance: float) -> None
     everyone = torch.arange(63)
     known = EdgeCells(everyone // 7, everyone % 7, shape)
     state = start_on_edges(model, shape, like)
-    state = map_state(state, lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf)
+    state = map_kinds(lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf, state)
     for raters, providers, values in rounds:
         places = torch.asarray(raters), torch.asarray(providers)
         ratings = edge_ratings(

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.data import TrustStream
+from roletrust_env.trees import map_kinds
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.central import Central
-from roletrust_env.trust.edge_state import map_state, start_on_edges
+from roletrust_env.trust.edge_state import start_on_edges
 from roletrust_env.trust.edges import EdgeCells, EdgeRatings
 from roletrust_env.trust.fused import FusedCells, FusedRatings
 from roletrust_env.trust.models.central.role_trust import RoleTrust
@@ -94,9 +95,9 @@ def on_edges(edges: Edges, model: Central | None = None, *, fused: bool = False)
     """
     model, shape = model or RoleTrust(), (edges.side, edges.side)
     cells = (FusedCells if fused else EdgeCells)(edges.raters, edges.providers, shape)
-    state = map_state(
-        start_on_edges(model, shape),
+    state = map_kinds(
         lambda kind, leaf: np.zeros(len(edges.raters)) if kind in ("pair", "age") else leaf,
+        start_on_edges(model, shape),
     )
 
     def after(state: Any, values: Floats) -> Any:

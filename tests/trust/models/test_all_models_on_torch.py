@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from model_cases import EVERY_MODEL, Round, assert_close, having, leaves, named, play, random_rounds, read
+from model_cases import EVERY_MODEL, Round, arrays, assert_close, having, named, play, random_rounds, read
 
 from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
@@ -34,7 +34,7 @@ def test_single_precision_is_enough_and_stays_single(name: str, shape: tuple[int
     model, rounds = named(name), calm_rounds(shape)
     singles = [Round(ratings.astype(np.float32), mask) for ratings, mask in rounds]
     state = play(model, singles, torch.zeros(shape), asarray=torch.asarray)
-    assert not any(leaf.dtype == torch.float64 for leaf in leaves(state) if isinstance(leaf, torch.Tensor))
+    assert not any(leaf.dtype == torch.float64 for leaf in arrays(state) if isinstance(leaf, torch.Tensor))
     found = read(model, state)
     assert all(isinstance(trust, torch.Tensor) and trust.dtype == torch.float32 for trust in found)
     assert_close(found, read(model, play(model, rounds, np.zeros(shape))), 1e-4)
