@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias, get_type_hints
+from typing import Any, Literal, TypeAlias, cast, get_type_hints
 
 from roletrust_env.arrays import Array
 
@@ -50,7 +50,7 @@ def kinds(state: Any) -> Iterator[tuple[Kind, Array]]:
         state: NamedTuple whose fields are annotated, see `roletrust_env.trust.ratings.PerRater`; it may hold further
             such states.
     """
-    for kind, part in zip(_kinds(type(state)), state, strict=True):
+    for kind, part in zip(_field_kinds(cast(Any, type(state))), state, strict=True):
         if kind is not None:
             yield kind, part
         elif hasattr(part, "_fields"):
@@ -65,18 +65,18 @@ def map_kinds(change: Callable[..., Array], state: Any, *others: Any) -> Any:
         state: State, see `kinds`.
         *others: Further states of the same type.
     """
-    parts = []
-    for kind, part, *same in zip(_kinds(type(state)), state, *others, strict=True):
+    parts, cls = [], cast(Any, type(state))
+    for kind, part, *same in zip(_field_kinds(cls), state, *others, strict=True):
         if kind is not None:
             part = change(kind, part, *same)
         elif hasattr(part, "_fields"):
             part = map_kinds(change, part, *same)
         parts.append(part)
-    return type(state)(*parts)
+    return cls(*parts)
 
 
 @lru_cache(maxsize=64)
-def _kinds(state: Any) -> tuple[Kind | None, ...]:
+def _field_kinds(cls: Any) -> tuple[Kind | None, ...]:
     """Return the kind of each field of a type of state; None for a field that is about no agent or pair."""
-    hints = get_type_hints(state, include_extras=True)
-    return tuple(next(iter(getattr(hints[name], "__metadata__", ())), None) for name in state._fields)
+    hints = get_type_hints(cls, include_extras=True)
+    return tuple(next(iter(getattr(hints[name], "__metadata__", ())), None) for name in cls._fields)

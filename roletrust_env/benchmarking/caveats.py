@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env import Game
 from roletrust_env.arrays import Array
 from roletrust_env.benchmarking.schema import reason
 from roletrust_env.benchmarking.store import StoredCell
@@ -14,6 +13,7 @@ from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, WITHOUT_SEARCH, Su
 from roletrust_env.benchmarking.worst_case import AttackScores, Condition
 from roletrust_env.evaluation.search import Progress
 from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model_checks import needs_watching

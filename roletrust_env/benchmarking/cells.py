@@ -3,16 +3,17 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from roletrust_env import Policy, Scenario
 from roletrust_env.benchmarking.suite import FROM_KNOWN, PLANNER, Suite, Track
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.specs import is_own_model, named_factory, parse_trust_model
 from roletrust_env.game.attack_task import Objective
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
 HONEST = "nobody"

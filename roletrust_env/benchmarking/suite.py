@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PositiveInt, model_validator
 
-from roletrust_env import Scenario, make_scenario
 from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, joined
 from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
 from roletrust_env.game.attack_task import Consumers
+from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.base_model import FrozenModel
 
 Rung = Literal[

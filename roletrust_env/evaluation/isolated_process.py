@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env import Scenario
 from roletrust_env.evaluation.isolated import read, write
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model import Traits, start_model
+from roletrust_env.world import Scenario
 
 _STATES = 8
 """Number of states that are kept."""

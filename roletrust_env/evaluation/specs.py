@@ -10,9 +10,9 @@ from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any
 
-from roletrust_env import Policy, Scenario
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind, game_facts
+from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, T
@@ -21,6 +21,7 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import is_own
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.trust.outside import OutsideFactory
+from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
 # A comma that no bracket, brace or quote encloses; values are not nested deeper than TOML's inline tables need.

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from roletrust_env import Scenario
 from roletrust_env.storage.files import replacing
+from roletrust_env.world import Scenario
 
 
 def write_scenario(path: Path, scenario: Scenario, names: Sequence[str] = ()) -> None:

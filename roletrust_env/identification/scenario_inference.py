@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env import Scenario
 from roletrust_env.identification.perception_estimates import PerceptionEstimates, estimate_perception
 from roletrust_env.identification.team_observation import Floats, Mask, TeamObservation
 from roletrust_env.metrics.confidence import Interval, over_games
+from roletrust_env.world import Scenario
 from roletrust_env.world.scenario import read_scenario
 
 _MIN_SILENCE = 3  # rounds; silences up to this length never count as an absence

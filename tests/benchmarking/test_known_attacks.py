@@ -14,7 +14,13 @@ from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.benchmarking import Leaderboard, load_suite
 from roletrust_env.benchmarking.attack_entries import make_entries
 from roletrust_env.benchmarking.cells import cells, rules
-from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, check_records, joined, read_known_attacks
+from roletrust_env.benchmarking.known_attacks import (
+    KnownAttack,
+    KnownAttacks,
+    check_records,
+    joined,
+    read_known_attacks,
+)
 from roletrust_env.benchmarking.run_cell import find_attack, play_cell
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import with_known

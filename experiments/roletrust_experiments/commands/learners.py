@@ -9,7 +9,14 @@ from rich.table import Table
 from roletrust_env.benchmarking.command_line import reproduction_command
 from roletrust_env.benchmarking.learners.leaderboard import learner_results, title
 from roletrust_env.benchmarking.learners.learner import registry
-from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS, HEADER, LearnerResult, Scale, ranking, table_rows
+from roletrust_env.benchmarking.learners.optimum_share import (
+    ALL_TASKS,
+    HEADER,
+    LearnerResult,
+    Scale,
+    ranking,
+    table_rows,
+)
 from roletrust_env.benchmarking.learners.search_methods import is_search, make_search_method
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import StoredCell

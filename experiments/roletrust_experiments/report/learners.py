@@ -6,7 +6,14 @@ from typing import Any, NamedTuple, Self
 
 from roletrust_env.benchmarking.command_line import reproduction_command
 from roletrust_env.benchmarking.learners.leaderboard import learner_results
-from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS, HEADER, LearnerResult, Scale, ranking, table_rows
+from roletrust_env.benchmarking.learners.optimum_share import (
+    ALL_TASKS,
+    HEADER,
+    LearnerResult,
+    Scale,
+    ranking,
+    table_rows,
+)
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.metrics.confidence import Interval

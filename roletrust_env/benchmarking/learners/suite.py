@@ -4,12 +4,12 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
-from roletrust_env import make_scenario
 from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.make_task import Observation, make_task
+from roletrust_env.world import make_scenario
 from roletrust_env.world.base_model import FrozenModel
 
 HONEST_PLAY = "honest play"
