@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from roletrust_env.benchmarking import benchmark
     from roletrust_env.data import TrustStream
     from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
-    from roletrust_env.evaluation import evaluate
+    from roletrust_env.evaluation.evaluate import evaluate
 
 __version__ = version("roletrust-env")
 

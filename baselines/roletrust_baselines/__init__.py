@@ -1,39 +1,42 @@
 """Scripted attackers. Importing this package registers them."""
 
-from roletrust_baselines.coalition.cheating_ring import CheatingRing
-from roletrust_baselines.coalition.collusion import Collusion
-from roletrust_baselines.coalition.milking_ring import MilkingRing
-from roletrust_baselines.coalition.orchestrated import Orchestrated
-from roletrust_baselines.coalition.promotion import Promotion
-from roletrust_baselines.coalition.rank_lies import RankLies
-from roletrust_baselines.coalition.review_burst import ReviewBurst
-from roletrust_baselines.coalition.self_promotion import SelfPromotion
-from roletrust_baselines.coalition.sleeper import Sleeper
-from roletrust_baselines.coalition.swap_ends import SwapEnds
-from roletrust_baselines.identity.sybil import Sybil
-from roletrust_baselines.identity.sybil_ring import SybilRing
-from roletrust_baselines.identity.whitewashing import Whitewashing
-from roletrust_baselines.identity.whitewashing_ring import WhitewashingRing
-from roletrust_baselines.provider.camouflage import Camouflage
-from roletrust_baselines.provider.conflicting import Conflicting
-from roletrust_baselines.provider.discrimination import Discrimination
-from roletrust_baselines.provider.exit import Exit
-from roletrust_baselines.provider.on_off import OnOff
-from roletrust_baselines.provider.opportunistic import Opportunistic
-from roletrust_baselines.provider.reputation_lag import ReputationLag
-from roletrust_baselines.provider.threshold_surfing import ThresholdSurfing
-from roletrust_baselines.provider.value_imbalance import ValueImbalance
-from roletrust_baselines.rater.bad_mouthing import BadMouthing
-from roletrust_baselines.rater.ballot_stuffing import BallotStuffing
-from roletrust_baselines.rater.camouflage_rating import CamouflageRating
-from roletrust_baselines.rater.complementary import Complementary
-from roletrust_baselines.rater.flip_flop import FlipFlop
-from roletrust_baselines.rater.optimistic import Optimistic
-from roletrust_baselines.rater.pessimistic import Pessimistic
-from roletrust_baselines.rater.random_rating import RandomRating
-from roletrust_baselines.rater.rep_trap import RepTrap
-from roletrust_baselines.rater.silent import Silent
-from roletrust_baselines.rater.transitive_lying import TransitiveLying
+from roletrust_baselines.coalition import (
+    CheatingRing,
+    Collusion,
+    MilkingRing,
+    Orchestrated,
+    Promotion,
+    RankLies,
+    ReviewBurst,
+    SelfPromotion,
+    Sleeper,
+    SwapEnds,
+)
+from roletrust_baselines.identity import Sybil, SybilRing, Whitewashing, WhitewashingRing
+from roletrust_baselines.provider import (
+    Camouflage,
+    Conflicting,
+    Discrimination,
+    Exit,
+    OnOff,
+    Opportunistic,
+    ReputationLag,
+    ThresholdSurfing,
+    ValueImbalance,
+)
+from roletrust_baselines.rater import (
+    BadMouthing,
+    BallotStuffing,
+    CamouflageRating,
+    Complementary,
+    FlipFlop,
+    Optimistic,
+    Pessimistic,
+    RandomRating,
+    RepTrap,
+    Silent,
+    TransitiveLying,
+)
 from roletrust_env.game.policy_registry import registry
 
 registry.register("on-off", OnOff)

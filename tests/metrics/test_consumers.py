@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from roletrust_baselines.provider.on_off import OnOff
+from roletrust_baselines.provider import OnOff
 from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.metrics import auc, damage, present_trust, robustness, skill, utility
 

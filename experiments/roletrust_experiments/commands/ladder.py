@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
+from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task, task_memory
@@ -134,7 +134,7 @@ def ladder(
     }
     kinds = parse_kinds(attack, rules) if attack else None
     Scripts.of(exact_task(arguments), kinds)  # an attack that does not fit is refused before the games
-    scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, Grid, RandomSearch, CmaEs)]
+    scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
     searches: list[SearchMethod] = [HonestPlay(), *scripted, Universal(), Evolve(), Planner()]
     paths = learned or []
     trained = [

@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roletrust_baselines.coalition.estimates import Estimates, ranks
+from roletrust_baselines.coalition import Estimates, ranks
 from roletrust_env.game.views import RaterView
 from roletrust_env.randomness import Random
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
-from roletrust_baselines.search import CmaEs, Grid, PaperAttacks, RandomSearch
+from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import JointPolicy, record
 from roletrust_env.evaluation.attacked_games import (
     HELD_OUT,
@@ -80,7 +80,7 @@ def test_what_is_sold_is_what_a_recorded_game_tells(policy: Any) -> None:
     )
 
 
-@pytest.mark.parametrize("rung", [Grid, RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
+@pytest.mark.parametrize("rung", [GridSearch, RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
 def test_searches_find_what_whitewashing_brings_and_pick_it_from_a_mixture(rung: Any) -> None:
     def found(some: Any, kinds: Any) -> Any:
         return find(some(attacks=kinds), SELLER, budget=20_000, seed=0, games=2)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
-from roletrust_baselines.search import AgreedCmaEs, CmaEs, Grid, PaperAttacks, RandomSearch, agreed
-from roletrust_baselines.search.trial import Trial
+from roletrust_baselines.search import AgreedCmaEs, CmaEs, GridSearch, PaperAttacks, RandomSearch, ScriptTrial, _leaders
 from roletrust_env import Policy
 from roletrust_env.evaluation.attack_space import HONEST
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
@@ -31,7 +30,7 @@ PROVIDER = {
 }
 CROWD = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9", "sp_9"), "objective": "damage"}
 DUAL = {"scenario": "peers", "max_cycles": 10, "compromised": ("srsp_5",), "objective": "exploit"}
-SEARCHERS = [Grid(), RandomSearch(), CmaEs(), AgreedCmaEs()]
+SEARCHERS = [GridSearch(), RandomSearch(), CmaEs(), AgreedCmaEs()]
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
     space = Scripts.of(make_task(**PROVIDER), kinds)
     assert space.size == 1 + 4
     assert space.decode([0.5, 0.25, 0.3, 0.3, 0.3]) == {"sp_2": Stingy(service=0.925)}
-    for rung in (Grid, RandomSearch, CmaEs):
+    for rung in (GridSearch, RandomSearch, CmaEs):
         finding = found(rung(attacks=kinds), PROVIDER, 20_000)
         assert finding.description.startswith("sp_2: on-off:period=")
         assert finding.scores.mean() > 0.1
@@ -122,7 +121,7 @@ def test_attacks_with_one_parameter_are_searched_and_without_any_refused(rung):
     with pytest.raises(UnsuitableError, match=r"on-off.* has no parameters to search"):
         found(rung(attacks=none), PROVIDER, 12_000)
     assert (
-        found(Grid(attacks=none), PROVIDER, 12_000).scores.tolist()
+        found(GridSearch(attacks=none), PROVIDER, 12_000).scores.tolist()
         == found(PaperAttacks(), PROVIDER, 0).scores.tolist()
     )
 
@@ -177,7 +176,7 @@ def test_more_budget_finds_more():
 
 def test_cma_es_beats_the_grid():
     """Its own space holds the grid, and it goes on between the grid's lines."""
-    grid, best = (found(rung, PROVIDER, 60_000).scores.mean() for rung in (Grid(), CmaEs()))
+    grid, best = (found(rung, PROVIDER, 60_000).scores.mean() for rung in (GridSearch(), CmaEs()))
     assert best > 1.01 * grid
 
 
@@ -196,7 +195,7 @@ def test_policies_side_by_side_take_as_many_identities_as_any():
 def test_of_the_finalists_the_best_in_new_games_is_returned() -> None:
     """The first scores may be wrong; the games in which the finalists are tried again decide."""
     arguments = {"scenario": "crowd-10x10", "max_cycles": 10, "compromised": ("sr_8", "sr_9"), "objective": "damage"}
-    trial = Trial(arguments, Budget(20_000), seed=0)
+    trial = ScriptTrial(arguments, Budget(20_000), seed=0)
     weak, strong, middle = ({name: BadMouthing(level=level) for name in ("sr_8", "sr_9")} for level in (1.0, 0.0, 0.6))
     result = trial.best([weak, strong, middle], np.array([0.9, 0.5, 0.1]))
     assert result.attacker.policies == strong
@@ -223,6 +222,6 @@ def test_agents_that_agree_search_the_best_kinds_and_their_pair():
     task = make_task(**CROWD)
     groups = [with_paper(task, kind) for kind in (RankLies, ThresholdSurfing, BadMouthing)]
     assert groups == [(RankLies, OnOff), (ThresholdSurfing, BadMouthing), (BadMouthing, OnOff)]
-    assert agreed._leaders(task, groups) == [*groups, (ThresholdSurfing, RankLies)]
+    assert _leaders(task, groups) == [*groups, (ThresholdSurfing, RankLies)]
     rounds = found(AgreedCmaEs(attacks=(RankLies, ThresholdSurfing)), CROWD, 30_000).rounds
     assert 15_000 < rounds <= 30_000

@@ -1,1 +1,0 @@
-"""Scripted attacks by coalitions of agents."""

@@ -1,1 +1,0 @@
-"""Scripted attacks by owners of several identities."""

@@ -1,1 +1,0 @@
-"""Scripted attacks on the quality of services."""

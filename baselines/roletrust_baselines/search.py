@@ -1,0 +1,292 @@
+"""Search methods over the parameters of attacks: default parameters, grid search, random search, and CMA-ES."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from roletrust_env.evaluation.attack_space import AttackKind
+from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.composite import side_by_side
+from roletrust_env.evaluation.scripts import Scripts, describe, paper_attacks, with_paper
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
+from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.make_task import make_task
+from roletrust_env.game.policy import Policy
+from roletrust_env.parameters import refuse_unknown
+
+Scores = npt.NDArray[np.float64]
+Attack = Mapping[str, Policy]
+
+GAMES = 8
+"""Number of games in which an attack is tried if the task is random."""
+
+GENERATION = 16
+"""Smallest number of attacks that a budget must allow."""
+
+_FINALISTS = 8  # number of the best attacks that are tried again if the task is random
+_CELLS, _ROWS = 400_000, 256  # limits on the ratings of a round and on the attacks in one batch
+
+
+class ScriptTrial:
+    """Trial of scripted attacks within a budget.
+
+    If the task is random, an attack is tried in `GAMES` games, and the best attacks are tried again with a part of the
+    budget, because the best of many noisy scores is biased upwards.
+
+    Args:
+        arguments: Arguments of the task.
+        budget: Budget, which the trial spends.
+        seed: Random seed.
+
+    Attributes:
+        task: The task.
+
+    Raises:
+        UnsuitableError: The budget is too small.
+    """
+
+    def __init__(self, arguments: TaskArguments, budget: Budget, seed: int) -> None:
+        self.task = make_task(**arguments)
+        self._seed, self._budget, self._batches = seed, budget, 0
+        self._rounds = self.task.game.scenario.max_cycles
+        certain = is_certain(arguments)
+        self._budget.spend(2 * self._rounds)
+        self._games = 1 if certain else GAMES
+        reserve = 0 if certain else min(budget.rounds // 5, _FINALISTS * 8 * GAMES * self._rounds)
+        self._again = reserve // (_FINALISTS * self._rounds)
+        if self.left < GENERATION:
+            needed = 2 * GENERATION * self._games * self._rounds
+            raise UnsuitableError(
+                f"the budget of {budget.rounds} rounds is too small for a search; give {needed} or more"
+            )
+
+    @property
+    def left(self) -> int:
+        """Number of attacks that can still be tried."""
+        spare = self._budget.left - self._again * _FINALISTS * self._rounds
+        return max(0, spare // (self._rounds * self._games))
+
+    def scores(self, attacks: Sequence[Attack], games: int | None = None) -> Scores:
+        """Return the mean score of each attack. All attacks of a batch meet the same random numbers."""
+        games = games or self._games
+        cells = self.task.game.roster.n_raters * self.task.game.roster.n_providers * games
+        rows = max(1, min(_ROWS, _CELLS // cells))
+        means = []
+        for at in range(0, len(attacks), rows):
+            chunk = attacks[at : at + rows]
+            self._batches += 1
+            attacker, batch, seed = Scripted(side_by_side(chunk)), (len(chunk), games), (self._seed, self._batches)
+            means.append(mean_rewards(self.task, attacker, seed, batch, SEARCHED)[0].mean(axis=1))
+            self._budget.spend(len(chunk) * games * self._rounds)
+        scores: Scores = np.concatenate(means).astype(np.float64)
+        return scores
+
+    def best(self, attacks: Sequence[Attack], scores: Scores) -> SearchResult:
+        """Return the best of the attacks that were tried. The leading ones are tried again if the task is random."""
+        leading = np.argsort(-scores)[:_FINALISTS]
+        if self._again:
+            leading = leading[np.argsort(-self.scores([attacks[k] for k in leading], self._again))]
+        attack = attacks[leading[0]]
+        return SearchResult(Scripted(attack), self._budget.spent, describe(attack))
+
+
+Attacks = tuple[AttackKind, ...] | None
+"""Kinds of attack to search, see `Scripts.of`."""
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class PaperAttacks:
+    """Scripted attackers with their default parameters, those of the paper.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+
+    name: str = "scripted, default"
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        attack = Scripts.of(make_task(**arguments), self.attacks).default
+        return SearchResult(Scripted(attack), 0, describe(attack))
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class GridSearch:
+    """Grid search over a small grid of the parameters of scripted attackers, see `Scripts.grid`.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+
+    name: str = "scripted, best of grid"
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = ScriptTrial(arguments, budget, seed)
+        attacks = Scripts.of(trial.task, self.attacks).grid
+        if len(attacks) > trial.left:
+            attacks = [attacks[k] for k in np.random.default_rng(seed).permutation(len(attacks))[: trial.left]]
+        return trial.best(attacks, trial.scores(attacks))
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class RandomSearch:
+    """Random search: the best of points drawn uniformly from the unit cube of the parameters of scripted attackers.
+
+    Attributes:
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+
+    name: str = "random search"
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = ScriptTrial(arguments, budget, seed)
+        scripts = Scripts.of(trial.task, self.attacks)
+        check_parameters(scripts)
+        points = np.random.default_rng(seed).random((trial.left, scripts.size))
+        attacks = [scripts.decode(point) for point in points]
+        return trial.best(attacks, trial.scores(attacks))
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class CmaEs:
+    """CMA-ES (Hansen and Ostermeier, 2001) in the same cube as the random search, restarted at random on convergence.
+
+    The implementation is the package `cma` (Hansen, Akimoto and Baudis).
+
+    Attributes:
+        spread: Standard deviation of the first generation.
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+
+    spread: float = 0.3
+    name: str = "CMA-ES"
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `SearchMethod.search`."""
+        trial = ScriptTrial(arguments, budget, seed)
+        scripts = Scripts.of(trial.task, self.attacks)
+        check_parameters(scripts)
+        attacks, scores = cma_es(trial, scripts, trial.left, self.spread, np.random.default_rng(seed))
+        return trial.best(attacks, scores)
+
+
+def cma_es(
+    trial: ScriptTrial, scripts: Scripts, tries: int, spread: float, random: np.random.Generator
+) -> tuple[list[Attack], Scores]:
+    """Return the attacks that CMA-ES has tried, and their scores. It begins again at random on convergence.
+
+    Args:
+        trial: Trial of attacks.
+        scripts: Attacks to search.
+        tries: Number of attacks to try.
+        spread: Standard deviation of the first generation.
+        random: Random numbers.
+    """
+    size = max(2, scripts.size)  # CMA-ES needs two coordinates; a surplus one has no effect
+    attacks: list[Attack] = []
+    scores: list[Scores] = [np.empty(0)]
+    while tries - len(attacks) >= GENERATION:
+        search = _begin(size, spread, random)
+        while tries - len(attacks) >= GENERATION and not search.stop():
+            generation = search.ask()
+            attacks += [scripts.decode(point) for point in generation]
+            scores.append(trial.scores(attacks[-GENERATION:]))
+            search.tell(generation, (-scores[-1]).tolist())
+    return attacks, np.concatenate(scores)
+
+
+def check_parameters(scripts: Scripts) -> None:
+    """Check that there is something to search.
+
+    Raises:
+        UnsuitableError: The attacks have no parameters.
+    """
+    if not scripts.size:
+        raise UnsuitableError(f"{describe(scripts.default)} has no parameters to search")
+
+
+def _begin(size: int, spread: float, random: np.random.Generator) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it warns about missing plots
+        import cma  # type: ignore[import-untyped]
+    options = {"bounds": [0, 1], "popsize": GENERATION, "seed": int(random.integers(1, 2**31)), "verbose": -9}
+    return cma.CMAEvolutionStrategy(random.uniform(0.2, 0.8, size), spread, options)
+
+
+Group = tuple[AttackKind, ...]
+"""Kinds of attack that are played together, one for each role."""
+
+_LEADERS = 3  # groups that are searched
+
+
+@refuse_unknown
+@dataclass(frozen=True)
+class AgreedCmaEs:
+    """Search over scripted attacks that all agents of a role play alike.
+
+    Every kind is tried at its defaults, while a role that it leaves out plays the attack of the paper. CMA-ES then
+    searches the parameters of the three best kinds in turn. If both roles attack, the best kind of each also form a
+    pair, which is searched, too.
+
+    Attributes:
+        spread: Standard deviation of the first generation of CMA-ES.
+        name: Name in tables.
+        attacks: Kinds of attack, see `Scripts.of`.
+    """
+
+    spread: float = 0.3
+    name: str = "agreed CMA-ES"
+    attacks: Attacks = None
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        """See `roletrust_env.evaluation.search.SearchMethod`."""
+        trial, random = ScriptTrial(arguments, budget, seed), np.random.default_rng(seed)
+        kinds = self.attacks or _paper(trial.task)
+        groups = [with_paper(trial.task, kind) for kind in kinds[: trial.left]]
+        attacks: list[Attack] = [_alike(trial.task, group).default for group in groups]
+        scores: list[Scores] = [trial.scores(attacks)]
+        leaders = _leaders(trial.task, [groups[k] for k in np.argsort(-scores[0], kind="stable")])
+        for k, group in enumerate(leaders):
+            scripts, tries = _alike(trial.task, group), trial.left // (len(leaders) - k)
+            if scripts.size and tries >= GENERATION:
+                found = cma_es(trial, scripts, tries, self.spread, random)
+                attacks, scores = attacks + found[0], [*scores, found[1]]
+        return trial.best(attacks, np.concatenate(scores))
+
+
+def _alike(task: AttackTask, kinds: Sequence[AttackKind]) -> Scripts:
+    return Scripts.of(task, kinds, alike=True)
+
+
+def _paper(task: AttackTask) -> Group:
+    """Return the attacks of the paper that compromised agents can play."""
+    return tuple(kind for kind, plays in zip(paper_attacks(), Scripts.of(task).roles, strict=True) if plays)
+
+
+def _leaders(task: AttackTask, groups: Sequence[Group]) -> list[Group]:
+    """Return the groups to search, from all groups in the order of their scores."""
+    leaders = list(groups[:_LEADERS])
+    roles = [Scripts.of(task, group[:1]).roles for group in groups]
+    if (True, False) in roles and (False, True) in roles:
+        pair = (groups[roles.index((True, False))][0], groups[roles.index((False, True))][0])
+        leaders.append(pair)
+    return leaders
