@@ -11,7 +11,7 @@ CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
 run: setup
 	$(BIN)/roletrust figures --out $(OUT)/figures
-	$(BIN)/roletrust speed --quick --out $(OUT)/speed
+	$(BIN)/python -m studies.speed --quick --out $(OUT)/speed
 
 # The site, in build/site/index.html, offline; tutorials run when their text changes, and pictures are drawn when code does.
 docs: setup
@@ -76,23 +76,23 @@ pictures: setup
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
 	$(BIN)/python -m roletrust_experiments.site.moving_picture docs/game.gif
-	$(BIN)/roletrust models --out $(OUT)/models
+	$(BIN)/python -m studies.models --out $(OUT)/models
 	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder
 
 # The table of what the trust models cost; on a quiet machine, up to 20 minutes, of which most is compiling.
 costs: setup
-	$(BIN)/roletrust costs --compiled --out $(OUT)/costs
+	$(BIN)/python -m studies.costs --compiled --out $(OUT)/costs
 	cp $(OUT)/costs/model-costs.md $(OUT)/costs/model-costs.csv docs/
 
 # The table of what central models cost on lists of ratings; on a quiet machine, a quarter of an hour.
 edge-costs: setup
-	$(BIN)/roletrust costs --ratings 1000000 --ratings 10000000 --out $(OUT)/edge-costs
+	$(BIN)/python -m studies.costs --ratings 1000000 --ratings 10000000 --out $(OUT)/edge-costs
 	cp $(OUT)/edge-costs/edge-costs.md $(OUT)/edge-costs/edge-costs.csv docs/
 
 # What liars cost in cities of up to 10,000 agents, and what a round costs up to a million; some 20 minutes.
 scale: setup
-	$(BIN)/roletrust scale --seeds 20 --out $(OUT)/scale
+	$(BIN)/python -m studies.scale --seeds 20 --out $(OUT)/scale
 	cp $(OUT)/scale/scale.md $(OUT)/scale/scale-harm.csv $(OUT)/scale/scale-costs.csv docs/
 
 # The leaderboard and its report, of which the README has the table; an hour and a half on two cores.
@@ -110,7 +110,7 @@ known-attacks: setup
 	$(BIN)/roletrust benchmark --suite standard-4-search --out $(OUT)/standard-4-search
 	$(BIN)/roletrust submit $(OUT)/standard-4-search/results.sqlite --attacks \
 		--out roletrust_env/benchmarking/suites/standard-4-known.json
-	$(BIN)/roletrust benchmark --suite standard-5-search --known roletrust_env/benchmarking/suites/standard-4-known.json \
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/known-attacks.toml --known roletrust_env/benchmarking/suites/standard-4-known.json \
 		--out $(OUT)/standard-5-search
 	$(BIN)/roletrust submit $(OUT)/standard-5-search/results.sqlite --attacks \
 		--out roletrust_env/benchmarking/suites/standard-5-known.json
@@ -118,22 +118,22 @@ known-attacks: setup
 # Whether runs with other seeds agree as often as they promise, and whether the places of agents matter; some 20 minutes on
 # two cores.
 reruns: setup
-	$(BIN)/roletrust benchmark --suite reruns --out $(OUT)/reruns
-	$(BIN)/roletrust reruns $(OUT)/reruns/results.sqlite --out $(OUT)/reruns
-	$(BIN)/roletrust benchmark --suite reruns-shuffled --out $(OUT)/reruns-shuffled
-	$(BIN)/roletrust reruns $(OUT)/reruns/results.sqlite --shuffled $(OUT)/reruns-shuffled/results.sqlite --out $(OUT)/reruns
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/reruns.toml --out $(OUT)/reruns
+	$(BIN)/python -m studies.reruns $(OUT)/reruns/results.sqlite --out $(OUT)/reruns
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/reruns-shuffled.toml --out $(OUT)/reruns-shuffled
+	$(BIN)/python -m studies.reruns $(OUT)/reruns/results.sqlite --shuffled $(OUT)/reruns-shuffled/results.sqlite --out $(OUT)/reruns
 	cp $(OUT)/reruns/reruns.md $(OUT)/reruns/places.md docs/leaderboards/
 
 # The tables of what the live system's manager takes, by team size and by trust model; on a quiet machine, 20 minutes.
 live-load: setup
-	$(BIN)/roletrust live load --out $(OUT)/live-load
-	$(BIN)/roletrust live load --all-models --seconds 10 --out $(OUT)/live-load-models
+	$(BIN)/python -m studies.live_load --out $(OUT)/live-load
+	$(BIN)/python -m studies.live_load --all-models --seconds 10 --out $(OUT)/live-load-models
 	cp $(OUT)/live-load/live-load.md docs/
 	cp $(OUT)/live-load-models/live-load.md docs/live-load-models.md
 
 # The leaderboard of what the parts of wary role-trust are worth; a few minutes.
 better-model: setup
-	$(BIN)/roletrust benchmark --suite development --force --out $(OUT)/better-model
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/development.toml --force --out $(OUT)/better-model
 	cp $(OUT)/better-model/leaderboard.csv docs/better-model.csv
 
 # The tables of what trust models do on logs of real ratings, which are not in the repository: LOGS is a folder of them.
@@ -146,12 +146,12 @@ real: setup
 
 # What the parts of leave-one-out are worth in the suite of its name; a quarter of an hour.
 leave-one-out: setup
-	$(BIN)/roletrust benchmark --suite leave-one-out --force --out $(OUT)/leave-one-out
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/leave-one-out.toml --force --out $(OUT)/leave-one-out
 	cp $(OUT)/leave-one-out/leaderboard.csv docs/leave-one-out.csv
 
 # First-hand trust beside the best other models, with five trainings of each attacker; half an hour.
 first-hand: setup
-	$(BIN)/roletrust benchmark --suite first-hand --out $(OUT)/first-hand
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/first-hand.toml --out $(OUT)/first-hand
 	$(BIN)/roletrust report $(OUT)/first-hand/results.sqlite --out $(OUT)/first-hand/report
 	mkdir -p docs/first-hand
 	cp $(OUT)/first-hand/leaderboard.csv $(OUT)/first-hand/report/worst_cases.csv docs/first-hand/
@@ -169,14 +169,14 @@ leave-one-out-logs: setup
 
 # The game that the suite standard-5 has played; a minute, once `make benchmark` has run.
 equilibrium: setup
-	$(BIN)/roletrust equilibrium $(OUT)/standard-5/results.sqlite --out $(OUT)/equilibrium
+	$(BIN)/python -m studies.equilibrium $(OUT)/standard-5/results.sqlite --out $(OUT)/equilibrium
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
 # What providers and raters learn under some trust models, and what is left of honest service; some ten minutes on one
 # core, and a repeat continues.
 strategic: setup
-	$(BIN)/roletrust strategic --workers 1 --out $(OUT)/strategic
+	$(BIN)/python -m studies.strategic --workers 1 --out $(OUT)/strategic
 	mkdir -p docs/strategic
 	for kind in png md csv; do cp $(OUT)/strategic/strategic.$$kind docs/strategic/; done
 
@@ -185,7 +185,7 @@ strategic: setup
 DEFENCES := leave-one-out first-hand network
 JUDGES := travos own-experience first-hand
 defence: setup
-	$(BIN)/roletrust defend $(DEFENCES:%=--defence %) $(JUDGES:%=--beside %) --iterations 3 --runs 3 --out $(OUT)/defence
+	$(BIN)/python -m studies.defend $(DEFENCES:%=--defence %) $(JUDGES:%=--beside %) --iterations 3 --runs 3 --out $(OUT)/defence
 	mkdir -p docs/defence
 	for file in defence.md defence.png iterations.csv comparison.csv leads.csv seed-0/leave-one-out.txt seed-0/first-hand.txt \
 	  seed-0/network.json seed-0/network.safetensors; do cp $(OUT)/defence/$$file docs/defence/; done
@@ -199,26 +199,26 @@ defence-logs: setup
 
 # What the paper claims or leaves open, answered; minutes on two cores.
 findings: setup
-	$(BIN)/roletrust findings --out $(OUT)/findings
+	$(BIN)/python -m studies.findings --out $(OUT)/findings
 	mkdir -p docs/findings
 	cp $(OUT)/findings/findings.md docs/
 	cp $(OUT)/findings/findings/*.png docs/findings/
 
 # What attackers of today find where those of the first suite searched, what a longer search finds, what five searches find
 # in three conditions, and what carries over to other trust models; two hours on two cores, and a repeat continues.
-FIVE_RUNS := $(BIN)/roletrust budget --way scripts --way 'agreed CMA-ES' --way evolution --way 'evolution strategy' --budget 2000000 --runs 5 \
+FIVE_RUNS := $(BIN)/python -m studies.budget --way scripts --way 'agreed CMA-ES' --way evolution --way 'evolution strategy' --budget 2000000 --runs 5 \
 	--model wary-role-trust --model beta --model role-trust --model qor
 attackers: setup
-	$(BIN)/roletrust benchmark --suite attackers --out $(OUT)/attackers
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/attackers.toml --out $(OUT)/attackers
 	$(BIN)/roletrust report $(OUT)/attackers/results.sqlite --out $(OUT)/attackers/report
-	$(BIN)/roletrust budget --out $(OUT)/budget
+	$(BIN)/python -m studies.budget --out $(OUT)/budget
 	$(FIVE_RUNS) --track raters --share 0.5 --out $(OUT)/crowd-raters
 	$(FIVE_RUNS) --out $(OUT)/crowd-coalition
 	$(FIVE_RUNS) --scenario market --track raters --out $(OUT)/market-raters
-	$(BIN)/roletrust budget --way evolution --way 'coalition PPO' --way 'coalition PPO:start=random' --budget 100000 --runs 5 \
+	$(BIN)/python -m studies.budget --way evolution --way 'coalition PPO' --way 'coalition PPO:start=random' --budget 100000 --runs 5 \
 	  --track raters --share 0.5 $(FIVE) --out $(OUT)/ppo
-	$(BIN)/roletrust transfer --games 50 --out $(OUT)/transfer
-	$(BIN)/roletrust transfer --model beta --on roletrust_experiments.attackers.robustrep:RobustRep --games 40 --out $(OUT)/outside
+	$(BIN)/python -m studies.transfer --games 50 --out $(OUT)/transfer
+	$(BIN)/python -m studies.transfer --model beta --on studies.attackers.robustrep:RobustRep --games 40 --out $(OUT)/outside
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done
@@ -239,7 +239,7 @@ learners: setup
 ladder: setup
 	rm -rf $(OUT)/colluders
 	$(BIN)/roletrust train CollusionAttack --stealth-weight 2 --runs 5 --out $(OUT)/colluders
-	$(BIN)/roletrust ladder CollusionAttack --stealth-weight 2 --runs 5 --learned $(OUT)/colluders --out $(OUT)/ladder
+	$(BIN)/python -m studies.ladder CollusionAttack --stealth-weight 2 --runs 5 --learned $(OUT)/colluders --out $(OUT)/ladder
 	cp $(OUT)/ladder/ladder.png docs/ladder.png
 
 # Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve, in the crowd and in

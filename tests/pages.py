@@ -14,7 +14,7 @@ from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
 from roletrust_experiments.clients.__main__ import CLIENTS
-from roletrust_experiments.findings.questions import QUESTIONS
+from studies.findings.questions import QUESTIONS
 
 HOUSE = Path(__file__).parent.parent
 TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))

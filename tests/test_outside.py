@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium
 import pytest
+from study_line import run
 from typer.testing import CliRunner
 
 from roletrust_env import make_attacker, make_trust_model, parallel_env
@@ -138,15 +139,17 @@ def test_they_play(command: Callable) -> None:
     assert "sr_2, gossip" in printed
 
 
-def test_the_attack_is_searched_under_the_model(command: Callable) -> None:
-    out, printed = command(
+def test_the_attack_is_searched_under_the_model(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    study = run(
         *("ladder", "RaterAttack", "--model", "grudge", "--attack", "gossip"),
-        *(*CERTAIN, "--budget", 1000, "--games", 2),
+        *(*CERTAIN, "--budget", "1000", "--games", "2", "--out", str(out)),
     )
+    assert study.exit_code == 0, study.output
     with (out / "ladder.csv").open() as file:
         scores = {row["rung"]: float(row["score"]) for row in csv.DictReader(file)}
     assert scores["scripted, best of grid"] > scores["scripted, default"] > scores["honest play"]
-    assert "sr_2: gossip:harm=1,since=0" in printed
+    assert "sr_2: gossip:harm=1,since=0" in study.output
     assert "white-box planner" in json.loads((out / "ladder.json").read_text())["not_applicable"]
 
 

@@ -12,30 +12,18 @@ from typer.core import TyperGroup
 
 from roletrust_env import __version__
 from roletrust_experiments.commands.benchmark import benchmark
-from roletrust_experiments.commands.budget import budget
 from roletrust_experiments.commands.console import console, errors
-from roletrust_experiments.commands.costs import costs
-from roletrust_experiments.commands.defend import defend
-from roletrust_experiments.commands.equilibrium import equilibrium
 from roletrust_experiments.commands.figures import figures
-from roletrust_experiments.commands.findings import findings
-from roletrust_experiments.commands.ladder import ladder
 from roletrust_experiments.commands.listing import list_command
 from roletrust_experiments.commands.live.app import live
-from roletrust_experiments.commands.models import models
 from roletrust_experiments.commands.play import play
 from roletrust_experiments.commands.rate import rate
 from roletrust_experiments.commands.real import real
 from roletrust_experiments.commands.replay import replay
 from roletrust_experiments.commands.report import report
-from roletrust_experiments.commands.reruns import reruns
-from roletrust_experiments.commands.scale import scale
 from roletrust_experiments.commands.serve import serve
-from roletrust_experiments.commands.speed import speed
-from roletrust_experiments.commands.strategic import strategic
 from roletrust_experiments.commands.submit import submit, verify
 from roletrust_experiments.commands.train import train
-from roletrust_experiments.commands.transfer import transfer
 from roletrust_experiments.commands.zoo import zoo
 
 _EXAMPLES = "[bold]Examples[/]"
@@ -121,26 +109,14 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "figures": figures,
     "play": play,
     "list": list_command,
-    "models": models,
-    "ladder": ladder,
     "train": train,
     "zoo": zoo,
-    "budget": budget,
-    "transfer": transfer,
     "benchmark": benchmark,
     "report": report,
     "replay": replay,
-    "reruns": reruns,
-    "equilibrium": equilibrium,
-    "strategic": strategic,
-    "defend": defend,
     "serve": serve,
     "submit": submit,
     "verify": verify,
-    "findings": findings,
-    "speed": speed,
-    "costs": costs,
-    "scale": scale,
     "rate": rate,
     "real": real,
 }

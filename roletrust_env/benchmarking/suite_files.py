@@ -64,7 +64,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _SEARCHED = "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
-_EXTENDABLE = ("quick", "standard", "standard-2", *_SEARCHED, "reruns", "full")
+_EXTENDABLE = ("quick", "standard", "standard-2", *_SEARCHED, "full")
 
 
 def _names() -> list[str]:

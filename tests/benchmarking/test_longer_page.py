@@ -7,6 +7,7 @@ from pathlib import Path
 from roletrust_env.benchmarking.known_attacks import read_known_attacks
 from roletrust_env.benchmarking.suite import Suite, with_known
 from roletrust_env.benchmarking.suite_files import load_suite
+from studies import SUITES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "leaderboards" / "longer.md").read_text(encoding="utf-8")
@@ -59,7 +60,7 @@ def test_the_second_search_finds_hardly_more() -> None:
 
 
 def test_the_suite_plays_in_conditions_of_the_leaderboard_from_its_known_attacks() -> None:
-    longer, suite = load_suite("standard-5-search"), load_suite("standard-4")
+    longer, suite = load_suite(SUITES / "known-attacks.toml"), load_suite("standard-4")
     assert isinstance(longer, Suite)
     assert isinstance(suite, Suite)
     assert set(longer.conditions) < set(suite.conditions)

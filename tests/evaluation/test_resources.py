@@ -76,7 +76,7 @@ def test_measured_attackers_take_what_was_foreseen():
             "roletrust_experiments.commands.play.play_games",
         ),
         (["zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--games ", "--games", "roletrust_experiments.commands.ladder.climb"),
+        (["ladder", "RaterAttack"], "--games ", "--games", "studies.ladder.__main__.climb"),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",

@@ -11,23 +11,7 @@ PACKAGES = (
     *("roletrust_env", "agents/roletrust_agents", "baselines/roletrust_baselines"),
     "experiments/roletrust_experiments",
 )
-COMMANDS = (
-    *(
-        "benchmark",
-        "costs",
-        "figures",
-        "findings",
-        "ladder",
-        "list",
-        "live",
-        "models",
-        "play",
-        "report",
-        "scale",
-        "speed",
-    ),
-    *("submit", "train", "verify", "zoo", "budget", "transfer"),
-)
+COMMANDS = ("benchmark", "figures", "list", "live", "play", "report", "submit", "train", "verify", "zoo")
 HELPS = f"""
 from typer.testing import CliRunner
 from roletrust_experiments.cli import app

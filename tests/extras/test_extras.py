@@ -61,7 +61,6 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     cli = fresh("cli")
     for needed, arguments in (
         ("train", ["train", "ProviderAttack"]),
-        ("train", ["ladder", "ProviderAttack"]),
         ("train", ["zoo"]),
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
@@ -136,7 +135,6 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "Written to mine" in train.roletrust(
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )
-    assert "exact" in train.roletrust("ladder", "ProviderAttack", *certain, "--budget", 5000, "--learned", "mine")
     assert "provider-3x3" in train.roletrust("zoo", "--games", 2)
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
 

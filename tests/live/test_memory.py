@@ -3,7 +3,7 @@
 import pytest
 from loopback import own_domain
 
-from roletrust_experiments.timing.live_load import measure_load
+from studies.timing.live_load import measure_load
 
 pytestmark = pytest.mark.soak
 __all__ = ["own_domain"]

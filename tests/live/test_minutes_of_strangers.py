@@ -13,7 +13,7 @@ from roletrust_env.live.nodes.rater_node import run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.trust_tracker import Team
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.timing.live_load import cpu_s
+from studies.timing.live_load import cpu_s
 
 pytestmark = pytest.mark.soak
 __all__ = ["own_domain"]

@@ -14,7 +14,7 @@ from roletrust_env.live.nodes.signatures import signed_picture
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
-from roletrust_experiments.timing.live_load import cpu_s
+from studies.timing.live_load import cpu_s
 
 pytestmark = pytest.mark.live
 __all__ = ["keys", "own_domain"]

@@ -106,8 +106,8 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         raise AssertionError("the work begins before the output folder is checked")
 
     for module, name in (
-        ("roletrust_experiments.commands.ladder", "climb"),
-        ("roletrust_experiments.commands.speed", "_race"),
+        ("studies.ladder.__main__", "climb"),
+        ("studies.speed", "_race"),
         ("roletrust_agents.training.loop", "train"),
         ("roletrust_experiments.commands.play", "play_games"),
         ("roletrust_experiments.commands.figures", "track_curves"),

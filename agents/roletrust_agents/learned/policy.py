@@ -101,7 +101,7 @@ def learned_policy(attacker: SavedAttacker) -> LearnedPolicy:
     if isinstance(attacker.network, DeepSet):
         raise ValueError(
             "the attacker is a coalition, which plays all compromised agents of a task as one mind; play it as a "
-            "search method, such as `roletrust ladder --learned`, or see `CoalitionAttacker`. Members that each decide "
+            "search method, see `CoalitionAttacker`. Members that each decide "
             "alone are `learned_member`"
         )
     if len(task.compromised) > 1 or task.knowledge != "black_box":

@@ -115,7 +115,7 @@ class Results:
         return [(_quote("findings.md", share), _quote("findings.md", models)) for share, models in found]
 
     def answer(self, question: str) -> Markup:
-        """Return the sentence that answers a question of `roletrust findings`, by the name of its figure."""
+        """Return the sentence that answers a question of `python -m studies.findings`, by the name of its figure."""
         text = read_text(self.folder / "findings.md")
         found = re.search(rf"\n(.+)\n\n!\[[^\]]*\]\(findings/{re.escape(question)}\.png\)", text)
         if found is None:

@@ -14,7 +14,6 @@ from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
 from roletrust_env.world.roster import Roster
-from roletrust_experiments.attackers.budget import SCRIPTS
 
 Completer = Callable[..., list[tuple[str, str]]]
 
@@ -52,5 +51,5 @@ named_attacks = _completer(attackers.describe)
 scenario_names = _completer(scenarios.describe)
 tasks = _completer(task_names)
 suites = _completer(benchmark_suites)
-ways = _completer(lambda: dict.fromkeys((SCRIPTS, *search_methods.names()), ""))
+ways = _completer(lambda: dict.fromkeys(("scripts", *search_methods.names()), ""))
 learners = _completer(lambda: dict.fromkeys(SEARCH_RUNGS, "") | learner_registry.describe())

@@ -146,7 +146,7 @@ def _table(title: str, *columns: str) -> FittedTable:
 
 _NEXT: dict[Kind | None, tuple[str, ...]] = {
     Kind.SCENARIOS: ("play", "crowd-10x10"),
-    Kind.MODELS: ("models",),
+    Kind.MODELS: ("play", "--model", "beta", "--attack", "sr_2=bad-mouthing"),
     Kind.LEARNERS: ("benchmark", "--suite", "learners-quick", "--learner", "PPO"),
     None: ("play", "--attack", "sr_2=bad-mouthing"),
 }

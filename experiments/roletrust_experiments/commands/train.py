@@ -16,7 +16,7 @@ from roletrust_env.storage.files import write_csv
 from roletrust_env.storage.provenance import provenance
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, errors, option, print_next, progress_bar
+from roletrust_experiments.commands.console import console, errors, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import (
     NAMED,
@@ -28,7 +28,6 @@ from roletrust_experiments.commands.options import (
     StealthWeight,
     check_choice,
     find_task,
-    task_options,
 )
 from roletrust_experiments.plots.figure_files import write_figure
 
@@ -217,13 +216,7 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
             )
             raise typer.Exit(130) from None
-    if task is None or objective or accomplice or knowledge != "black_box" or len(model or ()) > 1:
-        print_next("zoo", "--folder", out if runs == 1 else folders[0].path)
-    else:
-        shared = task_options(
-            scenario, settings, (model or ["role-trust"])[0], compromised, stealth_weight, stealth_tolerance
-        )
-        print_next("ladder", task, shared, option("--seed", seed, 0), option("--runs", runs, 1), "--learned", out)
+    print_next("zoo", "--folder", out if runs == 1 else folders[0].path)
 
 
 def _refuse_options(context: typer.Context) -> None:

@@ -21,13 +21,13 @@ from roletrust_experiments.commands.catalogue import (
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.models import ROUNDS, SCENARIO
 from roletrust_experiments.site.commands import everything, roletrust
 from roletrust_experiments.site.drawn import Drawn, draw
 from roletrust_experiments.site.environments import attack_tasks, described
 from roletrust_experiments.site.films import file_name
 from roletrust_experiments.site.pictures import CARD, GAMES, MODEL, how_shown
 from roletrust_experiments.site.references import cited
+from studies.models import ROUNDS, SCENARIO
 
 Pages = dict[str, str]
 """Text of each page by the path of its file."""

@@ -11,15 +11,15 @@ from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings
 from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.commands.console import errors, progress_bar
-from roletrust_experiments.commands.models import ATTACKS, ROUNDS, SCENARIO
 from roletrust_experiments.plots.figure_files import write_figure
-from roletrust_experiments.plots.models import in_words, panel_figure, play_panel
+from studies.models import ATTACKS, ROUNDS, SCENARIO
+from studies.plots.models import in_words, panel_figure, play_panel
 
 MODEL = "role-trust"
 """Trust model that every attack is shown on: the paper's."""
 
 CARD = "4 of 10 raters bad-mouth"
-"""Attack of `roletrust models` under which all trust models are shown side by side."""
+"""Attack of `python -m studies.models` under which all trust models are shown side by side."""
 
 GAMES = 8
 """Number of games; a picture shows their mean."""
@@ -76,7 +76,7 @@ class Shown(NamedTuple):
 
 
 def model_pictures(folder: Path, names: Iterable[str], *, quick: bool) -> dict[str, list[Picture]]:
-    """Draw every trust model under the attacks of `roletrust models`.
+    """Draw every trust model under the attacks of `python -m studies.models`.
 
     Args:
         folder: Folder of the pictures.

@@ -22,7 +22,7 @@ from roletrust_env.evaluation.composite import Both, side_by_side
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import MeasuredSearch, find
 from roletrust_env.world.presence import LEFT, PRESENT
-from roletrust_experiments.plots.trajectory import watch
+from studies.ladder.trajectory import watch
 
 AGENTS = [{"role": "SR", "count": 4}, {"role": "SP", "count": 2}, {"role": "SP", "reserve": 3}]
 SELLER: dict[str, Any] = {

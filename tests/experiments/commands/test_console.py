@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from roletrust_experiments.commands.console import changed_options, progress_bar
-from roletrust_experiments.commands.defend import defend
+from studies.defend import defend
 
 
 class Screen(io.StringIO):

@@ -11,10 +11,7 @@ from roletrust_env.identification.journal_curves import curves_from_rounds, late
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
-from roletrust_env.trust import trust_models
 from roletrust_experiments.cli import app
-from roletrust_experiments.timing import live_load
-from roletrust_experiments.timing.live_load import Load, TeamIncompleteError
 
 
 def run(*arguments):
@@ -107,26 +104,3 @@ def test_the_curves_of_a_journal(tmp_path):
     assert curves.time_s.tolist() == [0.5, 1.0, 2.0]
     assert curves.tor[:, 0, 0].tolist() == [entry.trust.tor[0] for entry in entries]
     assert latencies_ms(entries) == [30.0] * 3
-
-
-def test_the_load_by_trust_model_has_a_line_for_each_and_names_what_is_left_out(tmp_path, monkeypatch):
-    def measured(model, side, seconds, rate, folder, advance):
-        if (model, side) == ("mean", 100):
-            raise TeamIncompleteError("100 raters do not get together")
-        return Load(model, side, 20, 0.5 if side == 100 else 1.0, 0.1, side / 8, 1.0, 2.0, 80.0, 0.0)
-
-    monkeypatch.setattr(live_load, "measure_load", measured)
-    done = run("load", "--model", "mean", "--model", "trimmed-mean:share=0.3", "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.output
-    assert "mean: 100 raters do not get together" in done.stderr
-    page = (tmp_path / "out" / "live-load.md").read_text()
-    assert page.startswith("# The load of a manager, by trust model")
-    rows = [line for line in page.splitlines() if line.startswith("|")]
-    assert rows[0] == "| trust model | 10x10 | 100x100 |"
-    assert rows[2:] == ["| mean | 1.2 | - |", "| trimmed-mean:share=0.3 | 1.2 | 12.5 |"]
-    assert len((tmp_path / "out" / "live-load.csv").read_text().splitlines()) == 4
-    assert run("load", "--model", "mean", "--side", 100).exit_code == 2
-    every = run("load", "--all-models", "--side", 10, "--out", tmp_path / "every")
-    assert every.exit_code == 0
-    assert (tmp_path / "every" / "live-load.md").read_text().count("| 1.2 |") == len(trust_models())
-    assert run("load", "--all-models", "--model", "mean").exit_code == 2

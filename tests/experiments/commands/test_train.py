@@ -24,7 +24,7 @@ from roletrust_agents.training.settings import make_settings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.make_task import make_task
 from roletrust_experiments.cli import app
-from roletrust_experiments.timing.ppo_speed import ppo_speed
+from studies.timing.ppo_speed import ppo_speed
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = "games=8,hidden=[8],batch_size=40"

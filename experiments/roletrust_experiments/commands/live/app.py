@@ -3,7 +3,6 @@
 import typer
 
 from roletrust_experiments.commands.live.demo import demo
-from roletrust_experiments.commands.live.load import load
 from roletrust_experiments.commands.live.nodes import assess, cam, keys, manager
 from roletrust_experiments.commands.live.recordings import record, recover, replay, scenario
 from roletrust_experiments.commands.live.view import view
@@ -37,4 +36,3 @@ live.command("record")(record)
 live.command("replay")(replay)
 live.command("recover")(recover)
 live.command("scenario")(scenario)
-live.command("load")(load)

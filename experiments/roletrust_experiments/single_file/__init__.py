@@ -1,1 +1,0 @@
-"""Learners in one file each, to read and to copy."""

@@ -1,0 +1,148 @@
+"""The package robustrep as a trust model: `--on studies.attackers.robustrep:RobustRep`."""
+
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import PositiveInt
+
+from roletrust_env.arrays import Array, namespace
+from roletrust_env.parameters import checked_dataclass
+from roletrust_env.ranges import Share
+from roletrust_env.trust.edges import merge_repeats
+from roletrust_env.trust.key_index import Ints
+from roletrust_env.trust.ledger import Floats
+
+
+class Records(NamedTuple):
+    """Ratings of the last rounds, (window, S, P, ...), NaN where there is none; trust of raters and of providers."""
+
+    ratings: Array
+    tor: Array
+    top: Array
+
+
+@checked_dataclass
+class RobustRep:
+    """Score of the package robustrep, made for agents that rate each other on a blockchain.
+
+    Every rater has one vote on a provider, the median of its ratings, and trust is the median of the votes. The package
+    rates no raters. Its weights of evidence and its clusters of identities need facts that a game does not have.
+
+    Attributes:
+        initial: Trust before any rating.
+        window: Number of rounds whose ratings count. The package keeps all.
+
+    Raises:
+        ValueError: The package is not installed.
+    """
+
+    initial: Share = 0.5
+    window: PositiveInt = 50
+
+    rates_raters = False
+    source = "package robustrep"
+    differentiable = False
+
+    def __post_init__(self) -> None:
+        """Check that the package is installed."""
+        if find_spec("robustrep") is None:
+            raise ValueError("RobustRep needs the package robustrep: pip install 'roletrust-env[peers]'")
+
+    def start(self, like: Array) -> Records:
+        """Return no ratings, and the initial trust of the providers. See `TrustModel.start`."""
+        xp = namespace(like)
+        empty = xp.stack([0 * like + xp.nan] * self.window)
+        return Records(empty, 0 * like[:, 0] + 1, 0 * like[0] + self.initial)
+
+    def update(self, state: Records, ratings: Array, mask: Any) -> Records:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        xp = namespace(ratings)
+        given = xp.where(mask, ratings, xp.nan)[None, ...]
+        records = xp.concat((state.ratings[1:], given))
+        scores = _scores(np.asarray(records).reshape(*records.shape[:3], -1)).reshape(state.top.shape)
+        new = xp.asarray(scores, dtype=ratings.dtype, device=ratings.device)
+        return state._replace(ratings=records, top=xp.where(xp.isnan(new), state.top, new))
+
+    def ledger(self, shape: tuple[int, int]) -> "VoteLog":
+        """Return a ledger of a log, without a window: a grid of a large log would not fit."""
+        return VoteLog(shape, self.initial)
+
+    def rater_trust(self, state: Records) -> Array:
+        """Return 1 for every rater. See `TrustModel.rater_trust`."""
+        return state.tor
+
+    def provider_trust(self, state: Records) -> Array:
+        """Return the score of each provider. See `TrustModel.provider_trust`."""
+        return state.top
+
+
+class VoteLog:
+    """Scores of a log, from all ratings so far, as the package keeps them; otherwise as `Ledger`.
+
+    Attributes:
+        rounds: Number of rounds so far.
+    """
+
+    def __init__(self, shape: tuple[int, int], initial: float) -> None:
+        self.rounds, self._shape, self._initial = 0, shape, initial
+        self._parts: list[tuple[Ints, Ints, Floats, Ints]] = []
+
+    @property
+    def rater_trust(self) -> Floats:
+        """Return 1 for every rater, shape (S,)."""
+        return np.ones(self._shape[0])
+
+    @property
+    def provider_trust(self) -> Floats:
+        """Return the score of each provider, shape (P,), and the initial trust of those without a rating."""
+        if not self._parts:
+            return np.full(self._shape[1], self._initial)
+        rater, provider, value, round = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        scores = _score(rater, provider, value, 0 * round, round, self._shape[1])
+        return np.where(np.isnan(scores), self._initial, scores)
+
+    def play(self, raters: Ints, providers: Ints, values: Floats) -> None:
+        """Play one round. See `Ledger.play`."""
+        if len(raters):
+            raters, providers, values, _ = merge_repeats(raters, providers, values, raters * self._shape[1] + providers)
+            self._parts.append((raters, providers, values, np.full(len(raters), self.rounds)))
+        self.rounds += 1
+
+    def skip(self, rounds: int) -> None:
+        """Play so many rounds without ratings. See `Ledger.skip`."""
+        self.rounds += rounds
+
+
+def _scores(ratings: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return the score of each provider in each game, shape (P, games); NaN without a rating.
+
+    Args:
+        ratings: Ratings, shape (rounds, S, P, games); NaN where there is none.
+    """
+    round, rater, provider, game = np.nonzero(~np.isnan(ratings))
+    many, games = ratings.shape[2:]
+    value = ratings[round, rater, provider, game]
+    return _score(rater, game * many + provider, value, game, round, games * many).reshape(games, -1).T
+
+
+def _score(rater: Ints, ratee: Ints, value: Floats, tag: Ints, round: Ints, many: int) -> Floats:
+    """Return the scores of so many ratees, NaN without a rating. Ratings of a tag have a scale of their own."""
+    import pandas as pd
+    from robustrep import Config, score
+
+    columns = {
+        "rater": rater,
+        "ratee": ratee,
+        "value": 100 * value,
+        "scale": "d0",  # percent; the package reads the scale of each tag off its values
+        "tag": tag,
+        "ts": round,
+        "evidence_uri": "",
+        "source": "",
+    }
+    scores = np.full(many, np.nan)
+    if rater.size:
+        result = score(pd.DataFrame(columns), Config(bootstrap_n=0, min_clusters=1))
+        scores[result["ratee"].astype(int)] = result["robust_score"].astype(float)
+    return scores

@@ -1,0 +1,165 @@
+"""The conditions of a game between defences and attackers: who attacks there, and what a trust model is worth."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.training.defence import Floats
+from roletrust_agents.training.universal import universal_coalitions
+from roletrust_env.benchmarking.attackers import known_batches, scripted_batches
+from roletrust_env.benchmarking.known_attacks import KnownAttack
+from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.attackers import Attacker, Scripted
+from roletrust_env.evaluation.measurement import measure, measure_honest
+from roletrust_env.evaluation.records import record_of
+from roletrust_env.metrics.consumers import skill
+from studies.attackers.condition import Condition
+
+_DIGITS = 5
+
+_ANY = "mean"  # trust model of a task that is asked for what does not depend on it
+
+
+class Skills(NamedTuple):
+    """Skill of a trust model under one attack.
+
+    Attributes:
+        chosen: Skill in the games that choose, shape (G,).
+        measured: Skill in the games that measure, shape (G,).
+    """
+
+    chosen: Floats
+    measured: Floats
+
+
+class Front(NamedTuple):
+    """A condition of a suite.
+
+    Attributes:
+        condition: The condition.
+        name: Its name, `SCENARIO/TRACK/SHARE`, with one spelling of each share.
+    """
+
+    condition: Condition
+    name: str
+
+    @classmethod
+    def of(cls, suite: str, name: str) -> Self:
+        """Return a condition by its name.
+
+        Args:
+            suite: Name of a suite, or path of its TOML file.
+            name: `SCENARIO/TRACK/SHARE`.
+
+        Raises:
+            ValueError: The name has another form, or see `Condition.of`.
+        """
+        scenario, _, rest = name.partition("/")
+        track, _, share = rest.partition("/")
+        try:
+            number = float(share)
+        except ValueError:
+            raise ValueError(f"a front is SCENARIO/TRACK/SHARE, such as crowd/raters/0.3, not {name!r}") from None
+        return cls(Condition.of(suite, scenario, track, number), f"{scenario}/{track}/{number:g}")
+
+    @property
+    def length(self) -> int:
+        """Number of rounds of a game."""
+        return self.condition.suite.scenarios[self.condition.scenario].scenario().max_cycles
+
+    def arguments(self, model: str) -> Mapping[str, Any]:
+        """Return the arguments of the attack task against a trust model, given by its spec."""
+        return self.condition.arguments(model)
+
+    def known(self, name: str, attacker: Attacker) -> KnownAttack:
+        """Return an attacker as data.
+
+        Raises:
+            ValueError: The attacker cannot be recorded.
+        """
+        record = record_of(attacker)
+        if not record:
+            raise ValueError(f"the attack {name!r} cannot be recorded; choose attacks of installed packages")
+        where = self.condition
+        return KnownAttack(name=name, scenario=where.scenario, track=where.track, share=where.share, record=record)
+
+    def beginners(self, models: Sequence[str], seed: int, games: int) -> list[KnownAttack]:
+        """Return the attackers of the beginning: the worst script and the worst universal coalition of each model.
+
+        Args:
+            models: Specs of trust models.
+            seed: Random seed.
+            games: Number of games for each attack and model.
+        """
+        ready = [self.known(name, CoalitionAttacker(network)) for name, network in universal_coalitions().items()]
+        scripts, found = self._scripts(), dict[str, KnownAttack]()
+        for model in models:
+            task, worth = exact_task(self.arguments(model)), dict[str, float]()
+            for batch in scripted_batches(task, self.condition.kinds(model), games):
+                seen = measure(task, batch.attacker, seed, (len(batch.names), games)).chosen
+                for k, name in enumerate(batch.names):
+                    worth[name] = float(self._skill(seen["utility"][k], seen["blind"][k]).mean())
+            found |= {one.name: one for one in [min(scripts, key=lambda one: worth[one.name])]}
+            coalitions = self.skills(model, ready, seed, games)
+            found |= {one.name: one for one in [min(ready, key=lambda one: coalitions[one.name].chosen.mean())]}
+        return list(found.values())
+
+    @property
+    def has_strangers(self) -> bool:
+        """True if the suite knows attackers in this condition."""
+        return bool(self._known_there())
+
+    def strangers(self, met: Sequence[KnownAttack]) -> list[KnownAttack]:
+        """Return attackers that no training has met: those that the suite knows in this condition.
+
+        A suite that knows none there gives its scripts at their defaults, as far as no training has met them.
+
+        Args:
+            met: Attackers that a training has met; scripts of these names are left out.
+        """
+        if known := self._known_there():
+            return known
+        names = {one.name for one in met}
+        return [script for script in self._scripts() if script.name not in names]
+
+    def skills(self, model: str, attacks: Sequence[KnownAttack], seed: int, games: int) -> dict[str, Skills]:
+        """Return the skill of a trust model under each attack.
+
+        Args:
+            model: Spec of the trust model.
+            attacks: Attacks.
+            seed: Random seed; the same one gives all attacks and models the same games.
+            games: Number of games that choose, and of others that measure.
+        """
+        task, found = exact_task(self.arguments(model)), {}
+        for batch in known_batches(task, attacks, 2 * games):
+            seen = measure(task, batch.attacker, seed, (len(batch.names), games))
+            for k, name in enumerate(batch.names):
+                halves = (seen.chosen, seen.measured)
+                found[name] = Skills(*(self._skill(half["utility"][k], half["blind"][k]) for half in halves))
+        return found
+
+    def clean(self, model: str, seed: int, games: int) -> Floats:
+        """Return the skill where nobody attacks, shape (G,). Arguments as for `skills`."""
+        seen = measure_honest(exact_task(self.arguments(model)), seed, games).measured
+        return self._skill(seen["utility"][0], seen["blind"][0])
+
+    def _known_there(self) -> list[KnownAttack]:
+        where = self.condition
+        return where.suite.known_in((where.scenario, where.track, where.share))
+
+    def _scripts(self) -> list[KnownAttack]:
+        """Return the scripted attacks of the suite at their defaults."""
+        task = exact_task(self.arguments(_ANY))
+        batches = scripted_batches(task, self.condition.kinds(_ANY), 1)
+        return [self.known(name, Scripted(batch.scripts(k))) for batch in batches for k, name in enumerate(batch.names)]
+
+    def _skill(self, utility: Floats, blind: Floats) -> Floats:
+        found = np.round(skill(utility, blind), _DIGITS)
+        if not np.isfinite(found).all():
+            raise ValueError(
+                f"the skill in {self.name} is undefined: in some game no choice is better than a blind one"
+            )
+        return found

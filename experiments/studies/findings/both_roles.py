@@ -1,0 +1,126 @@
+"""ToA of agents with both roles."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_baselines import BadMouthing, OnOff
+from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
+from roletrust_env.evaluation.composite import Both
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.metrics.score import mean_or_nan
+from studies.findings.finding import Finding, in_words, verdict
+from studies.findings.games import SETTLED, Effort, as_settings
+from studies.plots.findings import Panel, Series
+
+QUESTION = "What does ToA do for agents that are raters and providers?"
+_PEERS, _ATTACKERS = 9, 3
+_ROLES = {"liars": "ToR", "cheats": "ToP", "seldom": "ToR"}
+_SELDOM = ("SP", "SP", "SP", "SR")
+"""Roles, in turn, of an attacker that rates in one round of four."""
+
+
+class Case(NamedTuple):
+    """A kind of attackers.
+
+    Attributes:
+        words: Description of the attack.
+        policy: Policy of each attacker.
+        turns: Roles that they play in turn; empty if they play both in every round.
+    """
+
+    words: str
+    policy: Policy
+    turns: tuple[str, ...] = ()
+
+
+class Seen(NamedTuple):
+    """Separation of attackers and honest agents in each game, by kind of trust, (G,) each.
+
+    Attributes:
+        gap: Mean trust of the honest agents minus that of the attackers.
+        auc: Probability that trust ranks them correctly, see `metrics.auc`.
+    """
+
+    gap: Mapping[str, Floats]
+    auc: Mapping[str, Floats]
+
+
+_CASES = {
+    "liars": Case("lie, serve well", BadMouthing()),
+    "cheats": Case("rate truly, serve badly", OnOff()),
+    "both": Case("lie, serve badly", Both(OnOff(), BadMouthing())),
+    "seldom": Case("lie in 1 round of 4, serve well in 3", BadMouthing(), _SELDOM),
+}
+
+
+def answer(effort: Effort) -> Finding:
+    """Play peers, a third of which attack in one role, in the other role, or in both."""
+    seen = {name: _play(effort, case) for name, case in effort.progress.track(_CASES.items(), description="both roles")}
+    differences = {
+        f"{name}, {what}": estimate(getattr(seen[name], what)["ToA"] - getattr(seen[name], what)[trust])
+        for name, trust in _ROLES.items()
+        for what in Seen._fields
+    }
+    panels = tuple(
+        Panel(
+            title,
+            "",
+            what,
+            [
+                Series(
+                    trust,
+                    [case.words for case in _CASES.values()],
+                    [estimate(getattr(seen[name], field)[trust]).interval for name in _CASES],
+                )
+                for trust in ("ToR", "ToP", "ToA")
+            ],
+        )
+        for field, title, what in (
+            ("gap", "how far attackers stand apart", "trust of the honest less that of attackers"),
+            ("auc", "how well they are told apart", "AUC: 0.5 as by chance, 1 surely"),
+        )
+    )
+    settings = as_settings(_peers(effort, ()), **{case.words: _attackers(case) for case in _CASES.values()})
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, settings)
+
+
+def sentence(differences: dict[str, Estimate]) -> str:
+    """Return the answer from the separation by ToA minus the separation by the trust in the attacked role."""
+    gaps = {name: differences[f"{name}, gap"] for name in _ROLES}
+    hides = verdict(one._replace(mean=-one.mean) for one in gaps.values())
+
+    def part(name: str) -> str:
+        auc = in_words(differences[f"{name}, auc"], "higher", "lower", "not shown to differ")
+        return f"{in_words(gaps[name])} in ToA than in {_ROLES[name]} (AUC {auc})"
+
+    return (
+        f"It averages the roles; does that hide who attacks in one only? {hides}: agents that lie and serve well stand "
+        f"apart by {part('liars')}, those that rate truly and serve badly by {part('cheats')}, and those that lie in "
+        f"one round of four and serve well in three by {part('seldom')}."
+    )
+
+
+def _play(effort: Effort, case: Case) -> Seen:
+    """Play games in which the last peers attack, and compare trust once it has settled."""
+    game = Game(_peers(effort, case.turns), "role-trust")
+    history = record(JointPolicy(game, _attackers(case)), game.random(effort.seed), (effort.games,))
+    trusts = {"ToR": history.tor, "ToP": history.top, "ToA": history.trust}
+    mean = {name: mean_or_nan(np.asarray(trust)[SETTLED:], axis=0) for name, trust in trusts.items()}
+    bad = slice(_PEERS - _ATTACKERS, _PEERS)
+    return Seen(
+        {name: np.delete(trust, bad, axis=0).mean(axis=0) - trust[bad].mean(axis=0) for name, trust in mean.items()},
+        {name: metrics.auc(trust, range(_PEERS)[bad]).value for name, trust in mean.items()},
+    )
+
+
+def _attackers(case: Case) -> dict[str, Policy]:
+    return {f"srsp_{place}": case.policy for place in range(_PEERS - _ATTACKERS, _PEERS)}
+
+
+def _peers(effort: Effort, turns: tuple[str, ...]) -> Scenario:
+    """Return a scenario of peers with different abilities and both roles; the last ones may take turns."""
+    peer = {"role": "SR+SP", "noise": 0.05, "ability": (0.3, 1.0)}
+    agents = [{**peer, "count": _PEERS - _ATTACKERS}, {**peer, "count": _ATTACKERS, "turns": turns}]
+    return make_scenario("peers").change(agents=agents, max_cycles=effort.rounds(100))

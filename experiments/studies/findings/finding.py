@@ -1,0 +1,116 @@
+"""Answers, and the rules that turn their numbers into words, so that the words cannot contradict the numbers.
+
+A difference of two means is shown if its 95% interval does not contain 0. Differences are paired: both sides play the
+same games with the same random numbers. Intervals are not corrected for multiple comparisons.
+"""
+
+from collections.abc import Iterable, Mapping
+from math import ceil
+from typing import Any, NamedTuple
+
+from roletrust_env.metrics.confidence import Estimate, Interval
+from studies.plots.findings import Panel
+
+_SAME = 1e-9
+"""Largest difference that is due to rounding."""
+
+_DIGITS = range(3, 10)
+"""Numbers of decimals; a number gets as few as possible without hiding a difference that is shown."""
+
+
+class Finding(NamedTuple):
+    """An answer to a question.
+
+    Attributes:
+        question: Question in words.
+        sentence: Answer in words.
+        panels: Panels of the figure.
+        differences: Differences behind the sentence, by name.
+        games: Number of games of each mean.
+        settings: Settings of the games, as plain data.
+    """
+
+    question: str
+    sentence: str
+    panels: tuple[Panel, ...]
+    differences: dict[str, Estimate]
+    games: int
+    settings: dict[str, Any]
+
+
+def sign(difference: Estimate) -> int:
+    """Return 1 or -1 if a difference is shown to be above or below 0, else 0, also for a single game.
+
+    Example:
+        >>> sign(Estimate(0.2, 0.1)), sign(Estimate(-0.2, 0.1)), sign(Estimate(0.1, 0.2))
+        (1, -1, 0)
+    """
+    shown = abs(difference.mean) > difference.half + _SAME
+    return (1 if difference.mean > 0 else -1) if shown else 0
+
+
+def verdict(differences: Iterable[Estimate]) -> str:
+    """Return in words whether all differences are shown to be above 0.
+
+    Example:
+        >>> up, down, open = Estimate(0.2, 0.1), Estimate(-0.2, 0.1), Estimate(0.1, 0.2)
+        >>> verdict([up, up]), verdict([down]), verdict([up, down]), verdict([up, open]), verdict([open])
+        ('Yes', 'No, the other way round', 'It depends', 'It depends', 'Not shown')
+    """
+    found = {sign(difference) for difference in differences}
+    if len(found) != 1:
+        return "It depends"
+    return {1: "Yes", -1: "No, the other way round", 0: "Not shown"}[found.pop()]
+
+
+def amount(value: Estimate) -> str:
+    """Return a mean and half its interval, rounded up, with enough decimals to agree with `sign`.
+
+    Example:
+        >>> amount(Estimate(0.21342, 0.0041)), amount(Estimate(0.00044, 0.00043))
+        ('0.213 ± 0.005', '0.00044 ± 0.00043')
+    """
+    if value.half != value.half:
+        return f"{value.mean:.{_DIGITS[0]}f}, with no interval"
+    for digits in _DIGITS:
+        shown = Estimate(round(value.mean, digits) + 0.0, ceil(value.half * 10**digits - _SAME) / 10**digits)
+        if sign(shown) == sign(value):
+            break
+    return f"{shown.mean:.{digits}f} ± {shown.half:.{digits}f}"
+
+
+def in_words(
+    difference: Estimate, more: str = "more", less: str = "less", neither: str = "neither more nor less"
+) -> str:
+    """Return a difference in words.
+
+    Example:
+        >>> in_words(Estimate(-0.25, 0.01)), in_words(Estimate(0.001, 0.01))
+        ('0.250 ± 0.010 less', 'neither more nor less (0.001 ± 0.010)')
+    """
+    way = sign(difference)
+    if not way:
+        return f"{neither} ({amount(difference)})"
+    size = difference._replace(mean=abs(difference.mean))
+    return f"{amount(size)} {more if way > 0 else less}"
+
+
+def listed(differences: Mapping[str, Estimate]) -> str:
+    """Return differences in words, by place: first those that are shown, then the bounds of the others.
+
+    Example:
+        >>> listed({"here": Estimate(0.25, 0.01), "there": Estimate(0.001, 0.01), "yonder": Estimate(0.01, 0.01)})
+        '0.250 ± 0.010 more here and neither more nor less there or yonder (within ± 0.020)'
+    """
+    parts = [f"{in_words(one)} {where}" for where, one in differences.items() if sign(one)]
+    hidden = {where: one for where, one in differences.items() if not sign(one)}
+    if hidden:
+        bound = max(abs(one.mean) + one.half for one in hidden.values())
+        words = f"within ± {ceil(bound * 1000 - _SAME) / 1000:.3f}" if bound == bound else "with no interval"
+        parts.append(f"neither more nor less {' or '.join(hidden)} ({words})")
+    return f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
+
+
+def exact(value: float) -> Interval:
+    """Return an exact number as an interval for a figure."""
+    return Interval(value, value, value)

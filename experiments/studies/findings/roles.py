@@ -1,0 +1,123 @@
+"""The harm by raters against the harm by providers."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_env import make_scenario
+from roletrust_env.benchmarking.cells import HONEST
+from roletrust_env.benchmarking.schema import AttackResult
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Stage, Suite, Track
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from studies.findings.finding import Finding, listed, verdict
+from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
+from studies.plots.findings import Panel, Series
+
+QUESTION = "Do raters do more harm than providers?"
+_PLACES = {"the paper's team": "paper-3x3", "a market": "market"}
+_TRACKS = {"raters": "SR", "providers": "SP"}
+_SHARE = 1 / 3
+
+
+class Harm(NamedTuple):
+    """Harm of the worst scripted attack by some agents in each game, (G,).
+
+    Attributes:
+        trust: Trust that honest agents lose, see `metrics.damage`.
+        utility: Utility that consumers lose, see `metrics.utility`.
+    """
+
+    trust: Floats
+    utility: Floats
+
+
+def answer(effort: Effort) -> Finding:
+    """Play all scripted attacks by a third of the raters, and by a third of the providers."""
+    suite = _suite(effort)
+    kept = play_suite(effort, suite, "raters and providers")
+    harms = {
+        (place, who): harm(_rows(kept, place, who), _rows(kept, place, "honest")[0])
+        for place in suite.scenarios
+        for who in _TRACKS
+    }
+    differences = {
+        f"{what}, {place}": estimate(getattr(harms[place, "raters"], what) - getattr(harms[place, "providers"], what))
+        for what in Harm._fields
+        for place in suite.scenarios
+    }
+    panels = tuple(
+        Panel(title, "", "less than without the attack", _series(harms, what))
+        for what, title in zip(Harm._fields, ("trust of the honest", "utility of consumers"), strict=True)
+    )
+    return Finding(QUESTION, sentence(differences), panels, differences, effort.games, suite.model_dump(mode="json"))
+
+
+def sentence(differences: dict[str, Estimate]) -> str:
+    """Return the answer from the harm by raters minus that by providers."""
+
+    def parts(what: str) -> str:
+        found = {name.partition(", ")[2]: one for name, one in differences.items() if name.startswith(what)}
+        return listed({f"in {place}": one for place, one in found.items()})
+
+    return (
+        f"{verdict(differences.values())}: where a third of either attack with their worst script, raters take from "
+        f"the trust of the honest {parts('trust')} than providers do, and from the utility of consumers "
+        f"{parts('utility')}."
+    )
+
+
+def harm(attacks: Sequence[AttackResult], calm: AttackResult) -> Harm:
+    """Return the harm of the worst attack, for each kind of harm the worst one in the games for choosing.
+
+    Args:
+        attacks: Results of the attacks.
+        calm: Result of the same games with all agents honest.
+    """
+    by_trust = max(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["damage"])))
+    by_utility = min(attacks, key=lambda row: np.nanmean(_numbers(row.chosen["utility"])))
+    utility = _numbers(calm.measured["utility"]) - _numbers(by_utility.measured["utility"])
+    return Harm(_numbers(by_trust.measured["damage"]), utility)
+
+
+def _suite(effort: Effort) -> Suite:
+    stages = {
+        place: Stage(preset=name, set={"max_cycles": effort.rounds(make_scenario(name).max_cycles)})
+        for place, name in _PLACES.items()
+    }
+    return Suite(
+        name="roles",
+        models=("role-trust",),
+        scenarios=stages,
+        tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
+        rungs=("scripted",),
+        attacks=scripts(),
+        games=effort.games,
+        seeds=(effort.seed,),
+        limit_s=PATIENCE_S,
+    )
+
+
+def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackResult, ...]:
+    """Return the results on a track.
+
+    Raises:
+        ValueError: The cell failed.
+    """
+    cell, done = next(one for one in kept if (one.cell.scenario, one.cell.track) == (place, track))
+    if done.failed:
+        raise ValueError(f"{'everybody honest' if cell.rung == HONEST else track} in {place}: {done.failed}")
+    return done.rows
+
+
+def _series(harms: dict[tuple[str, str], Harm], what: str) -> list[Series]:
+    places = list(dict.fromkeys(place for place, _ in harms))
+    return [
+        Series(f"{who} attack", places, [estimate(getattr(harms[place, who], what)).interval for place in places])
+        for who in _TRACKS
+    ]
+
+
+def _numbers(values: Sequence[float | None]) -> Floats:
+    return np.array(values, np.float64)  # None becomes NaN

@@ -1,0 +1,104 @@
+"""The equilibrium of models and attackers: games whose solution is known, duality, and what counts as a strategy."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from roletrust_env.benchmarking.worst_case import AttackScores, Condition
+from studies.equilibria import Payoffs, equilibrium, payoffs, responded, solve
+
+pytestmark = pytest.mark.slow
+
+HERE, THERE = Condition("market", "raters", 0.3), Condition("crowd", "raters", 0.3)
+DOCS = Path(__file__).parents[2] / "docs"
+SCORES = arrays(np.float64, (3, 4), elements=st.floats(-1, 1))
+
+
+def test_two_by_two_has_its_closed_form() -> None:
+    """Without a saddle point, value = (ad - bc) / (a + d - b - c), and the first row has (d - c) / the same."""
+    a, b, c, d = 0.9, 0.2, 0.1, 0.6
+    found, apart = solve([np.array([[a, b], [c, d]])]), a + d - b - c
+    assert found.value == pytest.approx((a * d - b * c) / apart)
+    assert found.models == pytest.approx([(d - c) / apart, (a - b) / apart])
+    assert found.attacks[0] == pytest.approx([(d - b) / apart, (a - c) / apart])
+
+
+def test_one_mixture_serves_all_conditions() -> None:
+    """Each model is perfect in one condition and useless in the other: every mixture has the mean."""
+    here, there = np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])
+    assert solve([here, there]).value == pytest.approx(0.5)
+    assert np.mean([solve([game]).value for game in (here, there)]) == pytest.approx(1.0)
+
+
+@settings(max_examples=50)
+@given(games=st.lists(SCORES, min_size=1, max_size=3))
+def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) -> None:
+    found = solve(games)
+    assert found.models.sum() == pytest.approx(1)
+    assert all(mixture.sum() == pytest.approx(1) for mixture in found.attacks)
+    assert responded(found.models, games, games) == pytest.approx(found.value, abs=1e-7)
+    best = np.mean([game @ mixture for game, mixture in zip(games, found.attacks, strict=True)], axis=0).max()
+    assert best == pytest.approx(found.value, abs=1e-7)
+
+
+def scores(model: str, attack: str, rung: str, value: float, condition: Condition = HERE) -> AttackScores:
+    games = np.full((2, 3), value)
+    measured = {"utility": games, "blind": 0 * games}
+    return AttackScores(model, condition, attack, rung, attack, games, measured, games, games, np.zeros(1))
+
+
+def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:
+    rows = [scores(m, "lies", "scripted", 0.5) for m in ("a", "b")]
+    rows += [scores(m, "evolution", "evolution", 0.1) for m in ("a", "b")]  # two attacks of one name
+    rows += [
+        scores("a", "ring", "scripted", 0.1),
+        scores("a", "nobody", "nobody", 1.0, Condition("market", "honest", 0.0)),
+    ]
+    (found,) = payoffs(rows, ["a", "b"])
+    assert (found.condition, found.attacks, found.chosen.shape) == (HERE, ("lies",), (2, 1, 6))
+    with pytest.raises(ValueError, match="no attack was played on all 2 models in market, raters 30%"):
+        payoffs(rows[2:], ["a", "b"])
+    with pytest.raises(ValueError, match="no condition with an attack"):
+        payoffs(rows[-1:], ["a"])
+
+
+def test_intervals_hold_the_truth_of_a_game_with_noise() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.array([[0.9, 0.2], [0.1, 0.6]])
+    games = [
+        Payoffs(where, ("x", "y"), *(truth[..., None] + rng.normal(0, 0.1, (2, 2, 200)) for _ in range(2)))
+        for where in (HERE, THERE)
+    ]
+    found = equilibrium(games, ["first", "second"], resamples=100)
+    value, first = 0.52 / 1.2, 0.5 / 1.2
+    assert found.mixture.low <= value <= found.mixture.high
+    assert found.weights[0].low <= first <= found.weights[0].high
+    assert found.gain.low > 0
+    assert found.gain.value == pytest.approx(found.mixture.value - max(x.value for x in found.alone), abs=0.02)
+    assert equilibrium(games, ["first", "second"], resamples=100) == found
+    assert found.exploitability[0].value == pytest.approx(found.mixture.value - found.alone[0].value)
+
+
+def test_the_page_says_what_the_table_has() -> None:
+    lines = (DOCS / "equilibrium" / "equilibrium.md").read_text(encoding="utf-8").splitlines()
+    facts = {}
+    for line in lines[lines.index("| defender | skill |") + 2 :][:4]:
+        what, numbers = line.strip("| ").split(" | ")
+        facts[what.partition(",")[0]] = [float(x.strip("(),")) for x in numbers.split()]
+    mixture, gain, informed, mixed = facts.values()
+    assert gain == [0, 0, 0]
+    assert informed[0] > mixture[0]
+    assert abs(mixed[0] - informed[0]) < 0.01
+    with (DOCS / "equilibrium" / "equilibrium.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows if float(row["weight"]) > 0.01] == ["first-hand"]
+    ranked = sorted(rows, key=lambda row: -float(row["alpha_rank"]))
+    assert [row["model"] for row in ranked[:3]] == ["first-hand", "own-experience", "leave-one-out"]
+    assert all(
+        line.endswith("100% |") for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
+    )

@@ -1,0 +1,71 @@
+"""The page on first-hand trust agrees with its tables, and its suite has seeds of its own."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from roletrust_env.benchmarking.cells import model_names
+from roletrust_env.benchmarking.suite_files import load_suite, suites
+from studies import SUITES
+
+pytestmark = pytest.mark.slow
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "first-hand.md").read_text(encoding="utf-8")
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    with (DOCS / "first-hand" / name).open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+BOARD = {row["model"]: row for row in rows("leaderboard.csv")}
+
+
+def table(first: str) -> list[str]:
+    return PAGE.partition(f"| {first} |")[2].partition("\n\n")[0].splitlines()[2:]
+
+
+def test_the_table_is_the_leaderboard_of_its_suite() -> None:
+    assert sorted(BOARD) == sorted(model_names(load_suite(SUITES / "first-hand.toml")))
+    assert table("model | worst-case skill | clean skill | published | false alarms") == [
+        f"| `{name}` | "
+        + " | ".join(f"{float(row[n]):.3f} ± {float(row[n + '_half_95']):.3f}" for n in ("worst", "clean", "published"))
+        + f" | {float(row['false_alarms']):.3f} |"
+        for name, row in BOARD.items()
+    ]
+
+
+def test_the_table_of_conditions_is_that_of_the_report() -> None:
+    found: dict[str, dict[str, str]] = {}
+    for row in rows("worst_cases.csv"):
+        if float(row["share"]):
+            where = f"{row['scenario']}, {row['track']} {float(row['share']):.0%}"
+            found.setdefault(where, {})[row["model"]] = f"{float(row['score']):.3f} ± {float(row['score_half_95']):.3f}"
+    assert table("condition | " + " | ".join(f"`{name}`" for name in BOARD)) == [
+        f"| {where} | {' | '.join(of[name] for name in BOARD)} |" for where, of in found.items()
+    ]
+
+
+def test_it_is_alone_in_the_first_tier_and_not_by_its_published_trust() -> None:
+    assert [name for name, row in BOARD.items() if row["tier"] == "1"] == ["first-hand"]
+    best, second = (BOARD[name] for name in ("leave-one-out", "first-hand"))
+    gap = float(best["published"]) - float(second["published"])
+    assert gap > float(best["published_half_95"]) + float(second["published_half_95"])
+
+
+def test_its_number_in_the_leaderboard_stands_beside_those_of_others() -> None:
+    with (DOCS / "leaderboards" / "standard-5" / "leaderboard.csv").open(encoding="utf-8") as file:
+        board = {row["model"]: row for row in csv.DictReader(file)}
+    section = " ".join(PAGE.partition("## In the leaderboard")[2].partition("## ")[0].split())
+    for name in ("first-hand", "travos", "own-experience", "leave-one-out", "wary-role-trust"):
+        assert f"{float(board[name]['worst']):.3f} ± {float(board[name]['worst_half_95']):.3f}" in section
+    assert [name for name, row in board.items() if row["tier"] == "1"] == ["first-hand"]
+    central = [name for name, row in board.items() if row["worst"] == row["published"]]
+    assert central[:2] == ["leave-one-out", "wary-role-trust"]
+
+
+def test_no_other_suite_has_its_seeds() -> None:
+    own = {*load_suite(SUITES / "first-hand.toml").seeds}
+    assert not own & {*range(100), *(s for name in suites() for s in load_suite(name).seeds)}

@@ -1,0 +1,64 @@
+"""The package robustrep as a trust model."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+pytest.importorskip("robustrep")
+
+from roletrust_env.testing import check_trust_model
+from roletrust_env.trust.grid_ledger import make_ledger
+from studies.attackers.robustrep import RobustRep
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.filterwarnings("error")
+def test_it_keeps_to_the_contract_of_trust_models() -> None:
+    check_trust_model(RobustRep(window=2), torch=False)
+
+
+def test_trust_is_the_lower_median_over_raters_of_their_median_ratings() -> None:
+    rng = np.random.default_rng(0)
+    ratings, mask = rng.uniform(0.1, 1, (4, 5, 3, 2)), rng.random((4, 5, 3, 2)) < 0.7
+    mask[:, :, 2, 1] = False  # nobody ever rates this provider
+    model = RobustRep(initial=0.3, window=3)
+    state = model.start(np.zeros((5, 3, 2)))
+    for given, seen in zip(ratings, mask, strict=True):
+        state = model.update(state, given, seen)
+    expected = np.full((3, 2), 0.3)
+    for provider, game in np.ndindex(3, 2):
+        pairs = [(ratings[1:, rater, provider, game], mask[1:, rater, provider, game]) for rater in range(5)]
+        votes = sorted(np.median(given[seen]) for given, seen in pairs if seen.any())
+        if votes:
+            expected[provider, game] = votes[(len(votes) - 1) // 2]
+    np.testing.assert_allclose(model.provider_trust(state), expected)
+    assert (model.rater_trust(state) == 1).all()
+
+
+def test_without_the_package_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.attackers.robustrep.find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"pip install 'roletrust-env\[peers\]'"):
+        RobustRep()
+
+
+def test_on_a_log_it_is_the_same_without_a_window() -> None:
+    rng = np.random.default_rng(2)
+    ratings, mask = rng.uniform(0.1, 1, (4, 5, 3)), rng.random((4, 5, 3)) < 0.5
+    mask[:, :, 2] = False
+    model = RobustRep(initial=0.3, window=4)
+    state, ledger = model.start(np.zeros((5, 3))), make_ledger(model, (5, 3))
+    assert (ledger.provider_trust == 0.3).all()
+    for given, seen in zip(ratings, mask, strict=True):
+        raters, providers = np.nonzero(seen)
+        before = deepcopy(ledger)
+        ledger.play(raters, providers, given[seen])
+        ledger.skip(1)
+        state = model.update(state, given, seen)
+        np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state))
+        assert before.rounds == ledger.rounds - 2
+    assert (ledger.rater_trust == 1).all()
+    twice = make_ledger(model, (2, 1))
+    twice.play(np.array([0, 0, 1]), np.array([0, 0, 0]), np.array([0.2, 0.6, 0.9]))
+    assert twice.provider_trust.tolist() == pytest.approx([0.4])

@@ -1,0 +1,153 @@
+import csv
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from study_line import app
+from typer.testing import CliRunner
+
+from roletrust_baselines import OnOff
+from roletrust_env import JointPolicy, SparseGame, make_trust_model
+from roletrust_env.game.rollout import rollout
+from roletrust_env.metrics.confidence import Estimate
+from roletrust_env.metrics.consumers import skill
+from studies.cities import Harm, attackers, city, measure_harm
+from studies.scale import _cost_lines, _harm_caption
+from studies.timing.cities import PLAIN, RoundCost, measure_rounds, plain
+
+pytestmark = pytest.mark.slow
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["scale", *arguments], env={"COLUMNS": "80"})
+
+
+def test_the_page_and_the_tables(tmp_path):
+    small = ["--agents", "25", "--agents", "60", "--cost", "100", "--seeds", "2", "--rounds", "4", "--model", "mean"]
+    result = run(*small, "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in tmp_path.iterdir()} == {"scale.md", "scale-harm.csv", "scale-costs.csv"}
+    with (tmp_path / "scale-harm.csv").open() as file:
+        harms = list(csv.DictReader(file))
+    assert len(harms) == 2 * 7
+    for row in harms:
+        assert float(row["harm"]) == 0 or row["attack"] != "honest"
+    with (tmp_path / "scale-costs.csv").open() as file:
+        costs = list(csv.DictReader(file))
+    assert {"mean", PLAIN} <= {row["name"] for row in costs}
+    assert all(row["services"] == "400" for row in costs)
+    page = (tmp_path / "scale.md").read_text()
+    assert f"| mean | on-off | 40% | {float(harms[4]['harm']):.3f} ± " in page
+    assert "25 agents" in page
+    assert "make scale" in page
+    assert "too narrow" not in result.output
+    assert "memory" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--agents", "24"], "24 agents is too small; it needs 25 or more"),
+        (["--cost", "5"], "5 agents is too small"),
+        (["--agents", "100000000000"], "100,000,000,000 agents is too large; at most 10,000,000"),
+        (["--model", "travos"], "does not run on edges"),
+        (["--model", "nobody"], "unknown trust model 'nobody'"),
+        (["--out", "file/below"], "file"),
+    ],
+)
+def test_bad_input_is_one_line_before_the_work(arguments, message, tmp_path, monkeypatch):
+    def work(*_, **__):
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr("studies.scale.measure_harm", work)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("in the way")
+    result = run(*arguments)
+    assert result.exit_code == 2, result.output
+    assert message in " ".join(result.stderr.split())
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(("agents", "raters", "providers"), [(25, 20, 5), (104, 84, 20), (600_000, 480_000, 120_000)])
+def test_a_city_has_four_raters_to_a_provider(agents, raters, providers):
+    scenario = city(agents, 7)
+    of = {role: sum(group.count for group in scenario.agents if group.role == role) for role in ("SR", "SP")}
+    assert of == {"SR": raters, "SP": providers}
+    assert scenario.max_cycles == 7
+    assert {group.noise for group in scenario.agents if group.role == "SR"} == {0.05}
+    assert {group.ability for group in scenario.agents if group.role == "SP"} == {(0.3, 1.0)}
+
+
+def test_who_attacks_a_city():
+    game = SparseGame(city(50, 2), "mean")
+    liars = attackers(game, "bad-mouthing", 0.2)
+    assert list(liars) == [f"sr_{n}" for n in range(8)]
+    assert attackers(game, "on-off", 0.01) == {"sp_0": OnOff(period=10)}
+    ring = attackers(game, "collusion", 0.4)
+    assert len(ring) == 16 + 4
+    assert ring["sp_3"].accomplices == (0, 1, 2, 3)
+
+
+def test_harm_is_the_skill_that_is_lost_in_the_same_luck():
+    found = measure_harm([100], {"mean": make_trust_model("mean")}, [0.4], rounds=8, seeds=[3, 4])
+    game = SparseGame(city(100, 8), "mean")
+    by_hand = []
+    for policies in ({}, attackers(game, "collusion", 0.4)):
+        utilities = []
+        for seed in (3, 4):
+            random = game.random(seed)
+            sums = np.zeros(3)
+            for before, actions, after, _ in rollout(JointPolicy(game, policies), random, random):
+                for i, met in enumerate(after.met):
+                    top, offer = game.published(before)[1][met], game.offered(before, actions, after)[met]
+                    served = after.awaiting[i]
+                    if served.any():
+                        trusted = served & (top == top[served].max())
+                        sums += [offer[trusted].mean(), offer[served].max(), offer[served].mean()]
+            utilities.append((sums[0] / sums[1], sums[2] / sums[1]))
+        by_hand.append(skill(*np.array(utilities).T))
+    (ring,) = [one for one in found if one.attack == "collusion"]
+    assert ring.skill.mean == pytest.approx(by_hand[1].mean(), abs=1e-12)
+    assert ring.harm.mean == pytest.approx((by_hand[0] - by_hand[1]).mean(), abs=1e-12)
+    assert ring.harm.mean > 0.1
+
+
+def test_costs_are_those_of_the_same_city():
+    found = measure_rounds([100, 200], {"mean": make_trust_model("mean")}, repeats=2)
+    assert [(one.agents, one.name) for one in found] == [(n, name) for n in (100, 200) for name in ("mean", PLAIN)]
+    for one in found:
+        assert one.services == 4 * one.agents
+        assert len(one.seconds) == len(one.by_hand) == 2
+        assert min(one.seconds) > 0
+        assert one.memory > 8 * one.services
+        assert one.parts is None or sum(one.parts) == pytest.approx(np.median(one.seconds), rel=0.5)
+
+
+def test_the_caption_says_how_harm_changes_with_size():
+    def harm(agents, attack, value, half):
+        return Harm(agents, "mean", attack, 0.2, Estimate(0.5, 0.1), Estimate(value, half))
+
+    rows = [harm(25, "a", 9.0, 0.1), harm(25, "b", 9.0, 0.1), harm(100, "a", 0.3, 0.03), harm(100, "b", 0.1, 0.03)]
+    assert "From" not in _harm_caption(rows, 3, 5)
+    caption = _harm_caption([*rows, harm(1000, "a", 0.34, 0.04), harm(1000, "b", 0.16, 0.04)], 3, 5)
+    assert "From 100 to 1,000 agents the harm of a condition changes by +0.050 on average" in caption
+    assert "from +0.040 to +0.060; in 1 of 2 conditions" in caption
+
+
+def test_ratios_are_to_plain_numpy_in_the_same_turns():
+    one = RoundCost(100, 400, "mean", (0.2, 0.3, 0.9), (0.1, 0.1, 0.2), None, 0)
+    assert _cost_lines([one])[1] == ["mean", "100", "400", "300.0", "200.0 - 900.0", "-", "-", "-", "3.0", "0 MB"]
+
+
+def test_plain_numpy_is_a_round_of_mean(monkeypatch):
+    """It forgets nobody: with one provider its trust is the mean of what all raters rate."""
+    rng = SimpleNamespace(
+        uniform=lambda low, high, n: np.full(n, 0.8),
+        integers=lambda low, high, shape: np.zeros(shape, int),
+        standard_normal=np.zeros,
+    )
+    monkeypatch.setattr(np.random, "default_rng", lambda seed: rng)
+    play = plain(10, 1, 0)
+    play()
+    (top,) = play.__closure__[list(play.__code__.co_freevars).index("top")].cell_contents
+    assert top == pytest.approx(0.5 + 0.5 * (0.8 * 0.8 - 0.5))
