@@ -14,6 +14,7 @@ FOLDERS = {  # by the name of the package
     "roletrust_agents": HOUSE / "agents" / "roletrust_agents",
     "roletrust_baselines": HOUSE / "baselines" / "roletrust_baselines",
     "roletrust_experiments": HOUSE / "experiments" / "roletrust_experiments",
+    "studies": HOUSE / "experiments" / "studies",
 }
 PAGE = (HOUSE / "docs/how/structure.md").read_text(encoding="utf-8")
 LONGEST = 600
@@ -35,9 +36,11 @@ def arrows() -> dict[str, set[str]]:
 def room(module: str) -> str:
     """The room of a module: a folder, a file beside folders, or the small files of the library, which are one.
 
-    The rooms of the other packages are called after the folder at the top, such as `agents/learned`.
+    The rooms of the other packages are called after the folder at the top, such as `agents/learned`; studies are one.
     """
     package, *below = module.split(".")[:2]
+    if package == "studies":
+        return package
     name = "/".join([package if package == "roletrust_env" else package.removeprefix("roletrust_"), *below])
     if FOLDERS[package].joinpath(*below).is_dir():
         return name
