@@ -12,6 +12,7 @@ import hypothesis
 import pytest
 
 from roletrust_env.benchmarking.learners.learner import registry as learners
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
@@ -41,7 +42,7 @@ def pytest_collection_modifyitems(config, items):
 def _registries(monkeypatch):
     """Names that a test registers are gone after it, so that no other test meets them."""
     load_plugins()
-    for registry in (trust_models, scenarios, attackers, learners):
+    for registry in (trust_models, scenarios, attackers, learners, search_methods):
         monkeypatch.setattr(registry, "_factories", dict(registry._factories))
 
 

@@ -102,9 +102,9 @@ def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
 def test_your_learner_learns():
     """With a few thousand rounds it lies far better than after its first update."""
     task = Task(task="RaterAttack", set={"max_cycles": 40, "noise": 0.0, "perturbations": []})
-    rung = LearnerSearch(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
+    method = LearnerSearch(imported("learner.md", "mylearner").Reinforce(), "mine", task.id)
     rounds = {"seed": 0, "games": 2}
-    begun, learned = (find(rung, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
-    assert isinstance(rung.learner, Learner)
+    begun, learned = (find(method, task.arguments(), budget=budget, **rounds) for budget in (1_280, 12_800))
+    assert isinstance(method.learner, Learner)
     assert learned.rounds == 12_800
     assert learned.scores.mean() > begun.scores.mean() + 0.05

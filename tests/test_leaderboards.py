@@ -160,7 +160,7 @@ def test_the_fourth_page_counts_the_attacks_of_longer_searches() -> None:
     older = {(*one.condition, one.name) for one in read_known_attacks(suites / "standard-4-known.json")}
     rows = worst_cases("standard-5/worst_cases.csv")
     known = [
-        (row["scenario"], row["track"], float(row["share"]), row["attack"]) for row in rows if row["rung"] == "known"
+        (row["scenario"], row["track"], float(row["share"]), row["attack"]) for row in rows if row["method"] == "known"
     ]
     later = sum(one not in older for one in known)
     counts = f"{later} of {len(rows)} conditions of all models, and an older known one in {len(known) - later}"

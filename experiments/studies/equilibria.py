@@ -18,7 +18,7 @@ from roletrust_env.metrics.confidence import Interval
 from studies.alpha_rank import alpha_rank
 
 SHARED = WITHOUT_SEARCH | {"universal"}
-"""Rungs that play the same attacks on every model."""
+"""Methods that play the same attacks on every model."""
 
 
 _LEAST = 1e-6  # a probability that is smaller is rounding
@@ -98,8 +98,8 @@ def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payo
     for one in attacks:
         if one.condition.share and one.model in models:
             group = groups.setdefault(one.condition, {})
-            if one.rung in SHARED:
-                group.setdefault((one.rung, one.attack), {})[one.model] = one
+            if one.method in SHARED:
+                group.setdefault((one.method, one.attack), {})[one.model] = one
     if not groups:
         raise ValueError("the results have no condition with an attack")
     found = []

@@ -58,7 +58,7 @@ def equilibrium(
     names = list(dict.fromkeys(model or model_names(suite)))
     if unknown := [name for name in names if name not in model_names(suite)]:
         raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(model_names(suite))}")
-    games = payoffs(attack_scores(stored, suite.score), names)
+    games = payoffs(attack_scores(suite, stored), names)
     found = solved(games, names, resamples, seed)
     order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)
     rows = [(names[k], found.weights[k], found.alone[k], found.exploitability[k]) for k in order]

@@ -71,7 +71,7 @@ def _scores(suite: Suite, stored: Sequence[StoredCell]) -> tuple[Floats, Floats]
     if missing := [wanted[key] for key in wanted.keys() - {one.cell.key for one in part}]:
         raise ValueError(f"cell {min(missing).key} is missing or failed")
     honest: dict[bool, list[WorstCase]] = {True: [], False: []}
-    for one in worst_cases(attack_scores(part, suite.score)).values():
+    for one in worst_cases(attack_scores(suite, part)).values():
         honest[not suite.tracks[one.condition.track].roles].append(one)
     models = model_names(suite)
     clean, worst = (score_table(honest[which], models) for which in (True, False))

@@ -52,16 +52,16 @@ def make_entries(
 def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:
     """Yield the cell and the name of the worst attack on each model in each condition; of several seeds the worst."""
     seeds = sorted({cell.seed for cell, result in stored if result.rows})
-    for (model, condition), case in worst_cases(attack_scores(stored, suite.score)).items():
+    for (model, condition), case in worst_cases(attack_scores(suite, stored)).items():
         if model in models and suite.tracks[condition.track].roles:
             means = [least_mean(one.chosen[k]) for k, one in enumerate(case.choices)]
             k = int(np.argmin(means))
-            yield Cell(model, *condition, case.choices[k].rung, seeds[k]), case.choices[k].attack
+            yield Cell(model, *condition, case.choices[k].method, seeds[k]), case.choices[k].attack
 
 
 def _entry(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str, finder: str) -> KnownAttack | None:
     """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
-    if place.rung == "known":
+    if place.method == "known":
         return next(one for one in suite.known if (one.name, one.condition) == (attack, place[1:4]))
     record = _record(suite, stored, place, attack)
     if not record:
@@ -76,7 +76,7 @@ def _record(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str
     """Return the record of an attack in a cell. A script at its defaults is made again, since it has none."""
     rows = next(one.result.rows for one in stored if one.cell == place)
     record = next(row.record for row in rows if row.attack == attack)
-    if record or place.rung != "scripted":
+    if record or place.method != "scripted":
         return record
     found = find_attack(suite, place, attack)
     return record_of(Scripted(found.batch.scripts(found.row)))

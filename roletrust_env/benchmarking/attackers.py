@@ -13,7 +13,7 @@ from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.records import read_record
 from roletrust_env.evaluation.scripts import Scripts, with_paper
 from roletrust_env.evaluation.search import Progress, SearchMethod, search_methods
-from roletrust_env.evaluation.specs import parse_parameters
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Policy
 
@@ -127,34 +127,19 @@ def _rows(task: AttackTask, games: int) -> int:
     return max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
 
 
-SEARCH_RUNGS = (
-    "PPO",
-    "recurrent PPO",
-    "SAC",
-    "coalition PPO",
-    "evolution",
-    "evolution strategy",
-    "gradients",
-    "universal",
-    "CMA-ES",
-    "agreed CMA-ES",
-    "random search",
-    "white-box planner",
-)
-"""Names of the rungs that search, learn or plan."""
-
-
-def make_search(rung: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()) -> SearchMethod:
-    """Return the search method of a rung.
+def make_search(method: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()) -> SearchMethod:
+    """Return the search method of a spec.
 
     Args:
-        rung: Name of the rung, one of `SEARCH_RUNGS`, with parameters or without.
+        method: Registered name or `package.module:Class`, with parameters or without.
         kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
         known: Records of known attackers, from which a search may start.
+
+    Raises:
+        ValueError: The name is unknown, or the search method cannot be created.
     """
-    name, given = parse_parameters(rung)
     offered = {"known": tuple(known)} if kinds is None else {"attacks": tuple(kinds), "known": tuple(known)}
-    return search_methods.make(name, **{**search_methods.accepted_parameters(name, offered), **given})
+    return parse_named(search_methods, method, offered)
 
 
 def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:

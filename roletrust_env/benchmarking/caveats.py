@@ -9,7 +9,7 @@ import numpy as np
 from roletrust_env.arrays import Array
 from roletrust_env.benchmarking.schema import reason
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, WITHOUT_SEARCH, Suite
+from roletrust_env.benchmarking.suite import PLANNER, WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.worst_case import AttackScores, Condition
 from roletrust_env.evaluation.search import Progress
 from roletrust_env.evaluation.specs import parse_trust_model
@@ -41,7 +41,7 @@ def caveats(
         *_model_caveats(suite, attacks, models),
         *_search_caveats(attacks),
         *_progress_caveats(stored),
-        *_rung_caveats(stored),
+        *_idle_caveats(suite, stored),
         *_condition_caveats(suite, attacks),
         *_failures(stored),
     ]
@@ -50,7 +50,7 @@ def caveats(
 def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequence[str]) -> Iterator[str]:
     scenario = next(iter(suite.scenarios.values())).scenario()
     played = {one.model for one in attacks}  # a model that hangs or ends Python must not run here
-    discontinuous = []
+    discontinuous, names_of_methods = [], {method.partition(":")[0] for method in suite.methods}
     for name in models:
         if name not in played:
             continue
@@ -62,7 +62,7 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
         except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
             yield f"{name}: it failed after the run: {reason(error)}"
             at_random = jumps = places_count = False
-        if "white-box planner" in suite.rungs and jumps:
+        if PLANNER in names_of_methods and jumps:
             discontinuous.append(name)
         if at_random:
             yield f"{name}: its trust is random, so other runs give other numbers"
@@ -117,13 +117,15 @@ def _search_caveats(attacks: Sequence[AttackScores]) -> Iterator[str]:
     """Yield searches and learners that never beat the scripted attacks with default parameters."""
     scripted: dict[tuple[str, Condition], float] = {}
     for one in attacks:
-        if one.rung == "scripted":
+        if one.method == "scripted":
             key = one.model, one.condition
             scripted[key] = min(scripted.get(key, np.inf), float(np.nanmean(one.chosen)))
-    for rung in dict.fromkeys(one.rung for one in attacks if one.rung not in WITHOUT_SEARCH | WHITE_BOX_RUNGS):
-        results = [one for one in attacks if one.rung == rung and (one.model, one.condition) in scripted]
+    for method in dict.fromkeys(
+        one.method for one in attacks if not one.white_box and one.method not in WITHOUT_SEARCH
+    ):
+        results = [one for one in attacks if one.method == method and (one.model, one.condition) in scripted]
         if results and not any(np.nanmean(one.chosen) < scripted[one.model, one.condition] for one in results):
-            yield f"{rung} never beat the scripts; a larger budget might"
+            yield f"{method} never beat the scripts; a larger budget might"
 
 
 def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
@@ -133,19 +135,19 @@ def _progress_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
     for cell, result in stored:
         for row in result.rows:
             if row.progress:
-                gains.setdefault(cell.rung, []).append((late_gain(row.progress), cell.key))
-                short[cell.rung] += len(row.progress) < _POINTS
-    for rung, found in gains.items():
+                gains.setdefault(cell.method, []).append((late_gain(row.progress), cell.key))
+                short[cell.method] += len(row.progress) < _POINTS
+    for method, found in gains.items():
         rising = sum(gain > _FLAT for gain, _ in found)
         if rising:
             gain, key = max(found)
             yield (
-                f"{rung}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
+                f"{method}: the last doubling of its rounds gained more than {_FLAT:g} in {rising} of {len(found)} "
                 f"cells, at most {gain:.3f} in {key}; a larger budget might find worse"
             )
-        if short[rung]:
+        if short[method]:
             yield (
-                f"{rung}: in {short[rung]} of {len(found)} cells its course has fewer than {_POINTS} points, "
+                f"{method}: in {short[method]} of {len(found)} cells its course has fewer than {_POINTS} points, "
                 "too few to say whether a larger budget finds worse"
             )
 
@@ -161,12 +163,12 @@ def late_gain(progress: Progress) -> float:
     return last - earlier[-1] if earlier else 0.0
 
 
-def _rung_caveats(stored: Sequence[StoredCell]) -> Iterator[str]:
+def _idle_caveats(suite: Suite, stored: Sequence[StoredCell]) -> Iterator[str]:
     """Yield searches and learners that never attacked. The planner is a caveat of the models."""
-    for rung in dict.fromkeys(cell.rung for cell, _ in stored if cell.rung not in WHITE_BOX_RUNGS):
-        reasons = [result.unsuitable for cell, result in stored if cell.rung == rung]
+    for method in dict.fromkeys(cell.method for cell, _ in stored if not suite.is_white_box(cell.method)):
+        reasons = [result.unsuitable for cell, result in stored if cell.method == method]
         if all(reasons):
-            yield f"{rung} attacked nothing: {reasons[0]}"
+            yield f"{method} attacked nothing: {reasons[0]}"
 
 
 def _condition_caveats(suite: Suite, attacks: Sequence[AttackScores]) -> Iterator[str]:
@@ -187,7 +189,7 @@ def _failures(stored: Sequence[StoredCell]) -> Iterator[str]:
     for cell, result in stored:
         if result.failed:
             others = f"; its other {len(result.rows)} attacks count" if result.rows else ""
-            name = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.rung}"
+            name = f"{cell.scenario}, {cell.track} {cell.share:g}, {cell.method}"
             failures.setdefault((cell.model, f"{result.failed}{others}"), []).append(name)
     for (model, message), names in failures.items():
         more = f" and {len(names) - 1} more cells" if names[1:] else ""

@@ -1,34 +1,34 @@
 """Cells of a suite. Cells are independent of each other and can be played anywhere and in any order."""
 
 from collections.abc import Callable, Sequence
+from inspect import signature
 from typing import Any, NamedTuple
 
-from roletrust_env.benchmarking.suite import FROM_KNOWN, PLANNER, Suite, Track
+from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Suite, Track
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.isolated import IsolatedModel
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import is_own_model, named_factory, parse_trust_model
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.registry import Registry
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.seats import RandomSeats
 from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
-HONEST = "nobody"
-"""Name of the rung on a track on which all agents are honest."""
-
 
 class Cell(NamedTuple):
-    """Smallest unit of a benchmark: one rung against one trust model in one condition with one seed.
+    """Smallest unit of a benchmark: one method against one trust model in one condition with one seed.
 
     Attributes:
         model: Spec of the trust model.
         scenario: Name of the scenario in the suite.
         track: Name of the track in the suite.
         share: Share of compromised agents in each role of the track. 0 if all agents are honest.
-        rung: Name of the rung. `HONEST` if all agents are honest.
+        method: Method of the suite that finds the attack. `HONEST` if all agents are honest.
         seed: Random seed.
     """
 
@@ -36,7 +36,7 @@ class Cell(NamedTuple):
     scenario: str
     track: str
     share: float
-    rung: str
+    method: str
     seed: int
 
     @property
@@ -51,9 +51,8 @@ def cells(suite: Suite) -> list[Cell]:
     for model in model_names(suite):
         for scenario in suite.scenarios:
             for name, shares in suite.shares_in(scenario).items():
-                ways: list[tuple[float, str]] = [(share, rung) for share in shares for rung in suite.rungs]
-                ways = ways or [(0.0, HONEST)]
-                result += [Cell(model, scenario, name, *way, seed) for way in ways for seed in suite.seeds]
+                pairs = [(share, method) for share in shares for method in suite.methods] or [(0.0, HONEST)]
+                result += [Cell(model, scenario, name, *pair, seed) for pair in pairs for seed in suite.seeds]
     return result
 
 
@@ -75,11 +74,13 @@ def attack_names(suite: Suite) -> list[str]:
 
 
 def factories(suite: Suite) -> dict[str, Callable[..., Any]]:
-    """Return the factories of the trust models and attacks of a suite, by type and name."""
-    models: dict[str, Callable[..., Any]] = {
-        f"trust model {name}": named_factory(trust_models, name) for name in model_names(suite)
-    }
-    return models | {f"attack {name}": named_factory(attackers, name) for name in attack_names(suite)}
+    """Return the factories of the trust models, attacks and search methods of a suite, by type and name."""
+    kinds: list[tuple[str, Registry[Any], Sequence[str]]] = [
+        ("trust model", trust_models, model_names(suite)),
+        ("attack", attackers, attack_names(suite)),
+        ("search method", search_methods, suite.searches),
+    ]
+    return {f"{kind} {name}": named_factory(registry, name) for kind, registry, names in kinds for name in names}
 
 
 def rules(suite: Suite, cell: Cell) -> tuple[object, ...]:
@@ -91,9 +92,16 @@ def rules(suite: Suite, cell: Cell) -> tuple[object, ...]:
     """
     stage, track = suite.scenarios[cell.scenario], suite.tracks[cell.track]
     world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), suite.places, suite.consumers
-    known = suite.known_in(cell[1:4]) if cell.rung in FROM_KNOWN else []
-    attacks = known, attack_names(suite), suite.budget_of(cell.rung, cell.scenario)
+    known = suite.known_in(cell[1:4]) if cell.method == "known" or starts_from_known(cell.method) else []
+    attacks = known, attack_names(suite), suite.budget_of(cell.method, cell.scenario)
     return *world, *attacks, suite.games, suite.limit_s
+
+
+def starts_from_known(method: str) -> bool:
+    """Return whether a method is a search that may start from known attacks, as its parameter `known` says."""
+    if method in WITHOUT_SEARCH:
+        return False
+    return "known" in signature(named_factory(search_methods, method)).parameters
 
 
 class AttackedScenario(NamedTuple):
@@ -155,22 +163,22 @@ def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskA
         "trust_model": model,
         # An attack task needs an agent even if all are honest. This agent then acts honestly.
         "compromised": compromised or Roster.of(scenario).owner_names[:1],
-        "objective": objective(cell.rung, suite.tracks[cell.track].roles),
+        "objective": objective(cell.method, suite.tracks[cell.track].roles),
         "consumers": suite.consumers,
     }
 
 
-def objective(rung: str, roles: Sequence[str]) -> Objective:
-    """Return the objective of a rung on a track.
+def objective(method: str, roles: Sequence[str]) -> Objective:
+    """Return the objective of a method on a track.
 
     It is `mislead`, except for the planner, which needs a gradient: the choice of the most trusted provider has none.
     The planner uses `exploit` if only providers are compromised, and `damage` otherwise.
 
     Args:
-        rung: Name of the rung.
+        method: Name of the method.
         roles: Roles of the compromised agents.
     """
-    if rung != PLANNER:
+    if method.partition(":")[0] != PLANNER:
         return "mislead"
     return "exploit" if tuple(roles) == ("SP",) else "damage"
 

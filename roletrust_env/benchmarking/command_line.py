@@ -26,7 +26,7 @@ def reproduction_command(suite: AnySuite, path: Path) -> str:
         names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
         more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
         if more:
-            names |= {field: getattr(suite, field) for field in ("known", "rungs")}
+            names |= {field: getattr(suite, field) for field in ("known", "methods")}
         if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
             options = ["--suite", suite.name, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
     return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])

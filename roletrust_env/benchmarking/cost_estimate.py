@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from time import process_time
 from typing import NamedTuple
 
-from roletrust_env.benchmarking.attackers import SEARCH_RUNGS, make_search
-from roletrust_env.benchmarking.cells import HONEST, Cell, attack_names, attacked_scenario, task_arguments
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.attackers import make_search
+from roletrust_env.benchmarking.cells import Cell, attack_names, attacked_scenario, task_arguments
+from roletrust_env.benchmarking.suite import HONEST, WITHOUT_SEARCH, Suite
 from roletrust_env.evaluation.attacked_games import HELD_OUT, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.search import Budget, UnsuitableError
@@ -60,13 +60,13 @@ def estimate_seconds(suite: Suite, cells: Sequence[Cell]) -> dict[str, float]:
     overheads: dict[tuple[str, str], float] = {}
     seconds: dict[str, float] = {}
     for cell in cells:
-        where, way = (cell.model, cell.scenario, cell.track), (cell.rung, cell.scenario)
+        where, searching = (cell.model, cell.scenario, cell.track), (cell.method, cell.scenario)
         if where not in speeds:
             speeds[where] = _seconds_each(suite, cell)
-        if way not in overheads:
-            overheads[way] = _overhead(suite, cell, speeds[where]) if cell.rung in SEARCH_RUNGS else 0.0
+        if searching not in overheads:
+            overheads[searching] = 0.0 if cell.method in WITHOUT_SEARCH else _overhead(suite, cell, speeds[where])
         to_find, to_measure = round_counts(suite, cell)
-        seconds[cell.key] = speeds[where] * (to_find + to_measure) + overheads[way] * to_find
+        seconds[cell.key] = speeds[where] * (to_find + to_measure) + overheads[searching] * to_find
     return seconds
 
 
@@ -78,13 +78,13 @@ def round_counts(suite: Suite, cell: Cell) -> tuple[int, int]:
         cell: The cell.
     """
     each = 2 * suite.games * attacked_scenario(suite, cell).scenario.max_cycles
-    if cell.rung == HONEST:
+    if cell.method == HONEST:
         return 0, each
-    if cell.rung == "scripted":
+    if cell.method == "scripted":
         return 0, each * (len(attack_names(suite)) + 1)
-    if cell.rung == "known":
+    if cell.method == "known":
         return 0, each * (len(suite.known_in(cell[1:4])) + 1)
-    return suite.budget_of(cell.rung, cell.scenario), 2 * each
+    return suite.budget_of(cell.method, cell.scenario), 2 * each
 
 
 def _seconds_each(suite: Suite, cell: Cell) -> float:
@@ -103,12 +103,12 @@ def _seconds_each(suite: Suite, cell: Cell) -> float:
 
 
 def _overhead(suite: Suite, cell: Cell, seconds_each: float) -> float:
-    """Return the seconds that a rung takes for each round in addition to playing it."""
+    """Return the seconds that a method takes for each round in addition to playing it."""
     for budget in _TRIAL_BUDGETS:
         began = process_time()
         try:
-            search = make_search(cell.rung).search(
-                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.rung, cell.scenario), budget)), cell.seed
+            search = make_search(cell.method).search(
+                task_arguments(suite, cell), Budget(min(suite.budget_of(cell.method, cell.scenario), budget)), cell.seed
             )
         except UnsuitableError:
             continue

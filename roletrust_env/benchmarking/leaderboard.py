@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, Suite
+from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.verdict import DIGITS, verdict
 from roletrust_env.benchmarking.worst_case import AttackScores, WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, over_seeds
@@ -33,7 +33,7 @@ class LeaderboardRow(NamedTuple):
         worst: Mean score of the worst case over the conditions.
         published: Mean score of the worst case if the consumers went by published trust.
         ensemble: Mean score of the worst case without the known attacks that others have found.
-        open_worst: Mean score of the worst case if rungs with more knowledge than a real attacker count, too.
+        open_worst: Mean score of the worst case if methods with more knowledge than a real attacker count, too.
         damage: Loss of trust of honest agents in the worst case.
         false_alarms: Share of honest agents that are classified as attackers while all agents are honest.
         detection: AUC of the detection of attackers in the worst case.
@@ -93,11 +93,11 @@ def leaderboard_rows(
         cells_each: Number of cells of each model.
         attacks: Scores of the attacks in the cells. They are computed if None.
     """
-    attacks = attack_scores(stored, suite.score) if attacks is None else attacks
+    attacks = attack_scores(suite, stored) if attacks is None else attacks
     honest = {name for name, track in suite.tracks.items() if not track.roles}
     entered = {(one.name, one.condition) for one in suite.known if one.finder}
     own = [one for one in attacks if (one.attack, tuple(one.condition)) not in entered]
-    black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, WHITE_BOX_RUNGS)
+    black_box, without, white_box = worst_cases(attacks), worst_cases(own), worst_cases(attacks, white_box=True)
     clean = [one for one in black_box.values() if one.condition.track in honest]
     attacked, ensemble, open_attacked = (
         [one for one in cases.values() if one.condition.track not in honest]

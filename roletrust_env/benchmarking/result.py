@@ -68,7 +68,7 @@ class Leaderboard:
             stored: Cells of the run with their results.
         """
         names = model_names(suite)
-        attacks = attack_scores(stored, suite.score)
+        attacks = attack_scores(suite, stored)
         rows = leaderboard_rows(suite, stored, names, len(cells(suite)) // len(names), attacks)
         return cls(suite, rows, caveats(suite, stored, attacks, names), list(stored), attacks)
 

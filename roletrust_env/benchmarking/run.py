@@ -14,10 +14,11 @@ from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.result import Leaderboard
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.suite_types import AnySuite, suite_type
-from roletrust_env.evaluation.specs import parse_kinds, parse_trust_model
+from roletrust_env.evaluation.search import search_methods
+from roletrust_env.evaluation.specs import named_factory, parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
 
 OnStart = Callable[[Sequence[Any], int], None]
@@ -62,7 +63,7 @@ def benchmark(
         >>> from roletrust_env.benchmarking import Suite, benchmark
         >>> tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
         >>> market = {"preset": "market", "set": {"max_cycles": 10}}
-        >>> suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=4)
+        >>> suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=4)
         >>> board = benchmark(["mean", "constant"], suite, attacks=["bad-mouthing"], workers=0, progress=False)
         >>> [row.model for row in board.rows]
         ['mean', 'constant']
@@ -101,7 +102,7 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
         attacks: Specs of scripted attacks that replace those of the suite. Empty keeps the attacks of the suite.
 
     Raises:
-        ValueError: A name is unknown, or a model or an attack cannot be created.
+        ValueError: A name is unknown, or a model, an attack or a search method cannot be created.
     """
     selected = suite.model_copy(
         update={
@@ -110,11 +111,20 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
         }
     )
     check_records(selected.known)
+    _check_methods(selected)
     for stage in selected.scenarios.values():
         for name in model_names(selected):
             parse_trust_model(name, stage.scenario())
         parse_kinds(attack_names(selected), stage.scenario())
     return selected
+
+
+def _check_methods(suite: Suite) -> None:
+    """Check that there is a search method for each method of a suite, and for each that a budget names."""
+    budgets = (method for stage in suite.scenarios.values() for method in stage.budgets)
+    for method in dict.fromkeys((*suite.methods, *budgets)):
+        if method not in WITHOUT_SEARCH:
+            named_factory(search_methods, method)
 
 
 def play_suite(

@@ -14,9 +14,9 @@ from roletrust_env.benchmarking.attackers import (
     playable_kinds,
     scripted_batches,
 )
-from roletrust_env.benchmarking.cells import HONEST, Cell, attack_names, task_arguments
+from roletrust_env.benchmarking.cells import Cell, attack_names, task_arguments
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
-from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
+from roletrust_env.benchmarking.suite import HONEST, WITHOUT_SEARCH, Suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
@@ -44,7 +44,7 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
     began = perf_counter()
     arguments = task_arguments(suite, cell, isolated=isolated)
     task = exact_task(arguments)
-    if cell.rung == HONEST:
+    if cell.method == HONEST:
         nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")
         row = _row(nobody, 0, measure_honest(task, cell.seed, suite.games))
         return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
@@ -57,7 +57,7 @@ def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = Fa
             try:
                 good, errors = _measure_batch(suite, cell, task, batch, twin)
             except ValueError as error:
-                if cell.rung != "known":
+                if cell.method != "known":
                     raise
                 good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
             rows, failed = rows + good, failed + errors
@@ -99,7 +99,7 @@ def find_attack(suite: Suite, cell: Cell, attack: str, record: str = "") -> Foun
     Raises:
         ValueError: The cell has no such attack, or see `play_cell`.
     """
-    if cell.rung == HONEST:
+    if cell.method == HONEST:
         raise ValueError(f"cell {cell.key} has no attack: everybody is honest there")
     arguments = task_arguments(suite, cell)
     task = exact_task(arguments)
@@ -128,23 +128,23 @@ def _attacks(
     suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments, record: str
 ) -> Iterator[AttackBatch]:
     """Yield the attacks of a cell in batches."""
-    if record and cell.rung not in WITHOUT_SEARCH:
-        yield AttackBatch((cell.rung,), read_record(record), 0, "as recorded", record)
+    if record and cell.method not in WITHOUT_SEARCH:
+        yield AttackBatch((cell.method,), read_record(record), 0, "as recorded", record)
         return
     kinds = cell_kinds(suite, cell, task)
-    if cell.rung == "scripted":
+    if cell.method == "scripted":
         yield from scripted_batches(task, kinds, 2 * suite.games)
         return
     known = suite.known_in(cell[1:4])
-    if cell.rung == "known":
+    if cell.method == "known":
         if not known:
             raise UnsuitableError("there is no known attack for this condition")
         yield from known_batches(task, known, 2 * suite.games)
         return
-    method = make_search(cell.rung, list(kinds.values()), [one.record for one in known])
-    search = method.search(arguments, Budget(suite.budget_of(cell.rung, cell.scenario)), cell.seed)
+    method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
+    search = method.search(arguments, Budget(suite.budget_of(cell.method, cell.scenario)), cell.seed)
     found = record_of(search.attacker)
-    yield AttackBatch((cell.rung,), search.attacker, search.rounds, search.description, found, search.progress)
+    yield AttackBatch((cell.method,), search.attacker, search.rounds, search.description, found, search.progress)
 
 
 def _measure_batch(

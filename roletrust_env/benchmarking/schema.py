@@ -58,7 +58,7 @@ class AttackResult(NamedTuple):
     """Result of one attack.
 
     Attributes:
-        attack: Name of the scripted attack, or of the rung that found the attack.
+        attack: Name of the scripted attack, or of the method that found the attack.
         words: Short description of the attack.
         rounds: Number of game rounds that were played to find the attack.
         chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
@@ -85,7 +85,7 @@ class CellResult(NamedTuple):
     Attributes:
         rows: Results of the attacks.
         seconds: Wall-clock time in seconds.
-        unsuitable: Reason why the rung does not apply. Empty if it does.
+        unsuitable: Reason why the method does not apply. Empty if it does.
         failed: Error message. Empty if nothing failed.
         env_steps: Number of game rounds in total, rounds x games.
     """

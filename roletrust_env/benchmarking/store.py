@@ -1,6 +1,6 @@
 """Storage of results: one SQLite file for each run. A stopped run continues from its file.
 
-It also continues with a larger suite, for example with further models, seeds or rungs.
+It also continues with a larger suite, for example with further models, seeds or methods.
 """
 
 import json
@@ -23,11 +23,8 @@ from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import check_file
 
-FORMAT = 3
+FORMAT = 4
 """Version of the file format."""
-
-READABLE = (2, FORMAT)
-"""Readable versions of the file format. A run with format 2 cannot go on, for its results lack the attackers."""
 
 _TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -163,8 +160,8 @@ class Store:
         """Return all cells with their results, in the order of their keys."""
         with self._reading() as file:
             attacks: dict[str, list[AttackResult]] = {}
-            for key, name, words, rounds, *plain in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
-                attacks.setdefault(key, []).append(_attack_result((name, words, rounds), *plain))
+            for key, *columns in file.execute("SELECT * FROM attacks ORDER BY 1, 2"):
+                attacks.setdefault(key, []).append(_attack_result(*columns))
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
@@ -181,10 +178,8 @@ class Store:
         """Return the metadata of the file after a check of its integrity and its format."""
         with self._reading() as file:
             facts = {name: json.loads(value) for name, value in file.execute("SELECT name, value FROM facts")}
-            readable = READABLE if self._lock is None else (FORMAT,)
-            if facts.get("format") not in readable:
-                can = f"{'reads' if self._lock is None else 'continues'} {' and '.join(map(str, readable))}"
-                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version {can}")
+            if facts.get("format") != FORMAT:
+                raise ValueError(f"{self.path} has the format {facts.get('format')!r}; this version reads {FORMAT}")
             if not {"suite", "software"} <= facts.keys():
                 raise sqlite3.DatabaseError("the suite or the software is missing")
             for (message,) in file.execute("PRAGMA quick_check"):
@@ -284,12 +279,13 @@ def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")
 
 
-def _attack_result(named: tuple[str, str, int], chosen: str, measured: str, by_round: str, *later: str) -> AttackResult:
-    """Return the result of a row. Rows of format 2 have nothing later than the curve."""
-    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured)
-    record, progress = later or ("", "[]")
+def _attack_result(
+    name: str, words: str, rounds: int, chosen: str, measured: str, by_round: str, record: str, progress: str
+) -> AttackResult:
+    """Return the result of a row of the table of attacks."""
+    scores = _SCORES.validate_json(chosen), _SCORES.validate_json(measured), _NUMBERS.validate_json(by_round)
     found = _RECORD.validate_python(record, strict=True), _PROGRESS.validate_json(progress)
-    return AttackResult(*named, *scores, _NUMBERS.validate_json(by_round), *found)
+    return AttackResult(name, words, rounds, *scores, *found)
 
 
 def _quoted(text: str) -> str:

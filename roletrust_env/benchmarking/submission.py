@@ -18,6 +18,7 @@ from roletrust_env.benchmarking.worst_case import as_array
 from roletrust_env.errors import explain, suggest
 from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.evaluation.resources import processor
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed, named_factory
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.metrics.confidence import over_games
@@ -72,7 +73,7 @@ class ClaimedMetrics(UntrustedModel):
     """Scores of an attack, by the names of `MEASURED`."""
 
     utility: Score
-    published: Score = Score(mean=None, half_95=None)  # results of earlier versions lack it
+    published: Score
     blind: Score
     damage: Score
     false_alarms: Score
@@ -108,10 +109,10 @@ class CellClaim(UntrustedModel):
     scenario: Name
     track: Name
     share: Annotated[float, Field(ge=0, lt=1)]
-    rung: Name
+    method: Name
     seed: Count
     attacks: tuple[Claim, ...]
-    """Results of the attacks. Empty if the rung does not apply."""
+    """Results of the attacks. Empty if the method does not apply."""
 
     @property
     def cell(self) -> Cell:
@@ -121,10 +122,10 @@ class CellClaim(UntrustedModel):
     @model_validator(mode="after")
     def _check(self) -> Self:
         check_unique(attacks=tuple(one.attack for one in self.attacks))
-        if self.rung in WITHOUT_SEARCH and self.record:
-            raise ValueError(f"{self.cell.key} has a record, but the rung {self.rung} does not search")
-        if self.rung not in WITHOUT_SEARCH and any(one.attack != self.rung for one in self.attacks):
-            raise ValueError(f"{self.cell.key} has other attacks than the one that the rung {self.rung} finds")
+        if self.method in WITHOUT_SEARCH and self.record:
+            raise ValueError(f"{self.cell.key} has a record, but the method {self.method} does not search")
+        if self.method not in WITHOUT_SEARCH and any(one.attack != self.method for one in self.attacks):
+            raise ValueError(f"{self.cell.key} has other attacks than the one that the method {self.method} finds")
         return self
 
     @property
@@ -173,7 +174,7 @@ class Software(UntrustedModel):
 class Submission(UntrustedModel):
     """Content of a submission file."""
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     software: Software
     processor: Word
     """Processor that played all cells. Empty if several machines played them."""
@@ -183,6 +184,8 @@ class Submission(UntrustedModel):
     """Hash of the suite without its models, see `fingerprint`."""
     models: dict[Name, Source]
     attacks: dict[Name, Source]
+    methods: dict[Name, Source]
+    """Sources of the search methods."""
     standings: dict[Name, ModelScores]
     cells: tuple[CellClaim, ...]
 
@@ -193,11 +196,11 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
     Args:
         store: File of the run.
         names: Names of the models, which need not be installed. Empty means all models of the run.
-        allow_code: Allow the file to name models and attacks that are not installed.
+        allow_code: Allow the file to name models, attacks and search methods that are not installed.
 
     Raises:
         ValueError: The run is incomplete, does not contain a model, is not a robustness run, was played with other
-            software, or names a model or an attack that is not installed.
+            software, or names a model, an attack or a search method that is not installed.
     """
     if not isinstance(store.suite, Suite):
         raise ValueError(f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be submitted")
@@ -210,6 +213,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
     if not allow_code:
         check_installed(trust_models, [name for name in suite.models if name not in names])
         check_installed(attackers, suite.attacks)
+        check_installed(search_methods, suite.searches)
     store.check_sources(suite)
     stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
     every = cells(suite)
@@ -258,10 +262,11 @@ def fingerprint(suite: Suite) -> str:
 
 
 def suite_sources(suite: Suite) -> dict[str, Any]:
-    """Return the sources of the models and the attacks of a suite, by name."""
+    """Return the sources of the models, attacks and search methods of a suite, by name."""
     return {
         "models": {name: source_of(named_factory(trust_models, name)) for name in suite.models},
         "attacks": {name: source_of(named_factory(attackers, name)) for name in suite.attacks},
+        "methods": {name: source_of(named_factory(search_methods, name)) for name in suite.searches},
     }
 
 

@@ -1,8 +1,7 @@
 """Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
 
 from collections.abc import Sequence
-from itertools import chain
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
@@ -12,33 +11,17 @@ from roletrust_env.game.attack_task import Consumers
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.base_model import FrozenModel
 
-Rung = Literal[
-    "scripted",
-    "known",
-    "universal",
-    "random search",
-    "CMA-ES",
-    "agreed CMA-ES",
-    "evolution",
-    "evolution strategy",
-    "coalition PPO",
-    "PPO",
-    "white-box planner",
-]
-"""Way to find an attack; known attacks were found before. The planner has full knowledge, so its result is shown apart
-and is never the worst case."""
+HONEST = "nobody"
+"""Name of the method in cells in which all agents are honest."""
+
+WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", HONEST})
+"""Methods that play what is given. Every other method is the spec of a search method."""
 
 PLANNER = "white-box planner"
-"""Name of the rung that follows gradients."""
+"""Name of the search method that follows gradients."""
 
-WITHOUT_SEARCH: frozenset[str] = frozenset({"scripted", "known", "nobody"})
-"""Rungs that play what is given, and that of cells in which everybody is honest."""
-
-FROM_KNOWN: frozenset[str] = frozenset({"known", "evolution", "evolution strategy"})
-"""Rungs that play known attacks, or start from them."""
-
-WHITE_BOX_RUNGS: frozenset[str] = frozenset({PLANNER})
-"""Rungs that use knowledge that a real attacker does not have."""
+WHITE_BOX = (PLANNER, "gradients", "exact", "best known")
+"""Names of the project's search methods that use knowledge that a real attacker does not have."""
 
 Scale = Literal["utility", "skill"]
 """Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
@@ -57,7 +40,7 @@ class Stage(FrozenModel):
     """Tracks that are played in the scenario, and the shares of compromised agents there. None means all tracks of the
     suite with all their shares."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
-    """Budgets of single rungs in the scenario where they differ from those of the suite."""
+    """Budgets of single methods in the scenario where they differ from those of the suite."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -108,7 +91,7 @@ class Track(FrozenModel):
 
 
 class Suite(SuiteSchema):
-    """Benchmark of trust models: models x scenarios x tracks x shares x rungs x seeds.
+    """Benchmark of trust models: models x scenarios x tracks x shares x methods x seeds.
 
     The worst case is chosen in one set of games and measured in another set of the same size.
     """
@@ -123,15 +106,20 @@ class Suite(SuiteSchema):
     """Scenarios by their name in the suite."""
     tracks: dict[Label, Track]
     """Tracks by name. A track without roles measures a model while all agents are honest."""
-    rungs: tuple[Rung, ...] = ("scripted", "random search", "CMA-ES", "PPO", "white-box planner")
-    """Ways to find attacks, each with the same budget. Scripted attacks with default parameters need no budget."""
+    methods: tuple[Label, ...] = ("scripted", "random search", "CMA-ES", "PPO", PLANNER)
+    """Methods that find attacks, each with the same budget: `scripted` plays scripted attacks with default parameters,
+    `known` plays `known`, and both need no budget. Every other one is the spec of a search method: a registered name or
+    `package.module:Class`, with parameters or without."""
+    white_box: tuple[Label, ...] = WHITE_BOX
+    """Names of search methods that use knowledge that a real attacker does not have. Their results are shown apart, and
+    are never the worst case."""
     budget: PositiveInt = 100_000
     """Budget of each search, learner and planner in a cell, in game rounds (rounds x games)."""
     budgets: dict[str, PositiveInt] = Field(default_factory=dict)
-    """Budgets of single rungs where they differ from `budget`."""
+    """Budgets of single methods where they differ from `budget`."""
     known: tuple[KnownAttack, ...] = ()
-    """Attacks that the rung `known` plays, and from which evolution starts. In a TOML file it is the name of their JSON
-    file, or a list of names; the files lie beside it."""
+    """Attacks that the method `known` plays, and from which searches with a parameter `known` start, such as evolution.
+    In a TOML file it is the name of their JSON file, or a list of names; the files lie beside it."""
     score: Scale = "utility"
     """Scale on which attacks are compared and worst cases count: utility, never below a blind choice, or skill, 1 for
     the best choice, 0 for a blind one, and below 0 where attackers steer consumers."""
@@ -143,11 +131,11 @@ class Suite(SuiteSchema):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not self.scenarios or not self.tracks or not self.rungs:
-            raise ValueError("scenarios, tracks and rungs must not be empty")
+        if not self.scenarios or not self.tracks or not self.methods:
+            raise ValueError("scenarios, tracks and methods must not be empty")
         if not self.models or not self.attacks:
             raise ValueError("models and attacks must not be empty")
-        check_unique(rungs=self.rungs)
+        check_unique(methods=self.methods)
         check_names(self.known)
         self._check_stages()
         self._check_known()
@@ -157,16 +145,13 @@ class Suite(SuiteSchema):
         return self
 
     def _check_stages(self) -> None:
-        """Check that the rungs and tracks that budgets and scenarios name exist.
+        """Check that the methods of `budgets` are played, and that the tracks that scenarios name exist.
 
-        Scenarios that a suite has from another one may have budgets of rungs that it does not play.
+        Scenarios that a suite has from another one may have budgets of methods that it does not play.
         """
-        for rung in self.budgets:
-            if rung not in self.rungs:
-                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(self.rungs)}")
-        for rung in chain(*(stage.budgets for stage in self.scenarios.values())):
-            if rung not in get_args(Rung):
-                raise ValueError(f"budgets names {rung!r}, which is none of the rungs {', '.join(get_args(Rung))}")
+        for method in self.budgets:
+            if method not in self.methods:
+                raise ValueError(f"budgets names {method!r}, which is none of the methods {', '.join(self.methods)}")
         for name, stage in self.scenarios.items():
             for track, shares in (stage.shares or {}).items():
                 if track not in self.tracks:
@@ -179,14 +164,23 @@ class Suite(SuiteSchema):
 
     def _check_known(self) -> None:
         """Check that there are known attacks if and only if they are played, and that their conditions exist."""
-        if ("known" in self.rungs) != bool(self.known):
-            raise ValueError("known and the rung 'known' belong together; give both or none")
+        if ("known" in self.methods) != bool(self.known):
+            raise ValueError("known and the method 'known' belong together; give both or none")
         for one in self.known:
             if one.condition not in self.conditions:
                 where = f"{one.scenario}, {one.track} {one.share:g}"
                 raise ValueError(f"known attack {one.name!r} is for {where}, which the suite does not have")
-            if one.name in self.rungs or (self.attacks != "all" and one.name in self.attacks):
+            if one.name in self.methods or (self.attacks != "all" and one.name in self.attacks):
                 raise ValueError(f"known attack {one.name!r} has the name of another attack of the suite")
+
+    @property
+    def searches(self) -> tuple[str, ...]:
+        """Methods that search, as specs of search methods."""
+        return tuple(method for method in self.methods if method not in WITHOUT_SEARCH)
+
+    def is_white_box(self, method: str) -> bool:
+        """Return whether a method uses knowledge that a real attacker does not have."""
+        return method.partition(":")[0] in self.white_box or method in self.white_box
 
     @property
     def conditions(self) -> list[tuple[str, str, float]]:
@@ -207,9 +201,9 @@ class Suite(SuiteSchema):
         own = self.scenarios[scenario].shares
         return {name: track.shares for name, track in self.tracks.items()} if own is None else own
 
-    def budget_of(self, rung: str, scenario: str) -> int:
-        """Return the budget of a rung in a cell of a scenario, in game rounds."""
-        return self.scenarios[scenario].budgets.get(rung, self.budgets.get(rung, self.budget))
+    def budget_of(self, method: str, scenario: str) -> int:
+        """Return the budget of a method in a cell of a scenario, in game rounds."""
+        return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
 
 
 def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
@@ -225,5 +219,5 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     fitting = tuple(one for one in attacks if one.condition in suite.conditions)
     if not fitting:
         raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
-    rungs = suite.rungs if "known" in suite.rungs else (*suite.rungs, "known")
-    return suite.model_copy(update={"known": joined(suite.known, fitting), "rungs": rungs})
+    methods = suite.methods if "known" in suite.methods else (*suite.methods, "known")
+    return suite.model_copy(update={"known": joined(suite.known, fitting), "methods": methods})

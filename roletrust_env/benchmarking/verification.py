@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from roletrust_env.benchmarking.agreement import ROUNDING, Check, within
-from roletrust_env.benchmarking.cells import HONEST, cells
+from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.sources import Source
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.submission import (
@@ -24,9 +24,10 @@ from roletrust_env.benchmarking.submission import (
     self_contained,
     suite_sources,
 )
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import HONEST, Suite
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite, suites
 from roletrust_env.evaluation.resources import processor
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.storage.provenance import software
@@ -61,16 +62,17 @@ def read_submission(path: Path) -> tuple[Submission, Suite]:
 
 
 def check_names(suite: Suite) -> None:
-    """Check that the models and the attacks of a suite are installed.
+    """Check that the models, attacks and search methods of a suite are installed.
 
     Args:
         suite: Suite of a submission.
 
     Raises:
-        ValueError: A model or an attack is not installed.
+        ValueError: A model, an attack or a search method is not installed.
     """
     check_installed(trust_models, suite.models)
     check_installed(attackers, suite.attacks)
+    check_installed(search_methods, suite.searches)
 
 
 def is_same_platform(submission: Submission) -> bool:
@@ -91,7 +93,7 @@ def check_claims(submission: Submission, suite: Suite, *, own_suite: bool = Fals
         own_suite: Accept a suite that is none of this package.
 
     Raises:
-        ValueError: A model or an attack cannot be loaded.
+        ValueError: A model, an attack or a search method cannot be loaded.
     """
     own = suite_sources(suite)
     return [
@@ -99,6 +101,7 @@ def check_claims(submission: Submission, suite: Suite, *, own_suite: bool = Fals
         _check_software(submission),
         *_check_sources("model", submission.models, own["models"]),
         *_check_sources("attack", submission.attacks, own["attacks"]),
+        *_check_sources("method", submission.methods, own["methods"]),
         *_check_model_scores(
             "scores of",
             submission.standings,
@@ -153,15 +156,16 @@ def _suite(submission: Submission) -> Suite:
         raise ValueError("suite: it must be a robustness suite with its models and attacks by name")
     _check_same("models", suite.models, submission.models)
     _check_same("attacks", suite.attacks, submission.attacks)
+    _check_same("methods", suite.searches, submission.methods)
     _check_same("standings", suite.models, submission.standings)
     conditions = [shares for scenario in suite.scenarios for shares in suite.shares_in(scenario).values()]
-    ways = sum(len(shares) * len(suite.rungs) or 1 for shares in conditions)
-    number = len(suite.models) * ways * len(suite.seeds)
+    cells_each = sum(len(shares) * len(suite.methods) or 1 for shares in conditions)
+    number = len(suite.models) * cells_each * len(suite.seeds)
     if number != len(submission.cells):  # checked before the cells are created
         raise ValueError(f"cells: there are {len(submission.cells)}; the suite has {number}")
     _check_same("cells", [cell.key for cell in cells(suite)], [claim.cell.key for claim in submission.cells])
     for claim in submission.cells:
-        if claim.rung == HONEST and len(claim.attacks) != 1:
+        if claim.method == HONEST and len(claim.attacks) != 1:
             raise ValueError(
                 f"cells: {claim.cell.key} has {len(claim.attacks)} attacks instead of one; all agents are honest there"
             )

@@ -1,7 +1,7 @@
 """The worst case of each trust model in each condition, chosen in some games and measured in others.
 
 A condition is a scenario, a track and a share. Its worst case is the attack that leaves the least score in the games
-for choosing. Rungs with more knowledge than a real attacker are excluded. The result is the score in the games for
+for choosing. Methods with more knowledge than a real attacker are excluded. The result is the score in the games for
 measuring, on the scale of the suite, see `Suite.score`. Each seed searches, chooses and measures as in a run of its
 own, and the scores of a run are means over its seeds.
 """
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import WHITE_BOX_RUNGS, Scale
+from roletrust_env.benchmarking.suite import Scale, Suite
 from roletrust_env.metrics.consumers import skill
 from roletrust_env.metrics.score import mean_or_nan
 
@@ -51,19 +51,21 @@ class AttackScores(NamedTuple):
         model: Name of the model.
         condition: Condition of the attack.
         attack: Name of the attack.
-        rung: Name of the rung that found the attack.
+        method: Method of the suite that found the attack.
+        white_box: Whether the method uses knowledge that a real attacker does not have.
         words: Short description of the attack.
         chosen: Score in the games for choosing, on the scale of the suite, shape (S, G).
         measured: Scores in the games for measuring, by the names of `MEASURED`, shape (S, G) each.
         score: Score in the games for measuring, on the scale of the suite, shape (S, G).
-        published: Same score if the consumers went by published trust; NaN in results that do not have it.
+        published: Same score if the consumers went by published trust.
         by_round: Mean utility over the games for measuring in each round from the second on, shape (T - 1,).
     """
 
     model: str
     condition: Condition
     attack: str
-    rung: str
+    method: str
+    white_box: bool
     words: str
     chosen: Floats
     measured: Mapping[str, Floats]
@@ -94,7 +96,7 @@ class WorstCase(NamedTuple):
     @property
     def common(self) -> AttackScores:
         """Attack that most seeds choose, the first one of several."""
-        names = [(one.rung, one.attack) for one in self.choices]
+        names = [(one.method, one.attack) for one in self.choices]
         return self.choices[names.index(max(names, key=names.count))]
 
     @property
@@ -108,18 +110,18 @@ class WorstCase(NamedTuple):
         return least_mean(self.score)
 
 
-def attack_scores(stored: Iterable[StoredCell], scale: Scale = "utility") -> list[AttackScores]:
+def attack_scores(suite: Suite, stored: Iterable[StoredCell]) -> list[AttackScores]:
     """Return the scores of all attacks of a run.
 
     Args:
+        suite: Suite of the run, with its scale and its methods that do not count.
         stored: Cells of the run with their results.
-        scale: Scale of the suite.
     """
     groups: dict[tuple[str, Condition, str, str], dict[int, AttackResult]] = {}
     for cell, result in stored:
         for row in result.rows:
             condition = Condition(cell.scenario, cell.track, cell.share)
-            groups.setdefault((cell.model, condition, row.attack, cell.rung), {})[cell.seed] = row
+            groups.setdefault((cell.model, condition, row.attack, cell.method), {})[cell.seed] = row
     every = [row for rows in groups.values() for row in rows.values()]
     seeds = sorted({seed for rows in groups.values() for seed in rows})
     lengths = (len(values) for row in every for part in (row.chosen, row.measured) for values in part.values())
@@ -135,32 +137,30 @@ def attack_scores(stored: Iterable[StoredCell], scale: Scale = "utility") -> lis
         return values
 
     found = []
-    for (model, condition, attack, rung), rows in groups.items():
+    for (model, condition, attack, method), rows in groups.items():
         first, words = next(iter(rows.values())), "; ".join(dict.fromkeys(row.words for row in rows.values()))
         chosen, measured = (
             {name: table(rows, part, name) for name in getattr(first, part)} for part in ("chosen", "measured")
         )
         by_round = mean_or_nan(np.stack([as_array(row.by_round) for row in rows.values()]), axis=0)
-        undefined = np.full_like(measured["utility"], np.nan)
-        by_published = measured | {"utility": measured.get("published", undefined)}
-        counted = _to_count(measured, scale), _to_count(by_published, scale)
-        scores = _to_choose(chosen, scale), measured, *counted
-        found.append(AttackScores(model, condition, attack, rung, words, *scores, by_round))
+        by_published = measured | {"utility": measured["published"]}
+        counted = _to_count(measured, suite.score), _to_count(by_published, suite.score)
+        scores = _to_choose(chosen, suite.score), measured, *counted
+        white_box = suite.is_white_box(method)
+        found.append(AttackScores(model, condition, attack, method, white_box, words, *scores, by_round))
     return found
 
 
-def worst_cases(
-    attacks: Iterable[AttackScores], included: frozenset[str] = frozenset()
-) -> dict[tuple[str, Condition], WorstCase]:
+def worst_cases(attacks: Iterable[AttackScores], *, white_box: bool = False) -> dict[tuple[str, Condition], WorstCase]:
     """Return the worst case of each model and condition, for each seed the attack with the least score when it chooses.
 
     Args:
         attacks: Scores of all attacks.
-        included: Rungs of `WHITE_BOX_RUNGS` that count.
+        white_box: Whether methods with more knowledge than a real attacker count, too.
     """
     groups: dict[tuple[str, Condition], list[AttackScores]] = {}
     for one in attacks:
-        if one.rung not in WHITE_BOX_RUNGS - included:
+        if white_box or not one.white_box:
             groups.setdefault((one.model, one.condition), []).append(one)
     return {key: _worst_case(group) for key, group in groups.items()}
 

@@ -179,13 +179,19 @@ def read_trust_model(
     return registry, name, {**given, **parameters}
 
 
-def parse_named(registry: Registry[T], text: str) -> T:
+def parse_named(registry: Registry[T], text: str, offered: Mapping[str, Any] | None = None) -> T:
     """Return the entry of a registry that `NAME:key=value,...` or `package.module:Class:key=value,...` names.
+
+    Args:
+        registry: Registry of the name.
+        text: Text that names the entry.
+        offered: Further parameters, of which the entry gets those that it accepts and that the text does not give.
 
     Raises:
         ValueError: The name is unknown, it names something of another kind, or the entry cannot be made.
     """
-    made: T = _made(*_parsed(registry, text), text)
+    found, name, parameters = _parsed(registry, text)
+    made: T = _made(found, name, {**found.accepted_parameters(name, offered or {}), **parameters}, text)
     return made
 
 

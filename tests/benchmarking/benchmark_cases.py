@@ -22,7 +22,7 @@ TINY = {
     "attacks": ["bad-mouthing", "random-rating", "on-off"],
     "scenarios": {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": GROUPS}}},
     "tracks": {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3, 0.5]}},
-    "rungs": ["scripted", "random search"],
+    "methods": ["scripted", "random search"],
     "budget": 200,
     "games": 3,
     "limit_s": 60.0,

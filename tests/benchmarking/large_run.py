@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from small_suites import MARKET
 
-from roletrust_env.benchmarking.cells import HONEST, Cell, attack_names, cells
+from roletrust_env.benchmarking.cells import Cell, attack_names, cells
 from roletrust_env.benchmarking.learners.suite import HONEST_PLAY, LearnersSuite, Trial, trials
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import HONEST, Suite
 from roletrust_env.benchmarking.suite_files import read_suite
 from roletrust_env.trust.model import registry
 
@@ -47,8 +47,8 @@ def stored_cells(suite: Suite) -> list[StoredCell]:
     """Return the cells of a suite with random results."""
     scripts, stored = attack_names(suite), []
     for cell in cells(suite):
-        names = scripts if cell.rung == "scripted" else [cell.rung]
-        rows = tuple(_row(suite.models, [HONEST, *scripts, *suite.rungs[1:]], cell, name) for name in names)
+        names = scripts if cell.method == "scripted" else [cell.method]
+        rows = tuple(_row(suite.models, [HONEST, *scripts, *suite.methods[1:]], cell, name) for name in names)
         stored.append(StoredCell(cell, CellResult(rows, 1.0)))
     return stored
 
@@ -77,7 +77,7 @@ def _row(names: Sequence[str], attacks: Sequence[str], cell: Cell, attack: str) 
     auc = np.clip(0.5 + 0.5 * goodness - 0.4 * draw.random(), 0, 1)
 
     def games() -> dict[str, list[Any]]:
-        honest = cell.rung == HONEST
+        honest = cell.method == HONEST
         scores = {
             "utility": np.clip(draw.normal(left, 0.05, GAMES), 0, 1),
             "blind": draw.normal(BLIND, 0.02, GAMES),

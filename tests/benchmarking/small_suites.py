@@ -26,7 +26,7 @@ def small(**fields: Any) -> Suite:
         "models": ["mean", "constant"],
         "scenarios": {"market": MARKET},
         "tracks": TRACKS,
-        "rungs": ["scripted"],
+        "methods": ["scripted"],
         "games": 4,
     }
     return read_suite(defaults | fields, "small")

@@ -11,7 +11,7 @@ from roletrust_env.benchmarking.run_cell import play_cell
 
 def test_the_time_is_that_of_attacks_side_by_side(monkeypatch) -> None:
     """One attack alone takes some times longer for each game; a run plays its attacks in batches."""
-    suite, batches = small(models=["mean"], rungs=["scripted"], games=2), []
+    suite, batches = small(models=["mean"], methods=["scripted"], games=2), []
 
     def played(task, attacker, batch, *random):
         batches.append(batch)
@@ -21,7 +21,7 @@ def test_the_time_is_that_of_attacks_side_by_side(monkeypatch) -> None:
     clock = [0.0]
     monkeypatch.setattr(cost_estimate, "judged_rollout", played)
     monkeypatch.setattr(cost_estimate, "process_time", lambda: clock[0])
-    cell = next(cell for cell in cells(suite) if cell.rung == "scripted")
+    cell = next(cell for cell in cells(suite) if cell.method == "scripted")
     seconds = cost_estimate.estimate_seconds(suite, [cell])[cell.key]
     assert set(batches) == {(1, 2), (8, 2)}
     assert seconds == pytest.approx(5 / 8 / 4 / 2 * sum(cost_estimate.round_counts(suite, cell)))
@@ -30,7 +30,7 @@ def test_the_time_is_that_of_attacks_side_by_side(monkeypatch) -> None:
 @pytest.mark.parametrize("tracks", [{"honest": {}}, {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}])
 def test_the_estimate_is_an_upper_bound_of_the_rounds(tracks: dict) -> None:
     scenario = {"preset": "peers" if len(tracks) == 1 else "paper-3x3", "set": {"max_cycles": 5}}
-    suite = small(models=["mean"], scenarios={"world": scenario}, tracks=tracks, rungs=["scripted"], games=2)
+    suite = small(models=["mean"], scenarios={"world": scenario}, tracks=tracks, methods=["scripted"], games=2)
     (cost,) = estimate_cost(suite, cells(suite)).values()
     played = sum(play_cell(suite, cell).env_steps for cell in cells(suite))
     assert cost.env_steps >= played > 0

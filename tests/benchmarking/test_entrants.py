@@ -22,7 +22,7 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.world import make_scenario
 
-SUITE = small(rungs=["scripted"], games=4)
+SUITE = small(methods=["scripted"], games=4)
 here = partial(benchmark, suite=SUITE, attacks=["bad-mouthing"], workers=0, progress=False)
 
 

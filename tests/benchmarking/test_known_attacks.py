@@ -27,7 +27,7 @@ from roletrust_env.benchmarking.suite import with_known
 from roletrust_env.benchmarking.worst_case import worst_cases
 from roletrust_env.evaluation.records import record_of
 
-SUITE = tiny(rungs=["scripted", "random search"], budget=2000)
+SUITE = tiny(methods=["scripted", "random search"], budget=2000)
 
 
 def play(suite: Any) -> list[StoredCell]:
@@ -60,13 +60,13 @@ def test_there_is_the_worst_attack_on_each_model_in_each_condition(
 
 
 def test_a_known_attack_scores_as_in_the_run_that_found_it(found: KnownAttacks, stored: list[StoredCell]) -> None:
-    again = {cell.key: result for cell, result in play(with_known(SUITE, found.attacks)) if cell.rung == "known"}
+    again = {cell.key: result for cell, result in play(with_known(SUITE, found.attacks)) if cell.method == "known"}
     compared = 0
     for cell, result in stored:
-        if cell.rung != "random search":  # scripts side by side share their random numbers
+        if cell.method != "random search":  # scripts side by side share their random numbers
             continue
         (row,) = result.rows
-        for theirs in again[cell._replace(rung="known").key].rows:
+        for theirs in again[cell._replace(method="known").key].rows:
             assert theirs.words == "known attack, found by A. Author"
             if theirs.attack == f"random search against {cell.model}":
                 assert (theirs.chosen, theirs.measured) == (row.chosen, row.measured)
@@ -75,35 +75,35 @@ def test_a_known_attack_scores_as_in_the_run_that_found_it(found: KnownAttacks, 
 
 
 def test_attacks_on_other_models_count_in_the_worst_case(found: KnownAttacks) -> None:
-    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), found.attacks)
+    suite = with_known(tiny(models=["mean"], methods=["scripted"]), found.attacks)
     board = Leaderboard.of(suite, play(suite))
-    names = {one.attack for one in board.attacks if one.rung == "known"}
+    names = {one.attack for one in board.attacks if one.method == "known"}
     assert any(name.endswith("against role-trust") for name in names)
-    assert any(case.common.rung == "known" for case in worst_cases(board.attacks).values())
+    assert any(case.common.method == "known" for case in worst_cases(board.attacks).values())
     assert board.rows[0].worst_attack in {one.attack for one in board.attacks}
-    ensemble = Leaderboard.of(suite, [one for one in board.cells if one.cell.rung != "known"])
+    ensemble = Leaderboard.of(suite, [one for one in board.cells if one.cell.method != "known"])
     assert board.rows[0].ensemble.mean == ensemble.rows[0].worst.mean != board.rows[0].worst.mean
     assert "ensemble" in board.columns
     assert "ensemble" in repr(board)
-    assert "ensemble" not in Leaderboard.of(SUITE, play(tiny(models=["mean"], rungs=["scripted"]))).columns
+    assert "ensemble" not in Leaderboard.of(SUITE, play(tiny(models=["mean"], methods=["scripted"]))).columns
 
 
 def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None:
     """Attacks of an earlier run, here those with another seed, count beside those of this one."""
-    other = tiny(rungs=["random search"], budget=2000, seeds=[7])
+    other = tiny(methods=["random search"], budget=2000, seeds=[7])
     earlier, _ = make_entries(other, play(other))
-    suite = with_known(tiny(rungs=["random search"], budget=2000), earlier.attacks)
+    suite = with_known(tiny(methods=["random search"], budget=2000), earlier.attacks)
     entries, _ = make_entries(suite, play(suite))
     KnownAttacks(attacks=entries.attacks)  # no two have the same name in a condition
 
 
 def test_evolution_starts_from_known_coalitions() -> None:
     tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}}
-    suite = tiny(models=["median"], rungs=["evolution"], budget=20_000, tracks=tracks)
+    suite = tiny(models=["median"], methods=["evolution"], budget=20_000, tracks=tracks)
     (cell,) = cells(suite)
     (first,) = play_cell(suite, cell).rows
     place = {"scenario": cell.scenario, "track": cell.track, "share": cell.share}
-    scripts = tiny(models=["mean"], rungs=["scripted"], tracks=tracks)
+    scripts = tiny(models=["mean"], methods=["scripted"], tracks=tracks)
     (script,) = make_entries(scripts, play(scripts))[0].attacks
     known = [KnownAttack(name="mine", record=first.record, **place), script]
     larger = with_known(suite, known)
@@ -111,7 +111,7 @@ def test_evolution_starts_from_known_coalitions() -> None:
     assert again.progress[0][1] == pytest.approx(first.progress[-1][1])  # the best of the first search
     assert again.progress[-1][1] >= first.progress[-1][1] > first.progress[0][1]
     assert rules(larger, cell) != rules(suite, cell)
-    scripted = cell._replace(rung="scripted")
+    scripted = cell._replace(method="scripted")
     assert rules(larger, scripted) == rules(suite, scripted)
 
 
@@ -122,8 +122,8 @@ def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
     wide = DeepSetArchitecture(units=5)  # other networks cannot play beside it
     networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
     known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]
-    suite = with_known(tiny(models=["qor"], rungs=["scripted"], tracks=tracks), known)
-    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    suite = with_known(tiny(models=["qor"], methods=["scripted"], tracks=tracks), known)
+    cell = next(cell for cell in cells(suite) if cell.method == "known")
     rows = {row.attack: row for row in play_cell(suite, cell).rows}
     assert list(rows) == ["0", "2", "3", "1"]
     assert find_attack(suite, cell, "2").rows == 3
@@ -137,7 +137,7 @@ def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
 def test_a_script_with_parameters_is_recorded_with_them() -> None:
     spec = "bad-mouthing:level=0.25,start=2"
     suite = tiny(
-        models=["mean"], rungs=["scripted"], attacks=[spec], tracks={"raters": {"roles": ["SR"], "shares": [0.3]}}
+        models=["mean"], methods=["scripted"], attacks=[spec], tracks={"raters": {"roles": ["SR"], "shares": [0.3]}}
     )
     entries, _ = make_entries(suite, play(suite))
     (one,) = entries.attacks
@@ -148,7 +148,7 @@ def test_a_script_with_parameters_is_recorded_with_them() -> None:
 
 def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
     suite = with_known(SUITE, found.attacks)
-    cell = next(cell for cell in cells(suite) if cell.rung == "known")
+    cell = next(cell for cell in cells(suite) if cell.method == "known")
     name = next(one.name for one in found.attacks if one.condition == cell[1:4])
     assert find_attack(suite, cell, name).batch.names == (name,)
 
@@ -156,15 +156,15 @@ def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
 def test_a_known_attack_that_cannot_play_harms_no_other(found: KnownAttacks) -> None:
     record = json.dumps({"kind": "scripts", "policies": {"nobody_7": {"name": "bad-mouthing"}}})
     wrong = found.attacks[0].model_copy(update={"name": "wrong", "record": record})
-    suite = with_known(tiny(models=["mean"], rungs=["scripted"]), [wrong, *found.attacks])
-    cell = next(cell for cell in cells(suite) if cell.rung == "known" and cell[1:4] == wrong.condition)
+    suite = with_known(tiny(models=["mean"], methods=["scripted"]), [wrong, *found.attacks])
+    cell = next(cell for cell in cells(suite) if cell.method == "known" and cell[1:4] == wrong.condition)
     result = play_cell(suite, cell)
     assert result.rows
     assert result.failed.startswith("attack wrong: ")
 
 
 def test_the_worst_attacks_of_a_run_with_known_ones_are_these(found: KnownAttacks) -> None:
-    suite = with_known(tiny(models=["mean"], rungs=["scripted"], attacks=["random-rating"]), found.attacks)
+    suite = with_known(tiny(models=["mean"], methods=["scripted"], attacks=["random-rating"]), found.attacks)
     again, lost = make_entries(suite, play(suite))
     assert lost == []
     assert set(again.attacks) & set(found.attacks)
@@ -180,7 +180,7 @@ def test_names_that_harm_terminals_or_files_are_refused() -> None:
 def test_a_condition_without_known_attacks_is_said(found: KnownAttacks) -> None:
     few = [one for one in found.attacks if one.share == 0.3]
     suite = with_known(SUITE, few)
-    by_share = {cell.share: result for cell, result in play(suite) if cell.rung == "known"}
+    by_share = {cell.share: result for cell, result in play(suite) if cell.method == "known"}
     assert by_share[0.3].rows
     assert by_share[0.5].unsuitable == "there is no known attack for this condition"
     assert results(play(SUITE)).items() <= results(play(suite)).items()  # the other cells stay as they are
@@ -189,7 +189,7 @@ def test_a_condition_without_known_attacks_is_said(found: KnownAttacks) -> None:
 def test_a_suite_reads_them_from_the_file_beside_it(found: KnownAttacks, tmp_path: Path) -> None:
     (tmp_path / "mine.json").write_text(found.model_dump_json())
     text = """
-        rungs = ["known"]
+        methods = ["known"]
         known = "mine.json"
         models = ["mean"]
         [scenarios.market]
@@ -218,7 +218,7 @@ def test_several_lists_are_one_and_a_suite_reads_several_files(found: KnownAttac
     (tmp_path / "mine.json").write_text(found.model_dump_json())
     (tmp_path / "yours.json").write_text(KnownAttacks(attacks=(namesake,)).model_dump_json())
     text = """
-        rungs = ["known"]
+        methods = ["known"]
         known = ["mine.json", "yours.json"]
         [scenarios.market]
         preset = "market"
@@ -263,13 +263,13 @@ def test_attacks_that_no_suite_can_play_are_refused() -> None:
     with pytest.raises(ValueError, match="give both or none"):
         tiny(known=[ONE])
     with pytest.raises(ValueError, match="give both or none"):
-        tiny(rungs=["known"])
+        tiny(methods=["known"])
     with pytest.raises(ValueError, match="has the name of another attack of the suite"):
-        tiny(rungs=["known"], known=[ONE | {"name": "on-off"}])
+        tiny(methods=["known"], known=[ONE | {"name": "on-off"}])
     with pytest.raises(ValueError, match="known attack 'mine': the record of an attacker must be an object"):
         check_records([one])
     with pytest.raises(ValueError, match="which the suite does not have"):
-        tiny(rungs=["known"], known=[ONE | {"share": 0.4}])
+        tiny(methods=["known"], known=[ONE | {"share": 0.4}])
     with pytest.raises(ValueError, match="no trust model 'men'"):
         make_entries(SUITE, [], ["men"])
     with pytest.raises(ValueError, match="no attack that can be recorded"):

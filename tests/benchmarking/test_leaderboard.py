@@ -18,7 +18,7 @@ from roletrust_env.trust.models.central.mean import Mean
 TRACKS = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}
 SUITE = small(
     models=["mean", "median"],
-    rungs=["scripted", "white-box planner"],
+    methods=["scripted", "white-box planner"],
     tracks=TRACKS,
 )
 
@@ -26,6 +26,7 @@ SUITE = small(
 def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0.1) -> AttackResult:
     measured = {
         "utility": utility,
+        "published": utility,
         "blind": [blind] * 2,
         "damage": [0.2, 0.4],
         "false_alarms": [0, 0],
@@ -34,8 +35,8 @@ def row(attack: str, chosen: list[float], utility: list[float], blind: float = 0
     return AttackResult(attack, attack, 0, {"utility": chosen}, measured)
 
 
-def stored(model: str, *rows: AttackResult, track: str = "raters", rung: str = "scripted") -> StoredCell:
-    cell = Cell(model, "market", track, 0.5 if track == "raters" else 0.0, rung, 0)
+def stored(model: str, *rows: AttackResult, track: str = "raters", method: str = "scripted") -> StoredCell:
+    cell = Cell(model, "market", track, 0.5 if track == "raters" else 0.0, method, 0)
     return StoredCell(cell, CellResult(rows, 1.0))
 
 
@@ -43,17 +44,19 @@ RATERS = {"raters": TRACKS["raters"]}
 NAMES = [f"mean:lam={0.5 + k / 20}" for k in range(10)]
 
 RUN = [
-    stored("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", rung="nobody"),
+    stored("mean", row("nobody", [0.9, 0.9], [0.8, 1.0]), track="honest", method="nobody"),
     stored("mean", row("lies", [0.5, 0.7], [0.9, 0.7]), row("silence", [0.6, 0.7], [0.1, 0.1])),
-    stored("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), rung="white-box planner"),
-    stored("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", rung="nobody"),
+    stored("mean", row("white-box planner", [0.0, 0.0], [0.3, 0.3]), method="white-box planner"),
+    stored("median", row("nobody", [0.9, 0.9], [0.9, 0.9]), track="honest", method="nobody"),
     stored("median", row("lies", [0.2, 0.2], [0.3, 0.5], blind=0.5), row("silence", [0.6, 0.7], [0.1, 0.1])),
 ]
 
 
 def test_the_worst_is_chosen_in_some_games_and_measured_in_others() -> None:
     cases = {
-        model: one.attack for (model, where), one in worst_cases(attack_scores(RUN)).items() if where.track == "raters"
+        model: one.attack
+        for (model, where), one in worst_cases(attack_scores(SUITE, RUN)).items()
+        if where.track == "raters"
     }
     assert cases == {"mean": "lies", "median": "lies"}  # though silence did worse where it is measured
 
@@ -63,7 +66,7 @@ def test_each_seed_chooses_its_own_worst_case() -> None:
     first = stored("mean", row("lies", [0.1, 0.1], [0.2, 0.4]), row("silence", [0.9, 0.9], [0.9, 0.9]))
     second = stored("mean", row("lies", [0.6, 0.6], [0.8, 0.8]), row("silence", [0.5, 0.5], [0.5, 0.7]))
     run = [first, second._replace(cell=second.cell._replace(seed=1))]
-    (case,) = worst_cases(attack_scores(run)).values()
+    (case,) = worst_cases(attack_scores(SUITE, run)).values()
     assert [one.attack for one in case.choices] == ["lies", "silence"]
     assert case.score == pytest.approx(np.array([[0.2, 0.4], [0.5, 0.7]]))
     assert case.attack == "lies"  # the first one of several
@@ -75,7 +78,7 @@ def test_each_seed_chooses_its_own_worst_case() -> None:
 
 def test_an_attack_without_a_score_is_never_the_worst_case() -> None:
     nothing = row("nothing", [None, None], [0.9, 0.7])  # type: ignore[list-item]
-    found = worst_cases(attack_scores([stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
+    found = worst_cases(attack_scores(SUITE, [stored("mean", nothing, row("lies", [0.5, 0.7], [0.9, 0.7]))]))
     assert [one.attack for one in found.values()] == ["lies"]
 
 
@@ -104,13 +107,12 @@ def test_published_trust_has_a_column_of_its_own() -> None:
     raters = row("lies", [0.5, 0.7], [0.9, 0.7], blind=0.5)
     raters.measured["published"] = [0.3, 0.5]
     for score, worst, published in (("utility", 0.8, 0.5), ("skill", 0.6, -0.2)):
-        suite = small(models=["mean"], rungs=["scripted"], tracks=TRACKS, score=score, consumers="raters")
+        suite = small(models=["mean"], methods=["scripted"], tracks=TRACKS, score=score, consumers="raters")
         raters.chosen["blind"] = [0.5, 0.5]
         (line,) = leaderboard_rows(suite, [stored("mean", raters)], ["mean"], 1)
         assert (line.worst.mean, line.published.mean) == pytest.approx((worst, published))
     assert "published" in Leaderboard.of(suite, [stored("mean", raters)]).columns
     assert "published" not in Leaderboard.of(SUITE, RUN).columns
-    assert np.isnan(leaderboard_rows(SUITE, RUN, ["mean"], 3)[0].published.mean)  # results of earlier versions
 
 
 def on_blind(attack: str, utility: list[float], blind: float) -> AttackResult:
@@ -120,19 +122,19 @@ def on_blind(attack: str, utility: list[float], blind: float) -> AttackResult:
 def test_on_the_scale_of_skill_the_worst_attack_leaves_least_above_a_blind_choice() -> None:
     milking = on_blind("milking", [0.4, 0.5], 0.2)  # little is on offer, but trust finds it
     steering = on_blind("steering", [0.5, 0.5], 0.6)
-    suite = small(models=["mean"], rungs=["scripted"], score="skill", tracks=TRACKS)
-    honest = stored("mean", on_blind("nobody", [0.9, 0.9], 0.5), track="honest", rung="nobody")
+    suite = small(models=["mean"], methods=["scripted"], score="skill", tracks=TRACKS)
+    honest = stored("mean", on_blind("nobody", [0.9, 0.9], 0.5), track="honest", method="nobody")
     (line,) = leaderboard_rows(suite, [honest, stored("mean", milking, steering)], ["mean"], 2)
     assert line.worst_attack == "steering"
     assert line.worst.mean == pytest.approx((0.5 - 0.6) / 0.4)  # no floor
     assert line.clean.mean == pytest.approx(0.8)
-    (worst,) = worst_cases(attack_scores([stored("mean", milking, steering)])).values()
+    (worst,) = worst_cases(attack_scores(SUITE, [stored("mean", milking, steering)])).values()
     assert worst.attack == "milking"
     assert Leaderboard.of(suite, [honest, stored("mean", milking, steering)]).caption.startswith("skill of choosing")
 
 
 def test_a_condition_in_which_all_providers_are_alike_has_no_skill() -> None:
-    suite = small(models=["mean"], rungs=["scripted"], score="skill", tracks=TRACKS)
+    suite = small(models=["mean"], methods=["scripted"], score="skill", tracks=TRACKS)
     (line,) = leaderboard_rows(suite, [stored("mean", on_blind("lies", [1.0, 1.0], 1.0))], ["mean"], 1)
     assert np.isnan(line.worst.mean)
 
@@ -181,13 +183,13 @@ def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
     last = rows[-1]
     assert last.model == "constant"
     assert last.damage.mean == 0
-    for one in attack_scores(played):
+    for one in attack_scores(suite, played):
         if one.model == "constant":
             assert one.measured["utility"] == pytest.approx(one.measured["blind"], abs=1e-12)
     assert rows[-2].worst.mean > last.worst.mean
     assert any(
         "constant: choosing by its trust is no better" in line
-        for line in caveats(suite, played, attack_scores(played), ["constant"])
+        for line in caveats(suite, played, attack_scores(suite, played), ["constant"])
     )
 
 
@@ -209,7 +211,7 @@ def test_a_model_that_goes_by_places_is_named(raters: int, places: str, words: s
     stage = {"market": {"preset": "market", "set": {"max_cycles": 5, "agents": groups}}}
     suite = small(models=["first-five", "mean"], scenarios=stage, tracks=TRACKS, places=places)
     run = [stored(name, row("lies", [0.5] * 2, [0.5] * 2)) for name in suite.models]
-    found = [line for line in caveats(suite, run, attack_scores(run), suite.models) if "places" in line]
+    found = [line for line in caveats(suite, run, attack_scores(SUITE, run), suite.models) if "places" in line]
     assert [line.startswith("first-five") and words in line for line in found] == [True] * bool(words)
 
 
@@ -223,7 +225,7 @@ class Moody(Mean):
 def test_a_random_model_is_a_caveat() -> None:
     register_trust_model("moody", Moody)
     run = [stored(model, row("lies", [0.5] * 2, [0.5] * 2)) for model in ("moody", "mean")]
-    lines = caveats(small(), run, attack_scores(run), ["moody", "mean"])
+    lines = caveats(small(), run, attack_scores(SUITE, run), ["moody", "mean"])
     assert [line for line in lines if "random" in line] == [
         "moody: its trust is random, so other runs give other numbers"
     ]
@@ -244,25 +246,25 @@ def test_a_partly_failed_cell_is_a_caveat_and_missing() -> None:
     line = leaderboard_rows(SUITE, [RUN[0], partly, RUN[2]], ["mean"], 3)[0]
     assert line.missing == 1
     assert line.worst.mean == pytest.approx(0.8)
-    (line,) = caveats(SUITE, [partly], attack_scores([partly]), [])
+    (line,) = caveats(SUITE, [partly], attack_scores(SUITE, [partly]), [])
     assert line == "mean, market, raters 0.5, scripted: attack noise: it broke; its other 2 attacks count"
 
 
 def test_there_is_no_caveat_about_a_planner_outside_the_suite() -> None:
     run = [stored("median", row("lies", [0.5] * 2, [0.5] * 2))]
     jumps = "median: trust jumps, so the white-box planner could not attack it"
-    for rungs, expected in ((["scripted"], False), (["scripted", "white-box planner"], True)):
-        assert (jumps in caveats(small(rungs=rungs), run, attack_scores(run), ["median"])) == expected
+    for methods, expected in ((["scripted"], False), (["scripted", "white-box planner"], True)):
+        assert (jumps in caveats(small(methods=methods), run, attack_scores(SUITE, run), ["median"])) == expected
 
 
 def test_a_search_that_never_beats_the_scripts_is_a_caveat() -> None:
     weak = [
         stored("mean", row("lies", [0.5] * 2, [0.5] * 2)),
-        stored("mean", row("PPO", [0.6] * 2, [0.5] * 2), rung="PPO"),
+        stored("mean", row("PPO", [0.6] * 2, [0.5] * 2), method="PPO"),
     ]
-    assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(weak), []))
-    strong = [weak[0], stored("mean", row("PPO", [0.4] * 2, [0.5] * 2), rung="PPO")]
-    assert not caveats(SUITE, strong, attack_scores(strong), [])
+    assert any("PPO never beat the scripts" in line for line in caveats(SUITE, weak, attack_scores(SUITE, weak), []))
+    strong = [weak[0], stored("mean", row("PPO", [0.4] * 2, [0.5] * 2), method="PPO")]
+    assert not caveats(SUITE, strong, attack_scores(SUITE, strong), [])
 
 
 def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
@@ -270,11 +272,11 @@ def test_a_search_that_still_finds_worse_attacks_is_a_caveat() -> None:
     assert late_gain(rising) == pytest.approx(0.22)
     assert late_gain(((100, 0.5),)) == 0.0  # nothing to compare with
     one = row("evolution", [0.1, 0.1], [0.1, 0.1])
-    calm, risen = (stored("mean", one._replace(progress=seen), rung="evolution") for seen in (flat, rising))
+    calm, risen = (stored("mean", one._replace(progress=seen), method="evolution") for seen in (flat, rising))
     assert not any("doubling" in line for line in caveats(SUITE, [calm], [], []))
     (line,) = caveats(SUITE, [calm, risen], [], [])
     assert "evolution: the last doubling of its rounds gained more than 0.01 in 1 of 2 cells, at most 0.220" in line
-    brief = stored("mean", one._replace(progress=((10, 0.3), (50, 0.3), (90, 0.3))), rung="evolution")
+    brief = stored("mean", one._replace(progress=((10, 0.3), (50, 0.3), (90, 0.3))), method="evolution")
     (line,) = caveats(SUITE, [calm, brief], [], [])
     assert "evolution: in 1 of 2 cells its course has fewer than 4 points, too few to say" in line
 
@@ -284,10 +286,10 @@ def test_unsuitable_searches_and_conditions_without_attacks_are_caveats() -> Non
         Cell("mean", "market", "raters", 0.5, "random search", 0), CellResult((), 1.0, unsuitable="too few rounds")
     )
     assert "random search attacked nothing: too few rounds" in caveats(
-        SUITE, [RUN[1], idle], attack_scores([RUN[1]]), []
+        SUITE, [RUN[1], idle], attack_scores(SUITE, [RUN[1]]), []
     )
-    assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(RUN), []))
-    (line,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(RUN[:1]), []) if "no attack" in line)
+    assert not any("attacked nothing" in line for line in caveats(SUITE, RUN, attack_scores(SUITE, RUN), []))
+    (line,) = (line for line in caveats(SUITE, RUN[:1], attack_scores(SUITE, RUN[:1]), []) if "no attack" in line)
     assert line == "raters 0.5: no attack was played there, so the worst case is that of the other conditions"
 
 
@@ -320,7 +322,7 @@ def test_the_worst_attack_is_that_of_the_worst_condition() -> None:
 
 
 def test_equal_providers_do_not_show_that_a_model_ignores_ratings() -> None:
-    equal = [stored("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", rung="nobody")]
-    assert not any("ignores ratings" in line for line in caveats(SUITE, equal, attack_scores(equal), ["mean"]))
-    unequal = [stored("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", rung="nobody")]
-    assert any("ignores ratings" in line for line in caveats(SUITE, unequal, attack_scores(unequal), ["mean"]))
+    equal = [stored("mean", row("nobody", [1.0] * 2, [1.0] * 2, blind=1.0), track="honest", method="nobody")]
+    assert not any("ignores ratings" in line for line in caveats(SUITE, equal, attack_scores(SUITE, equal), ["mean"]))
+    unequal = [stored("mean", row("nobody", [0.7] * 2, [0.7] * 2, blind=0.7), track="honest", method="nobody")]
+    assert any("ignores ratings" in line for line in caveats(SUITE, unequal, attack_scores(SUITE, unequal), ["mean"]))

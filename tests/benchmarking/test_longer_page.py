@@ -23,7 +23,7 @@ WORST = [row for row in rows("worst_cases.csv") if float(row["share"])]
 
 
 def test_the_table_is_the_leaderboard() -> None:
-    own = Counter(row["model"] for row in WORST if row["rung"] == "evolution strategy")
+    own = Counter(row["model"] for row in WORST if row["method"] == "evolution strategy")
     assert PAGE.partition("| own |\n")[2].partition("\n\n")[0].splitlines()[1:] == [
         f"| {row['tier']} | `{row['model']}` | "
         + " | ".join(f"{float(row[name]):.3f} ± {float(row[name + '_half_95']):.3f}" for name in ("clean", "worst"))

@@ -15,11 +15,11 @@ from roletrust_env.trust import register_trust_model
 
 @pytest.mark.parametrize("seed", range(20))
 def test_after_the_first_tenth_the_estimate_is_right_within_a_factor_of_two(seed: int) -> None:
-    """Models and rungs differ in cost by a factor of a hundred, and trials err by up to a third for each model."""
+    """Models and methods differ in cost by a factor of a hundred, and trials err by up to a third for each model."""
     random = np.random.default_rng(seed)
-    models, rungs = np.exp(random.uniform(0, np.log(30), 22)), np.array([0.1, 0.3, 1.0, 20.0])
+    models, methods = np.exp(random.uniform(0, np.log(30), 22)), np.array([0.1, 0.3, 1.0, 20.0])
     errors = random.uniform(2 / 3, 3 / 2, 22) * 7  # of each model, and of the machine
-    true = {f"{m}|{c}|{r}": models[m] * rungs[r] for m in range(22) for c in range(12) for r in range(4)}
+    true = {f"{m}|{c}|{r}": models[m] * methods[r] for m in range(22) for c in range(12) for r in range(4)}
     found = RemainingTime({key: cost * errors[int(key.partition("|")[0])] for key, cost in true.items()})
     passed, whole, checked = 0.0, sum(true.values()), 0
     for key, cost in true.items():

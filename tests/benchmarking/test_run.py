@@ -10,7 +10,7 @@ from roletrust_env.benchmarking.run import play_suite
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.mean import Mean
 
-SUITE = small(rungs=["scripted"], games=4)
+SUITE = small(methods=["scripted"], games=4)
 ATTACKS = ["bad-mouthing"]
 
 

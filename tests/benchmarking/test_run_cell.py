@@ -50,7 +50,7 @@ def test_the_worst_case_is_chosen_in_other_games_than_it_is_measured_in(expected
 
 
 def test_a_record_plays_in_place_of_the_search():
-    suite = tiny(models=["mean"], rungs=["random search"], budget=2000)
+    suite = tiny(models=["mean"], methods=["random search"], budget=2000)
     cell = cells(suite)[1]
     (row,) = play_cell(suite, cell).rows
     (again,) = play_cell(suite, cell, row.record).rows
@@ -67,7 +67,7 @@ def test_another_seed_gives_other_numbers(expected):
 
 
 def test_all_rounds_are_counted():
-    suite = tiny(models=["mean"], rungs=["scripted"])
+    suite = tiny(models=["mean"], methods=["scripted"])
     honest, attacked, _ = (play_cell(suite, cell) for cell in cells(suite))
     assert honest.env_steps == 5 * 2 * 3  # rounds x two kinds of games x games
     assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the honest twin
@@ -109,7 +109,7 @@ def test_consumers_are_the_public_or_the_honest_raters():
     """What a judge thinks is no concern of the public; with a central model, both go by the published trust."""
 
     def utility(model, consumers):
-        suite = tiny(models=[model], consumers=consumers, games=8, rungs=["scripted"])
+        suite = tiny(models=[model], consumers=consumers, games=8, methods=["scripted"])
         cell = next(one for one in cells(suite) if one.track == "raters")
         return [value for row in play_cell(suite, cell).rows for value in row.measured["utility"]]
 
@@ -126,7 +126,7 @@ class WithoutJudges(Travos):
 def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_of_their_own():
     def measured(model):
         with temporary_registration({"one": model}):
-            suite = tiny(models=["one"], consumers="raters", games=8, rungs=["scripted"])
+            suite = tiny(models=["one"], consumers="raters", games=8, methods=["scripted"])
             (cell, *_) = [one for one in cells(suite) if one.share == 0.5]
             return play_cell(suite, cell).rows
 
@@ -138,7 +138,7 @@ def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_o
 
 def test_a_model_cannot_know_liars_by_their_place():
     def utility(places, model="benchmark_cases:FirstRaters"):
-        suite = tiny(models=[model], places=places, games=20, rungs=["scripted"], attacks=["complementary"])
+        suite = tiny(models=[model], places=places, games=20, methods=["scripted"], attacks=["complementary"])
         cell = next(one for one in cells(suite) if one.share == 0.5)
         return np.mean(play_cell(suite, cell).rows[0].measured["utility"])
 

@@ -1,16 +1,31 @@
 """Suites as data, and their cells."""
 
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
-from small_suites import MARKET, small
+from small_suites import MARKET, TRACKS, small
 
-from roletrust_env import attackers
-from roletrust_env.benchmarking.cells import Cell, attack_names, attacked_scenario, cells, model_names, objective
+from roletrust_env import attackers, make_attacker
+from roletrust_env.benchmarking import Leaderboard, benchmark
+from roletrust_env.benchmarking.cells import (
+    Cell,
+    attack_names,
+    attacked_scenario,
+    cells,
+    factories,
+    model_names,
+    objective,
+    rules,
+)
 from roletrust_env.benchmarking.run_cell import play_cell
 from roletrust_env.benchmarking.suite import Track
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from roletrust_env.benchmarking.suite_types import suite_type
+from roletrust_env.evaluation import Budget, SearchResult, register_search_method
+from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.trust import trust_models
 
 
@@ -32,7 +47,7 @@ def test_all_registered_models_and_attacks_are_in_the_suites() -> None:
 
 
 def test_every_attack_is_played_on_a_track_of_the_quick_suite() -> None:
-    suite = load_suite("quick").model_copy(update={"games": 2, "rungs": ("scripted",)})
+    suite = load_suite("quick").model_copy(update={"games": 2, "methods": ("scripted",)})
     played = [row.attack for cell in cells(suite) if cell.model == "mean" for row in play_cell(suite, cell).rows]
     assert set(attack_names(suite)) <= set(played)
 
@@ -68,7 +83,7 @@ def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: i
 
 def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None:
     square = {**MARKET, "shares": {"honest": [], "raters": [0.25]}, "budgets": {"random search": 70}}
-    suite = small(scenarios={"square": square, "market": MARKET}, rungs=["scripted", "random search"], budget=90)
+    suite = small(scenarios={"square": square, "market": MARKET}, methods=["scripted", "random search"], budget=90)
     found = [cell[1:5] for cell in cells(suite) if cell.model == "mean" and cell.scenario == "square"]
     assert found == [
         ("square", "honest", 0.0, "nobody"),
@@ -87,7 +102,6 @@ def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None
         ({"shares": {"raters": []}}, "a track has shares if it has compromised agents"),
         ({"shares": {"honest": [0.3]}}, "a track has shares if it has compromised agents"),
         ({"shares": {"raters": [1.5]}}, "less than 1"),
-        ({"budgets": {"PP": 100}}, "budgets names 'PP', which is none of the rungs scripted, known"),
     ],
 )
 def test_a_scenario_with_tracks_or_budgets_that_do_not_exist_is_refused(scenario: dict, message: str) -> None:
@@ -124,9 +138,9 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
     ("fields", "message"),
     [
         ({"games": 1}, "games is 1"),
-        ({"rungs": ["sorcery"]}, "rungs"),
+        ({"methods": ["a|b"]}, "methods"),
         ({"seeds": [0, 0]}, "seeds must not contain a value twice"),
-        ({"scenarios": {}}, "scenarios, tracks and rungs must not be empty"),
+        ({"scenarios": {}}, "scenarios, tracks and methods must not be empty"),
         ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, "unknown scenario 'nowhere'"),
         ({"scenarios": {"market": {"preset": "market", "set": {"lamb": 1}}}}, "lamb"),
         ({"tracks": {"raters": {"roles": ["SR"]}}}, "roles and shares must both be given"),
@@ -154,12 +168,12 @@ def test_an_invalid_suite_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["quick", "standard"])
-@pytest.mark.parametrize("rung", ["random search", "CMA-ES"])
-def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, rung: str) -> None:
+@pytest.mark.parametrize("method", ["random search", "CMA-ES"])
+def test_budgets_are_enough_for_the_searches_of_a_suite(name: str, method: str) -> None:
     suite = load_suite(name)
-    if rung in suite.rungs:
+    if method in suite.methods:
         for stage in suite.scenarios:
-            result = play_cell(suite, Cell("mean", stage, "raters", 0.3, rung, 0))
+            result = play_cell(suite, Cell("mean", stage, "raters", 0.3, method, 0))
             assert result.rows, result.unsuitable
 
 
@@ -181,5 +195,50 @@ def test_a_suite_extends_one_that_extends_another(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('extends = "standard-3"\ndescription = "mine"\nseeds = [7]\n')
     mine, base = load_suite(path), load_suite("standard-3")
-    assert (tuple(mine.seeds), mine.known, mine.rungs) == ((7,), base.known, base.rungs)
+    assert (tuple(mine.seeds), mine.known, mine.methods) == ((7,), base.known, base.methods)
     assert mine.scenarios == base.scenarios == load_suite("standard-3-search").scenarios
+
+
+class OwnSearch:
+    """Search method of another package: it lets every compromised agent bad-mouth."""
+
+    name = "own search"
+
+    def __init__(self, level: float = 0.0) -> None:
+        self.level = level
+
+    def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
+        budget.spend(10)
+        lie = make_attacker("bad-mouthing", level=self.level)
+        return SearchResult(Scripted(dict.fromkeys(arguments["compromised"], lie)), budget.spent, f"lies {self.level}")
+
+
+def test_a_registered_search_method_stands_in_a_suite(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By name with parameters, or as a class of a module; tables name it, and an unknown one is refused at once."""
+    register_search_method("own", OwnSearch)
+    plugin = ModuleType("own_searches")
+    plugin.OwnSearch = OwnSearch  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "own_searches", plugin)
+    methods = ["own:level=0.1", "own_searches:OwnSearch", "scripted"]
+    tracks = {"honest": {}, "raters": TRACKS["raters"]}
+    suite = small(models=["mean"], attacks=["on-off"], tracks=tracks, methods=methods, budget=100, games=4)
+    board = benchmark(suite=suite, workers=0, progress=False)
+    assert board.rows[0].missing == 0
+    assert {one.method for one in board.attacks} == {"nobody", "own:level=0.1", "own_searches:OwnSearch"}
+    assert board.rows[0].worst_attack == "own_searches:OwnSearch"
+    assert f"{board.rows[0].worst_attack} (market, raters" in board.to_markdown()
+    known = suite.model_copy(update={"white_box": ("own_searches:OwnSearch",)})
+    assert Leaderboard.of(known, board.cells).rows[0].worst_attack == "own:level=0.1"
+    for name, message in (
+        ("owm", "'own'"),
+        ("own_searches:Missing", "cannot be loaded"),
+        ("own_searches:sys", "loaded"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            benchmark(suite=small(methods=[name]), workers=0, progress=False)
+    typo = small(scenarios={"market": {**MARKET, "budgets": {"PP": 100}}})
+    with pytest.raises(ValueError, match="unknown search method 'PP'"):
+        benchmark(suite=typo, workers=0, progress=False)
+    assert "search method own:level=0.1" in factories(suite)  # the store compares its source
+    for cell in cells(suite):  # known attacks say nothing of a search that cannot start from them
+        assert rules(suite, cell)[5] == []

@@ -36,7 +36,7 @@ def run(seed: int, cells: int = 10, attacks: int = 5, raised: float = 0.0) -> li
         rows = []
         for attack in range(attacks):
             chosen, measured = 0.8 + 0.01 * attack + 0.01 * cell + 0.05 * rng.standard_normal((2, 40)) + raised
-            other = {name: [0.5] * 40 for name in ("blind", "damage", "false_alarms", "auc")}
+            other = {name: [0.5] * 40 for name in ("published", "blind", "damage", "false_alarms", "auc")}
             halves = ({"utility": half.tolist(), **other} for half in (chosen, measured))
             rows.append(AttackResult(str(attack), "", 0, *halves))
         results.append(CellResult(tuple(rows), 0.0))

@@ -43,7 +43,7 @@ steady = "village.steady:Steady"
 MODELS = """
 models = ["mean", "grudge"]
 attacks = ["gossip"]
-rungs = ["scripted"]
+methods = ["scripted"]
 games = 2
 [scenarios.market]
 preset = "market"

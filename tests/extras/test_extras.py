@@ -16,7 +16,7 @@ pytestmark = pytest.mark.extras
 TINY = """
 models = ["mean", "role-trust"]
 attacks = ["bad-mouthing"]
-rungs = ["scripted"]
+methods = ["scripted"]
 games = 2
 [scenarios.market]
 preset = "market"
@@ -111,7 +111,7 @@ def test_notebook(fresh: Callable[..., Environment]) -> None:
 from roletrust_env.benchmarking import Suite, benchmark
 tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
 market = {"preset": "market", "set": {"max_cycles": 5}}
-suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, rungs=["scripted"], games=2)
+suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
 print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
 """
     assert fresh("notebook").python(lines) == "bad-mouthing\n"

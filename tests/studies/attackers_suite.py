@@ -3,7 +3,7 @@
 SUITE = """
 games = 2
 attacks = ["bad-mouthing", "ballot-stuffing"]
-rungs = ["scripted"]
+methods = ["scripted"]
 
 [scenarios.small]
 preset = "market"

@@ -46,10 +46,10 @@ def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) 
     assert best == pytest.approx(found.value, abs=1e-7)
 
 
-def scores(model: str, attack: str, rung: str, value: float, condition: Condition = HERE) -> AttackScores:
+def scores(model: str, attack: str, method: str, value: float, condition: Condition = HERE) -> AttackScores:
     games = np.full((2, 3), value)
     measured = {"utility": games, "blind": 0 * games}
-    return AttackScores(model, condition, attack, rung, attack, games, measured, games, games, np.zeros(1))
+    return AttackScores(model, condition, attack, method, attack, games, measured, games, games, np.zeros(1))
 
 
 def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:

@@ -31,7 +31,7 @@ def test_promises_are_counted_in_every_pair_of_runs():
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    suite = small(scenarios={"market": MARKET}, models=["mean", "median"], rungs=["scripted"], seeds=[4, 5, 6, 7, 8])
+    suite = small(scenarios={"market": MARKET}, models=["mean", "median"], methods=["scripted"], seeds=[4, 5, 6, 7, 8])
     return suite, benchmark(suite=suite, out=tmp_path_factory.mktemp("reruns"), workers=0)
 
 

@@ -25,6 +25,7 @@ from roletrust_env.benchmarking.suite import Suite, with_known
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.suite_types import AnySuite
 from roletrust_env.evaluation.resources import in_time
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.storage.files import write_text
@@ -269,6 +270,7 @@ def _asked(
     if not allow_code:
         check_installed(trust_models, suite.models)
         check_installed(attackers, suite.attacks)
+        check_installed(search_methods, suite.searches)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
     return with_names(suite, _expanded(model, model_names(everything)), _expanded(attack, attack_names(everything)))
 

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
+from roletrust_env.benchmarking.learners.search_methods import search_names
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, SearchRange, allowed
 from roletrust_env.registry import Registry, summary
@@ -35,7 +37,7 @@ _BUILT_IN = {
     "random search": "Random search over the parameters of scripted attacks",
     "white-box planner": "Planner that follows the gradients of the game",
 }
-"""Learners of this project."""
+"""Descriptions of this project's search methods, which a learner is compared with."""
 
 
 class Parameter(NamedTuple):
@@ -95,7 +97,7 @@ def all_attackers() -> dict[str, Entry]:
 def all_learners() -> dict[str, Entry]:
     """Return every learner by name: its description and its parameters.
 
-    The built-in learners come first. They are not loaded, because the libraries that they need are large.
+    The search methods come first. They are not loaded, because the libraries that they need are large.
     """
 
     def entry(name: str) -> Entry:
@@ -103,8 +105,9 @@ def all_learners() -> dict[str, Entry]:
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
         return {"description": summary(factory), "parameters": parameters}
 
-    built_in = {name: {"description": described, "parameters": {}} for name, described in _BUILT_IN.items()}
-    return {**built_in, **_entries(learners, entry)}
+    described = {name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()}
+    searches = {name: {"description": described[name], "parameters": {}} for name in search_names()}
+    return {**searches, **_entries(learners, entry)}
 
 
 def unfit(entry: Entry) -> list[str]:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import typer
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmarking.attackers import SEARCH_RUNGS
 from roletrust_env.benchmarking.learners.learner import registry as learner_registry
+from roletrust_env.benchmarking.learners.search_methods import search_names
 from roletrust_env.benchmarking.suite_files import suites as benchmark_suites
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.search import search_methods
@@ -52,4 +52,4 @@ scenario_names = _completer(scenarios.describe)
 tasks = _completer(task_names)
 suites = _completer(benchmark_suites)
 ways = _completer(lambda: dict.fromkeys(("scripts", *search_methods.names()), ""))
-learners = _completer(lambda: dict.fromkeys(SEARCH_RUNGS, "") | learner_registry.describe())
+learners = _completer(lambda: dict.fromkeys(search_names(), "") | learner_registry.describe())

@@ -14,6 +14,7 @@ from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import suggest
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.metrics.confidence import estimate
@@ -129,6 +130,7 @@ def _choose(
     if not allow_code:
         check_installed(trust_models, model_names(suite))
         check_installed(attackers, suite.attacks)
+        check_installed(search_methods, suite.searches)
     played = {one.cell.key: one for one in stored if one.result.rows}
     if key is None:
         board = Leaderboard.of(suite, stored)
@@ -143,13 +145,13 @@ def _choose(
         worst = min(attacked, key=lambda one: one.mean)
         seeds = sorted({cell.seed for cell, _ in played.values()})
         seed = next(seed for seed, one in zip(seeds, worst.choices, strict=True) if one is worst.common)
-        key, attack = Cell(model, *worst.condition, worst.common.rung, seed).key, worst.attack
+        key, attack = Cell(model, *worst.condition, worst.common.method, seed).key, worst.attack
     if key not in played:
         raise ValueError(f"{path} has no played cell {key!r}{suggest(key, played)}")
     cell, result = played[key]
     rows = {row.attack: row for row in result.rows}
     if attack is None:
-        scores = attack_scores([played[key]], suite.score)
+        scores = attack_scores(suite, [played[key]])
         attack = min(scores, key=lambda one: least_mean(one.chosen)).attack
     if attack not in rows:
         raise ValueError(f"cell {key} has no attack {attack!r}{suggest(attack, rows)}")

@@ -50,7 +50,7 @@ def _heatmap(robustness: Robustness) -> Any:
     cells = _cells(found, source, "model", heat, robustness.suite.score)
     found.rect("column", "model", 0.86, 0.84, source=source, fill_color=None, line_color="frame", line_width=2)
     found.xaxis.major_label_orientation = 0.9
-    _hover(found, cells, ("where", "@condition"), ("under", "@attack, @rung"), _with_half(heat.column), _BLINDLY)
+    _hover(found, cells, ("where", "@condition"), ("under", "@attack, @method"), _with_half(heat.column), _BLINDLY)
     return found
 
 
@@ -64,7 +64,7 @@ def _worst_cases(robustness: Robustness) -> Any:
     cells = _cells(found, source, "row", robustness.heat_maps["worst_cases"], robustness.suite.score)
     found.xaxis.axis_label = "share of the compromised"
     _hover(
-        found, cells, ("where", "@row, @column"), ("under", "@attack, @rung"),
+        found, cells, ("where", "@row, @column"), ("under", "@attack, @method"),
         _with_half("score", robustness.suite.score), _BLINDLY, ("games", "@games"),
     )  # fmt: skip
     return found

@@ -143,7 +143,7 @@ def _is_worst(one: AttackScores, cases: _Worst) -> bool:
 def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Table:
     """Return what each attack leaves; in each condition the attack with the most harm to all models comes first."""
     header = (
-        "condition", "attack", "model", "rung",
+        "condition", "attack", "model", "method",
         "utility", "utility_half_95", "skill", "skill_half_95", "blind", "worst",
     )  # fmt: skip
     measured = [(one.measured["utility"], one.measured["blind"]) for one in struck]
@@ -151,7 +151,7 @@ def _heatmap(scale: Scale, struck: Sequence[AttackScores], cases: _Worst) -> Tab
     rows: list[tuple[Any, ...]] = []
     for one, utility, skill in zip(struck, *scales, strict=True):
         blind = _mean(one.measured["blind"])
-        rows.append((*_name(one), one.rung, *utility[:2], *skill[:2], blind, _is_worst(one, cases)))
+        rows.append((*_name(one), one.method, *utility[:2], *skill[:2], blind, _is_worst(one, cases)))
     place, harm = header.index(scale), dict[tuple[str, str], list[float]]()
     for row in rows:
         harm.setdefault(row[:2], []).append(row[place])
@@ -167,12 +167,12 @@ def _name(one: AttackScores) -> tuple[str, str, str]:
 def _worst_cases(cases: _Worst, order: Sequence[str]) -> Table:
     """Return the worst case of each model in each condition, also in those without attackers, as it counts."""
     header = (
-        "model", "scenario", "track", "share", "attack", "rung", "score", "score_half_95", "blind", "games",
+        "model", "scenario", "track", "share", "attack", "method", "score", "score_half_95", "blind", "games",
     )  # fmt: skip
     rows = []
     for one, found in zip(cases.values(), _estimates([one.score for one in cases.values()]), strict=True):
         blind, games = _mean(one.measured["blind"]), int((~np.isnan(one.score)).sum())
-        rows.append((one.model, *one.condition, one.attack, one.common.rung, *found[:2], blind, games))
+        rows.append((one.model, *one.condition, one.attack, one.common.method, *found[:2], blind, games))
     return Table(header, sorted(rows, key=lambda row: order.index(row[0])))
 
 

@@ -12,6 +12,7 @@ from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.metrics.score import mean_or_nan
@@ -51,6 +52,7 @@ class Condition(NamedTuple):
         if not isinstance(loaded, Suite):
             raise ValueError(f"the suite {loaded.name} is one for {loaded.kind}; choose one for trust models")
         check_installed(attackers, loaded.attacks)
+        check_installed(search_methods, loaded.searches)
         tracks = [name for name, one in loaded.tracks.items() if one.roles]
         for what, name, known in (("scenario", scenario, list(loaded.scenarios)), ("track", track, tracks)):
             if name not in known:

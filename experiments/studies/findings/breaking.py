@@ -50,7 +50,7 @@ def answer(effort: Effort) -> Finding:
     """Play all models against all scripts, with a growing share of liars, in the benchmark's small market."""
     suite = _suite(effort)
     kept = play_suite(effort, suite, "liars")
-    cases = worst_cases(attack_scores(kept))
+    cases = worst_cases(attack_scores(suite, kept))
     left: dict[str, dict[float, Estimate]] = {}
     for model in model_names(suite):
         by_share = {where.share: case for (name, where), case in cases.items() if name == model}
@@ -125,7 +125,7 @@ def _suite(effort: Effort) -> Suite:
         name="liars",
         scenarios={"market": Stage(preset=market.preset, set=market.set | {"max_cycles": rounds})},
         tracks={"honest": Track(), "liars": Track(roles=("SR",), shares=effort.some(_SHARES))},
-        rungs=("scripted",),
+        methods=("scripted",),
         attacks=scripts(),
         games=max(_LEAST, effort.games // _FEWER),
         seeds=(effort.seed,),

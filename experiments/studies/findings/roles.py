@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_env import make_scenario
-from roletrust_env.benchmarking.cells import HONEST
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import Stage, Suite, Track
+from roletrust_env.benchmarking.suite import HONEST, Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from studies.findings.finding import Finding, listed, verdict
 from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
@@ -91,7 +90,7 @@ def _suite(effort: Effort) -> Suite:
         models=("role-trust",),
         scenarios=stages,
         tracks={"honest": Track()} | {who: Track(roles=(role,), shares=(_SHARE,)) for who, role in _TRACKS.items()},  # type: ignore[arg-type]
-        rungs=("scripted",),
+        methods=("scripted",),
         attacks=scripts(),
         games=effort.games,
         seeds=(effort.seed,),
@@ -107,7 +106,7 @@ def _rows(kept: Sequence[StoredCell], place: str, track: str) -> tuple[AttackRes
     """
     cell, done = next(one for one in kept if (one.cell.scenario, one.cell.track) == (place, track))
     if done.failed:
-        raise ValueError(f"{'everybody honest' if cell.rung == HONEST else track} in {place}: {done.failed}")
+        raise ValueError(f"{'everybody honest' if cell.method == HONEST else track} in {place}: {done.failed}")
     return done.rows
 
 

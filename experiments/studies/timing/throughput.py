@@ -33,7 +33,7 @@ def throughput(suite: Suite, models: tuple[str, ...] = ("role-trust", "mean"), t
         turns: of each of the two; the fastest counts, which other work on the machine disturbed least.
     """
     chosen: dict[tuple[str, str], Cell] = {}
-    for cell in cells(suite.model_copy(update={"models": models, "rungs": ("scripted",)})):
+    for cell in cells(suite.model_copy(update={"models": models, "methods": ("scripted",)})):
         if suite.tracks[cell.track].roles:
             chosen.setdefault((cell.model, cell.track), cell)
     for cell in chosen.values():

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from roletrust_env.benchmarking.attackers import SEARCH_RUNGS
 from roletrust_env.benchmarking.learners.learner import LearnerSearch, registry
 from roletrust_env.benchmarking.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite
 from roletrust_env.errors import suggest
@@ -11,9 +10,14 @@ from roletrust_env.evaluation.search import HonestPlay, SearchMethod, search_met
 from roletrust_env.evaluation.specs import named_factory, parse_named
 
 
+def search_names() -> list[str]:
+    """Return the names of the search methods that learners are compared with: all registered ones but `BOUNDS`."""
+    return [name for name in search_methods.names() if name not in BOUNDS]
+
+
 def is_search(name: str) -> bool:
-    """Return whether the name of a learner is one of `SEARCH_RUNGS`, with parameters or without."""
-    return name.partition(":")[0] in SEARCH_RUNGS
+    """Return whether the name of a learner is one of `search_names()`, with parameters or without."""
+    return name.partition(":")[0] in search_names()
 
 
 def factories(suite: LearnersSuite) -> dict[str, Callable[..., Any]]:
@@ -30,8 +34,8 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     """Return a search method for a task.
 
     Args:
-        name: `HONEST_PLAY`, one of `BOUNDS` or `SEARCH_RUNGS`, or the name of a learner: an installed one, or
-            `package.module:Class`. Rungs and learners may have parameters, as in `NAME:key=value,...`.
+        name: `HONEST_PLAY`, one of `BOUNDS`, that of a search method, or the name of a learner: an installed one, or
+            `package.module:Class`. Search methods and learners may have parameters, as in `NAME:key=value,...`.
         task_id: Gymnasium id of the task, one of `TASKS`.
 
     Raises:
@@ -44,6 +48,6 @@ def make_search_method(name: str, task_id: str) -> SearchMethod:
     if is_search(name):
         return parse_named(search_methods, name)
     if ":" not in name and name not in registry.names():
-        known = suggest(name, [*SEARCH_RUNGS, *registry.names()])
+        known = suggest(name, [*search_names(), *registry.names()])
         raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
     return LearnerSearch(parse_named(registry, name), name, task_id)

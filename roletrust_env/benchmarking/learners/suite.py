@@ -68,7 +68,7 @@ class LearnersSuite(SuiteSchema):
     tasks: Annotated[dict[Label, Task], Field(min_length=1)]
     """Tasks by their name in the suite."""
     learners: Annotated[tuple[Label, ...], Field(min_length=1)]
-    """Names of search rungs or installed learners, or `package.module:Class`, with parameters or without."""
+    """Names of search methods or installed learners, or `package.module:Class`, with parameters or without."""
     budgets: Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = (25_000, 50_000, 100_000)
     """Budgets of each learner in game rounds (rounds x games). The last one is used for the ranking."""
 

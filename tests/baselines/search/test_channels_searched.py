@@ -80,16 +80,16 @@ def test_what_is_sold_is_what_a_recorded_game_tells(policy: Any) -> None:
     )
 
 
-@pytest.mark.parametrize("rung", [GridSearch, RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
-def test_searches_find_what_whitewashing_brings_and_pick_it_from_a_mixture(rung: Any) -> None:
+@pytest.mark.parametrize("method", [GridSearch, RandomSearch, CmaEs], ids=lambda method: method.__name__)
+def test_searches_find_what_whitewashing_brings_and_pick_it_from_a_mixture(method: Any) -> None:
     def found(some: Any, kinds: Any) -> Any:
         return find(some(attacks=kinds), SELLER, budget=20_000, seed=0, games=2)
 
     default = found(PaperAttacks, (Whitewashing,))
-    best = found(rung, (Whitewashing,))
+    best = found(method, (Whitewashing,))
     assert best.description.startswith("sp_2: whitewashing:reserve=")
     assert best.scores.mean() >= default.scores.mean()
-    mixed = found(rung, (partial(OnOff, duty=0.0, good=1.0), Whitewashing))
+    mixed = found(method, (partial(OnOff, duty=0.0, good=1.0), Whitewashing))
     assert mixed.description.startswith("sp_2: whitewashing")
 
 

@@ -48,8 +48,8 @@ def nobody(rounds):
     """Tells nobody."""
 
 
-def found(rung, arguments, budget, seed=0):
-    return find(rung, arguments, budget=budget, seed=seed, games=4)
+def found(method, arguments, budget, seed=0):
+    return find(method, arguments, budget=budget, seed=seed, games=4)
 
 
 def scripts(arguments):
@@ -99,8 +99,8 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
     space = Scripts.of(make_task(**PROVIDER), kinds)
     assert space.size == 1 + 4
     assert space.decode([0.5, 0.25, 0.3, 0.3, 0.3]) == {"sp_2": Stingy(service=0.925)}
-    for rung in (GridSearch, RandomSearch, CmaEs):
-        finding = found(rung(attacks=kinds), PROVIDER, 20_000)
+    for method in (GridSearch, RandomSearch, CmaEs):
+        finding = found(method(attacks=kinds), PROVIDER, 20_000)
         assert finding.description.startswith("sp_2: on-off:period=")
         assert finding.scores.mean() > 0.1
 
@@ -113,13 +113,13 @@ def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_
         Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
 
 
-@pytest.mark.parametrize("rung", [RandomSearch, CmaEs], ids=lambda rung: rung.__name__)
-def test_attacks_with_one_parameter_are_searched_and_without_any_refused(rung):
+@pytest.mark.parametrize("method", [RandomSearch, CmaEs], ids=lambda method: method.__name__)
+def test_attacks_with_one_parameter_are_searched_and_without_any_refused(method):
     one = (partial(OnOff, period=5, bad=0.0, good=1.0),)
-    assert found(rung(attacks=one), PROVIDER, 12_000).scores.mean() > 0.1
+    assert found(method(attacks=one), PROVIDER, 12_000).scores.mean() > 0.1
     none = (partial(OnOff, period=2, duty=0.5, bad=0.0, good=1.0),)
     with pytest.raises(UnsuitableError, match=r"on-off.* has no parameters to search"):
-        found(rung(attacks=none), PROVIDER, 12_000)
+        found(method(attacks=none), PROVIDER, 12_000)
     assert (
         found(GridSearch(attacks=none), PROVIDER, 12_000).scores.tolist()
         == found(PaperAttacks(), PROVIDER, 0).scores.tolist()
@@ -153,10 +153,10 @@ def test_random_switching_plays_side_by_side():
     assert scores[1] == pytest.approx(0)
 
 
-@pytest.mark.parametrize("rung", SEARCHERS, ids=lambda rung: rung.name)
+@pytest.mark.parametrize("method", SEARCHERS, ids=lambda method: method.name)
 @pytest.mark.parametrize("arguments", [PROVIDER, CROWD, DUAL], ids=["provider", "crowd", "dual"])
-def test_searchers_keep_the_budget_and_their_seed_decides(rung, arguments):
-    one, again, other = (found(rung, arguments, 12_000, seed) for seed in (0, 0, 1))
+def test_searchers_keep_the_budget_and_their_seed_decides(method, arguments):
+    one, again, other = (found(method, arguments, 12_000, seed) for seed in (0, 0, 1))
     assert one.scores.tolist() == again.scores.tolist()
     assert one.rounds == again.rounds <= 12_000
     assert one.description == again.description
@@ -165,8 +165,8 @@ def test_searchers_keep_the_budget_and_their_seed_decides(rung, arguments):
 
 def test_searchers_find_what_beats_the_default():
     default = found(PaperAttacks(), PROVIDER, 0).scores.mean()
-    for rung in SEARCHERS:
-        assert found(rung, PROVIDER, 20_000).scores.mean() > 5 * default
+    for method in SEARCHERS:
+        assert found(method, PROVIDER, 20_000).scores.mean() > 5 * default
 
 
 def test_more_budget_finds_more():
@@ -176,14 +176,14 @@ def test_more_budget_finds_more():
 
 def test_cma_es_beats_the_grid():
     """Its own space holds the grid, and it goes on between the grid's lines."""
-    grid, best = (found(rung, PROVIDER, 60_000).scores.mean() for rung in (GridSearch(), CmaEs()))
+    grid, best = (found(method, PROVIDER, 60_000).scores.mean() for method in (GridSearch(), CmaEs()))
     assert best > 1.01 * grid
 
 
-@pytest.mark.parametrize("rung", SEARCHERS, ids=lambda rung: rung.name)
-def test_a_budget_too_small_is_refused(rung):
+@pytest.mark.parametrize("method", SEARCHERS, ids=lambda method: method.name)
+def test_a_budget_too_small_is_refused(method):
     with pytest.raises(UnsuitableError, match="give 640 or more"):
-        found(rung, PROVIDER, 100)
+        found(method, PROVIDER, 100)
 
 
 def test_policies_side_by_side_take_as_many_identities_as_any():

@@ -145,7 +145,7 @@ def test_only_classes_of_learners_are_called(tmp_path, monkeypatch):
         ("os:system:command=true", "must make a Learner"),
         ("plugin:Fine:speed=3", "It takes rate"),
         ("nowhere:Fine", "cannot be loaded"),
-        ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: PPO, recurrent PPO, SAC"),
+        ("PPOO", r"unknown learner 'PPOO'; did you mean 'PPO'\? Known: CMA-ES, PPO, SAC"),
     ):
         with pytest.raises(ValueError, match=message):
             make_search_method(name, PROVIDER.id)

@@ -150,7 +150,7 @@ def test_evolution_learns_from_scratch_or_says_why_it_cannot():
         ({"learners": ["PPO", "PPO"]}, "learners must not contain a value twice"),
         ({"learners": ["exact"]}, "learners must not contain 'exact', which is always played"),
         ({"seeds": []}, "seeds must not be empty"),
-        ({"rungs": ["PPO"]}, "there is no field 'rungs'"),
+        ({"methods": ["PPO"]}, "there is no field 'methods'"),
     ],
 )
 def test_an_invalid_suite_is_refused(fields, message):

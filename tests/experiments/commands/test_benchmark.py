@@ -19,7 +19,7 @@ from roletrust_env.benchmarking.suite_files import load_suite
 SUITE = """
 models = ["mean"]
 attacks = ["bad-mouthing"]
-rungs = ["scripted"]
+methods = ["scripted"]
 games = 3
 limit_s = 15
 [scenarios.market]

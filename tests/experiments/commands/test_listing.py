@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 import roletrust_env
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 from roletrust_env.benchmarking import register_learner
-from roletrust_env.benchmarking.attackers import SEARCH_RUNGS
+from roletrust_env.benchmarking.learners.search_methods import search_names
 from roletrust_env.trust import Mean, register_trust_model
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
@@ -40,11 +40,11 @@ class Steady:
 def test_learners_are_listed_with_those_of_others():
     register_learner("steady", Steady)
     printed = " ".join(run("learners").output.split())
-    assert all(name in printed for name in SEARCH_RUNGS)
+    assert all(name in printed for name in search_names())
     assert "steady Plays one quality in every round. quality=0.4" in printed
     assert "steady" in run().output
     learners = json.loads(run("learners", "--json").output)["learners"]
-    assert list(learners) == [*SEARCH_RUNGS, "steady"]
+    assert list(learners) == [*search_names(), "steady"]
     assert learners["steady"]["parameters"]["quality"]["default"] == 0.4
 
 
@@ -138,7 +138,7 @@ def test_json_holds_all_there_is():
         "scenarios": set(scenarios()),
         "models": set(trust_models()),
         "attackers": set(roletrust_env.attackers()),
-        "learners": set(SEARCH_RUNGS),
+        "learners": set(search_names()),
     }
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file

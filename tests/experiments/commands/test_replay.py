@@ -18,7 +18,7 @@ from roletrust_experiments.playing.replay import Replay
 SUITE = small(
     models=["mean", "role-trust"],
     attacks=["bad-mouthing", "random-rating", "on-off", "sybil"],
-    rungs=["scripted", "random search"],
+    methods=["scripted", "random search"],
     budget=3000,
     seeds=[3],
 )
@@ -40,7 +40,7 @@ def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
     played = 0
     for cell, result in stored:
         for row in result.rows if cell.track != "honest" else ():
-            assert bool(row.record) == (cell.rung != "scripted")
+            assert bool(row.record) == (cell.method != "scripted")
             for record in {"", row.record}:  # searched again, and as recorded
                 found = Replay.of(SUITE, cell, row.attack, record)
                 assert found.score == pytest.approx(np.array(row.measured["utility"], float), nan_ok=True)
@@ -49,7 +49,7 @@ def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
 
 
 def test_the_states_are_those_of_the_game_that_was_measured() -> None:
-    cell = next(cell for cell in cells(SUITE) if cell.rung == "random search" and cell.model == "role-trust")
+    cell = next(cell for cell in cells(SUITE) if cell.method == "random search" and cell.model == "role-trust")
     found = Replay.of(SUITE, cell, "random search")
     whole = watch(found.found.task, found.found.batch.attacker, cell.seed, (1, 2 * SUITE.games))
     for game in (0, SUITE.games - 1):
@@ -59,7 +59,7 @@ def test_the_states_are_those_of_the_game_that_was_measured() -> None:
 
 
 def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> None:
-    suite = small(models=["constant"], attacks=["on-off"], rungs=["scripted"], tracks=PROVIDERS)
+    suite = small(models=["constant"], attacks=["on-off"], methods=["scripted"], tracks=PROVIDERS)
     (cell,) = cells(suite)
     found = Replay.of(suite, cell, "on-off")
     roster = found.found.task.game.roster
@@ -105,7 +105,7 @@ def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> No
 
 
 def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> None:
-    scripted = next(cell for cell in cells(SUITE) if cell.rung == "scripted")
+    scripted = next(cell for cell in cells(SUITE) if cell.method == "scripted")
     for arguments, words in (
         (["--model", "means"], "no attack on 'means'"),
         (["--cell", scripted.key.replace("scripted", "PPO")], "no played cell"),

@@ -19,7 +19,7 @@ from roletrust_env.evaluation.specs import is_own_model
 
 
 def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
-    suite = small(models=["mean", "constant"], attacks=["bad-mouthing"], rungs=["scripted"], score="skill")
+    suite = small(models=["mean", "constant"], attacks=["bad-mouthing"], methods=["scripted"], score="skill")
     with Store(tmp_path / "results.sqlite", suite) as store:
         for cell in cells(suite):
             store.add(cell, play_cell(suite, cell))
@@ -96,7 +96,7 @@ def test_the_games_give_the_worst_cases_of_the_leaderboard(folder: Path) -> None
         rows = list(csv.DictReader(file))
     lowest: dict[tuple[str, ...], tuple[float, float]] = {}
     for row in rows:
-        if row["rung"] not in ("nobody", "white-box planner"):
+        if row["method"] not in ("nobody", "white-box planner"):
             chosen, trusted, blind = (
                 float(np.mean([float(x) for x in row[name].split()])) for name in ("chosen_utility", "utility", "blind")
             )

@@ -20,7 +20,7 @@ from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
 
-SUITE = tiny(rungs=["scripted"])
+SUITE = tiny(methods=["scripted"])
 
 
 def played(folder: Path, suite: Any = SUITE) -> Path:
@@ -229,7 +229,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_a_file_imports_only_what_the_user_allows(tmp_path: Path, mine: str) -> None:
-    suite = tiny(rungs=["scripted"], models=[mine], tracks={"honest": {}})
+    suite = tiny(methods=["scripted"], models=[mine], tracks={"honest": {}})
     path, out = str(played(tmp_path, suite)), str(tmp_path / "mine.json")
     del sys.modules["model_of_mine"]
     (tmp_path / "imported").unlink()
@@ -311,7 +311,7 @@ def test_a_hostile_file_is_one_line(
         (lambda text: text[: len(text) // 2], "Expecting|Unterminated|delimiter"),
         (lambda text: "[" * 200_000, "nested too deeply"),
         (lambda text: '{"cells": ' * 200_000, "nested too deeply"),
-        (lambda text: text.replace('"format": 2', '"format": 2, "format": 2'), "two fields of one name"),
+        (lambda text: text.replace('"format": 3', '"format": 3, "format": 3'), "two fields of one name"),
         (lambda text: text.replace('"chosen": 0', '"chosen": 1e999, "x": 0', 1), "chosen is inf|ghost|x is"),
         (lambda text: "", "Expecting value"),
         (lambda text: "\udcff", "utf-8"),

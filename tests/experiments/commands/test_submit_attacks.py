@@ -12,7 +12,7 @@ from roletrust_env.benchmarking.suite import Suite
 SUITE = """
 models = ["mean"]
 attacks = ["bad-mouthing", "random-rating"]
-rungs = ["scripted"]
+methods = ["scripted"]
 games = 3
 [scenarios.market]
 preset = "market"
@@ -52,7 +52,7 @@ def test_attacks_of_one_run_play_in_another(folder: Path) -> None:
     suite, known = ("--suite", folder / "tiny.toml"), ("--known", folder / "a.json")
     tell("benchmark", *suite, *known, "--model", "median", "--workers", "1", "--out", again)
     with Store(again / "results.sqlite") as store:
-        rows = [row for cell, result in store.all() if cell.rung == "known" for row in result.rows]
+        rows = [row for cell, result in store.all() if cell.method == "known" for row in result.rows]
         assert isinstance(store.suite, Suite)
         assert store.suite.known == (attack,)
     assert [(row.attack, row.words) for row in rows] == [(attack.name, "known attack, found by A. Author")]

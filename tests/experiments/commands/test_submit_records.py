@@ -21,7 +21,7 @@ from roletrust_env.evaluation.resources import processor
 @pytest.fixture(scope="module")
 def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A true submission of another machine, whose searches find other attackers than those here."""
-    folder, suite = tmp_path_factory.mktemp("elsewhere"), tiny(rungs=["random search"], budget=2000, models=["mean"])
+    folder, suite = tmp_path_factory.mktemp("elsewhere"), tiny(methods=["random search"], budget=2000, models=["mean"])
     with Store(folder / "results.sqlite", suite) as store:
         for cell in cells(suite):
             other = play_cell(suite, cell._replace(seed=99)).rows[0].record
@@ -72,7 +72,7 @@ def test_a_search_has_one_attack_and_others_have_no_record(tmp_path: Path, found
     def refused(change: str) -> str:
         said = json.loads(found_elsewhere)
         for claim in said["cells"]:
-            if claim["rung"] != "random search":
+            if claim["method"] != "random search":
                 if change == "record":
                     claim["attacks"][0]["record"] = "{}"
             elif change == "twice":
@@ -85,7 +85,7 @@ def test_a_search_has_one_attack_and_others_have_no_record(tmp_path: Path, found
 
     assert "must not contain a value twice" in refused("twice")
     assert "other attacks than the one" in refused("other")
-    assert "has a record, but the rung nobody does not search" in refused("record")
+    assert "has a record, but the method nobody does not search" in refused("record")
 
 
 PLAY = """
@@ -95,7 +95,7 @@ from command_line import run
 from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.run_cell import play_cell
 from roletrust_env.benchmarking.store import Store
-suite = tiny(rungs=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
+suite = tiny(methods=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
 with Store(Path("results.sqlite"), suite) as store:
     for cell in cells(suite):
         store.add(cell, play_cell(suite, cell))

@@ -61,7 +61,8 @@ def test_each_model_and_condition_has_one_worst_case(content: Content) -> None:
 
 def test_a_long_game_is_told_in_few_points_that_keep_its_mean(content: Content) -> None:
     """Points of the two rounds that each stands for; of the last one, alone, if it is."""
-    one = attack_scores(large_run.stored_cells(large_run.large(models=["role-trust"]))[:1])[0]
+    suite = large_run.large(models=["role-trust"])
+    one = attack_scores(suite, large_run.stored_cells(suite)[:1])[0]
     told = content.tables["curves"].columns()
     place = next(k for k, model in enumerate(told["model"]) if model == one.model and told["attack"][k] == one.attack)
     assert told["rounds"][place] == [2.5 + 2 * k for k in range(29)] + [60.0]

@@ -23,7 +23,7 @@ NAMES = ["breakdown", "curves", "heatmap", "leaderboard", "learners", "tradeoff"
 
 @pytest.fixture(scope="module")
 def content() -> Content:
-    suite = large_run.large(models=MODELS, attacks=[ATTACK], rungs=["scripted"], name="odd\n\\input{x}")
+    suite = large_run.large(models=MODELS, attacks=[ATTACK], methods=["scripted"], name="odd\n\\input{x}")
     learners = large_run.learners()
     return Content(
         Robustness.of(suite, large_run.stored_cells(suite), {}, Path("results.sqlite")),
