@@ -87,9 +87,9 @@ def _refused_by_us(words: list[str]) -> str:
     try:
         while True:
             context = command.make_context(name, list(words), parent=context)
-            if not hasattr(command, "resolve_command"):
+            if not hasattr(context.command, "resolve_command"):
                 break
-            name, command, words = command.resolve_command(context, [*context._protected_args, *context.args])
+            name, command, words = context.command.resolve_command(context, [*context._protected_args, *context.args])
     except Exception as error:  # whatever the parser raises
         return f"{type(error).__name__}: {error}"
     known = {

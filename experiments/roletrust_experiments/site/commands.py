@@ -10,8 +10,8 @@ from rich.text import Text
 from typer.core import TyperArgument
 
 from roletrust_experiments.cli import app
+from roletrust_experiments.commands.group import EXAMPLES
 
-_EXAMPLES = "[bold]Examples[/]"
 _MARKS = {"bold": "**", "green": "`", "cyan": "`"}
 
 
@@ -58,7 +58,7 @@ def everything(command: Command) -> Iterator[Command]:
 
 def _read(command: Any, words: tuple[str, ...]) -> Command:
     context = command.context_class(command, info_name=words[-1])
-    before, _, after = inspect.cleandoc(command.help or "").partition(_EXAMPLES)
+    before, _, after = inspect.cleandoc(command.help or "").partition(EXAMPLES)
     given: dict[bool, list[Given]] = {True: [], False: []}
     for parameter in command.params:
         name, what = parameter.get_help_record(context)
@@ -70,7 +70,7 @@ def _read(command: Any, words: tuple[str, ...]) -> Command:
         "\n\n".join(_typed(block) for block in after.split("\n\n") if block.strip()),
         given[True],
         given[False],
-        [_read(one, (*words, name)) for name, one in sorted(getattr(command, "commands", {}).items())],
+        [_read(one.loaded, (*words, name)) for name, one in sorted(getattr(command, "commands", {}).items())],
     )
 
 

@@ -24,13 +24,12 @@ LONG = "a-trust-model-with-quite-a-long-name:parameter=0.123456789,another=true"
 def commands():
     """Each command with its words, those of `roletrust live` included."""
     root = typer.main.get_command(app)
-    with typer.Context(root) as context:
-        for name in root.list_commands(context):
-            command = root.get_command(context, name)
-            if hasattr(command, "commands"):
-                yield from ((f"{name} {one}", command.get_command(context, one)) for one in command.commands)
-            else:
-                yield name, command
+    for name, late in root.commands.items():
+        command = late.loaded
+        if hasattr(command, "commands"):
+            yield from ((f"{name} {part}", sub.loaded) for part, sub in command.commands.items())
+        else:
+            yield name, command
 
 
 OPTIONS = [(name, one) for name, command in commands() for one in command.params if one.param_type_name == "option"]

@@ -98,10 +98,10 @@ def test_every_command_and_option_is_told(site):
         for parameter in command.params:
             assert all(word in said for word in parameter.opts), (words, parameter.opts)
         for name, one in getattr(command, "commands", {}).items():
-            told(one, [*words, name], page)
+            told(one.loaded, [*words, name], page)
 
     for name, command in typer.main.get_command(app).commands.items():
-        told(command, ["roletrust", name], site / "reference" / "commands" / f"{name}.html")
+        told(command.loaded, ["roletrust", name], site / "reference" / "commands" / f"{name}.html")
         assert f"roletrust {name}" in text(site / "reference" / "commands" / "index.html")
 
 

@@ -1,17 +1,26 @@
 """The subcommands of `roletrust live`."""
 
-import typer
+from roletrust_experiments.commands.group import command_group
 
-from roletrust_experiments.commands.live.demo import demo
-from roletrust_experiments.commands.live.nodes import assess, cam, keys, manager
-from roletrust_experiments.commands.live.recordings import record, recover, replay, scenario
-from roletrust_experiments.commands.live.view import view
-
-live = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+_HERE = "roletrust_experiments.commands.live"
 
 
-@live.callback()
-def roletrust_live() -> None:
+@command_group(
+    {
+        "demo": f"{_HERE}.demo:demo",
+        "view": f"{_HERE}.view:view",
+        "cam": f"{_HERE}.nodes:cam",
+        "assess": f"{_HERE}.nodes:assess",
+        "manager": f"{_HERE}.nodes:manager",
+        "keys": f"{_HERE}.nodes:keys",
+        "record": f"{_HERE}.recordings:record",
+        "replay": f"{_HERE}.recordings:replay",
+        "recover": f"{_HERE}.recordings:recover",
+        "scenario": f"{_HERE}.recordings:scenario",
+    },
+    add_completion=False,
+)
+def live() -> None:
     """Run [bold]cameras, raters and a trust manager[/] as processes that ROS 2 sees as nodes.
 
     [bold]Examples[/]
@@ -24,15 +33,3 @@ def roletrust_live() -> None:
     [cyan]roletrust live cam sp_0[/]
     [cyan]roletrust live assess sr_0[/]
     """
-
-
-live.command("demo")(demo)
-live.command("view")(view)
-live.command("cam")(cam)
-live.command("assess")(assess)
-live.command("manager")(manager)
-live.command("keys")(keys)
-live.command("record")(record)
-live.command("replay")(replay)
-live.command("recover")(recover)
-live.command("scenario")(scenario)
