@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_env.benchmarking.schema import CellResult
-from roletrust_env.benchmarking.submission import CellClaim, Claim, Score, make_claim
+from roletrust_env.benchmarking.submission import CellClaim, Claim, ClaimedScore, make_claim
 
 ROUNDING = 1e-9
 
@@ -141,7 +141,7 @@ def _check_fresh(model: str, pairs: Sequence[tuple[CellClaim, CellResult]]) -> C
     return Check(subject, lead <= _NORMAL_999 * error, message + f"{_NORMAL_999 * error:.4f} may be")
 
 
-def _excess(pairs: Sequence[tuple[Score, Score]]) -> float:
+def _excess(pairs: Sequence[tuple[ClaimedScore, ClaimedScore]]) -> float:
     """Return the mean excess of claimed scores over own ones, in standard errors of a difference; NaN without one."""
     found = []
     for claimed, own in pairs:
@@ -152,16 +152,17 @@ def _excess(pairs: Sequence[tuple[Score, Score]]) -> float:
     return float(np.mean(found)) if found else np.nan
 
 
-def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, Score, Score]]:
+def _chosen(claim: Claim, result: CellResult) -> list[tuple[str, ClaimedScore, ClaimedScore]]:
     """Return the utilities in the games for choosing, by trust and of a blind choice, claimed and here."""
     row = next(row for row in result.rows if row.attack == claim.attack)
     claimed = {CHOSEN: (claim.chosen, "utility"), _CHOSEN_BLIND: (claim.chosen_blind, "blind")}
     return [
-        (name, Score(mean=mean, half_95=None), Score.of(row.chosen[kind])) for name, (mean, kind) in claimed.items()
+        (name, ClaimedScore(mean=mean, half_95=None), ClaimedScore.of(row.chosen[kind]))
+        for name, (mean, kind) in claimed.items()
     ]
 
 
-def within(claimed: Score, own: Score) -> bool:
+def within(claimed: ClaimedScore, own: ClaimedScore) -> bool:
     """Return whether two means differ by sampling noise at most, by the own interval or else the claimed one."""
     if claimed.mean is None or own.mean is None:
         return claimed.mean == own.mean

@@ -21,7 +21,7 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import Measured, Watched, measure, measure_honest, watch_honest
+from roletrust_env.evaluation.measurement import GameRecord, SplitScores, measure, measure_honest, watch_honest
 from roletrust_env.evaluation.records import read_record, record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_kinds
@@ -148,7 +148,7 @@ def _attacks(
 
 
 def _measure_batch(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], Watched]
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], GameRecord]
 ) -> tuple[list[AttackResult], list[str]]:
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
@@ -166,7 +166,7 @@ def _measure_batch(
     return [_row(batch, k, scores) for k in range(len(batch.names))], []
 
 
-def _row(batch: AttackBatch, k: int, scores: Measured) -> AttackResult:
+def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
     """Return the scores of the k-th attack of a batch as plain data."""
     chosen, measured = (as_lists(half, k) for half in scores[:2])
     return AttackResult(
@@ -176,7 +176,7 @@ def _row(batch: AttackBatch, k: int, scores: Measured) -> AttackResult:
 
 
 def _measure_singly(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], Watched], error: Exception
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], GameRecord], error: Exception
 ) -> tuple[list[AttackResult], list[str]]:
     """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
     rows, failed = [], []

@@ -33,7 +33,7 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(ge=0, le=10**15)]
 
 
-class Score(UntrustedModel):
+class ClaimedScore(UntrustedModel):
     """Mean over games with its interval."""
 
     mean: Number | None
@@ -72,12 +72,12 @@ class Score(UntrustedModel):
 class ClaimedMetrics(UntrustedModel):
     """Scores of an attack, by the names of `MEASURED`."""
 
-    utility: Score
-    published: Score
-    blind: Score
-    damage: Score
-    false_alarms: Score
-    auc: Score
+    utility: ClaimedScore
+    published: ClaimedScore
+    blind: ClaimedScore
+    damage: ClaimedScore
+    false_alarms: ClaimedScore
+    auc: ClaimedScore
 
 
 class Claim(UntrustedModel):
@@ -146,14 +146,14 @@ class CellClaim(UntrustedModel):
 class ModelScores(UntrustedModel):
     """Scores of a trust model, see `LeaderboardRow`."""
 
-    clean: Score
-    worst: Score
-    published: Score
-    ensemble: Score
-    open_worst: Score
-    damage: Score
-    false_alarms: Score
-    detection: Score
+    clean: ClaimedScore
+    worst: ClaimedScore
+    published: ClaimedScore
+    ensemble: ClaimedScore
+    open_worst: ClaimedScore
+    damage: ClaimedScore
+    false_alarms: ClaimedScore
+    detection: ClaimedScore
 
 
 class Package(UntrustedModel):
@@ -282,7 +282,7 @@ def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelS
     rows = leaderboard_rows(suite, in_order, model_names(suite), len(stored) // len(suite.models))
     return {
         row.model: ModelScores(
-            **{name: Score.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
+            **{name: ClaimedScore.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
         )
         for row in rows
     }
@@ -301,7 +301,7 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
             rounds=row.rounds,
             chosen=_mean(row.chosen["utility"]),
             chosen_blind=_mean(row.chosen["blind"]),
-            measured=ClaimedMetrics(**{name: Score.of(values) for name, values in row.measured.items()}),
+            measured=ClaimedMetrics(**{name: ClaimedScore.of(values) for name, values in row.measured.items()}),
             record=row.record,
         )
         for row in result.rows

@@ -18,7 +18,7 @@ _NOTHING = 1e-12
 """Share of the largest variance below which a variance is a rounding error."""
 
 
-class Verdict(NamedTuple):
+class RankVerdict(NamedTuple):
     """Verdict on models in the order of their ranks.
 
     Attributes:
@@ -44,17 +44,17 @@ class _Pairs(NamedTuple):
     freedom: Floats
 
 
-def verdict(scores: Floats) -> Verdict:
+def verdict(scores: Floats) -> RankVerdict:
     """Return the verdict on models.
 
     Args:
         scores: Scores of the models, the best one first, in the same games of the same seeds, shape (M, S, G).
     """
     if not len(scores):
-        return Verdict([], [])
+        return RankVerdict([], [])
     pairs, number = _pairs(scores), len(scores)
     alike = _alike(pairs, tests=max(1, number * (number - 1) // 2))
-    return Verdict(_tiers(alike), _holds(over_seeds(scores, number).mean, pairs, alike))
+    return RankVerdict(_tiers(alike), _holds(over_seeds(scores, number).mean, pairs, alike))
 
 
 def told_apart(scores: Floats) -> float:

@@ -16,8 +16,8 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.submission import (
     BASE_PRESET,
     CellClaim,
+    ClaimedScore,
     ModelScores,
-    Score,
     Submission,
     fingerprint,
     model_scores,
@@ -132,7 +132,7 @@ def check_scores(submission: Submission, suite: Suite, stored: Sequence[StoredCe
         same: Require equal numbers to the last bit. Otherwise each mean must be within the interval.
     """
 
-    def agrees(name: str, claimed: Score, own: Score) -> bool:
+    def agrees(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
         return claimed == own if same else within(claimed, own)
 
     return _check_model_scores("measured scores of", submission.standings, model_scores(suite, stored), agrees)
@@ -234,7 +234,7 @@ def _check_model_scores(
     label: str,
     claimed: Mapping[str, ModelScores],
     own: Mapping[str, ModelScores],
-    agrees: Callable[[str, Score, Score], bool],
+    agrees: Callable[[str, ClaimedScore, ClaimedScore], bool],
 ) -> list[Check]:
     """Compare the scores of each model.
 
@@ -255,7 +255,7 @@ def _check_model_scores(
     return checks
 
 
-def _is_consistent(name: str, claimed: Score, own: Score) -> bool:
+def _is_consistent(name: str, claimed: ClaimedScore, own: ClaimedScore) -> bool:
     """Return whether a score follows from the means of the cells.
 
     If damage or AUC is undefined in some games, the mean of the cell means differs slightly from the mean of all games.

@@ -29,7 +29,7 @@ Scores = dict[str, Floats]
 """Scores of K attacks in G games each, shape (K, G), by the names of `MEASURED`; NaN where undefined."""
 
 
-class Watched(NamedTuple):
+class GameRecord(NamedTuple):
     """The record of T rounds of K x G games.
 
     Attributes:
@@ -43,7 +43,7 @@ class Watched(NamedTuple):
     published: Bought
 
 
-class Scored(NamedTuple):
+class GameScores(NamedTuple):
     """The scores of K attacks in G games each.
 
     Attributes:
@@ -57,7 +57,7 @@ class Scored(NamedTuple):
     clean: Bought
 
 
-class Measured(NamedTuple):
+class SplitScores(NamedTuple):
     """The scores of K attacks in held-out games, in two halves.
 
     Attributes:
@@ -80,7 +80,7 @@ class Measured(NamedTuple):
         return cls(chosen, measured, mean_or_nan(ratio(got, best), axis=-1))
 
 
-def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> Watched:
+def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int]) -> GameRecord:
     """Play held-out games to the end and return what is measured. Arguments as for `attacked_rollout`.
 
     Raises:
@@ -93,17 +93,17 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
         bought.append(task.bought(before, actions, state))
         published.append(task.bought_by_published(before, actions, state))
     rounds = (Bought(*(np.stack(part) for part in zip(*kept[1:], strict=True))) for kept in (bought, published))
-    return Watched(np.stack(trusts), *rounds)
+    return GameRecord(np.stack(trusts), *rounds)
 
 
-def watch_honest(task: AttackTask, seed: int, games: int) -> Watched:
+def watch_honest(task: AttackTask, seed: int, games: int) -> GameRecord:
     """Play held-out games with everybody honest, the twins of attacked games, shape (1, G). See `watch`."""
     return watch(task, Scripted({}), seed, (1, games))
 
 
 def score(
-    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: Watched | None = None
-) -> Scored:
+    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: GameRecord | None = None
+) -> GameScores:
     """Play attacks side by side, compare them with the same games with everybody honest, and return the scores.
 
     Args:
@@ -122,12 +122,12 @@ def score(
     honest = [i for i, name in enumerate(task.game.roster.names) if name in judged and name not in task.identities]
     damage = metrics.damage(seen.trust, np.broadcast_to(twin.trust, seen.trust.shape), honest).value
     auc = _told_apart(task, seen.trust, judged)
-    return Scored({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought, twin.bought)
+    return GameScores({**_read(seen, honest), "damage": damage, "auc": auc}, seen.bought, twin.bought)
 
 
 def measure(
-    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: Watched | None = None
-) -> Measured:
+    task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int], twin: GameRecord | None = None
+) -> SplitScores:
     """Score attacks in games that choose the worst case and in other games that measure it.
 
     Args:
@@ -138,16 +138,16 @@ def measure(
         twin: The 2 G honest games, see `score`.
     """
     scored = score(task, attacker, seed, (batch[0], 2 * batch[1]), twin)
-    return Measured.halves(scored.scores, scored.bought)
+    return SplitScores.halves(scored.scores, scored.bought)
 
 
-def measure_honest(task: AttackTask, seed: int, games: int) -> Measured:
+def measure_honest(task: AttackTask, seed: int, games: int) -> SplitScores:
     """Score games with everybody honest. Damage and AUC are undefined there."""
     judged = _judged(task)
-    everybody = [i for i, name in enumerate(task.game.roster.names) if name in judged]
+    agents = [i for i, name in enumerate(task.game.roster.names) if name in judged]
     nothing = np.full((1, 2 * games), np.nan)
     seen = watch_honest(task, seed, 2 * games)
-    return Measured.halves({**_read(seen, everybody), "damage": nothing, "auc": nothing}, seen.bought)
+    return SplitScores.halves({**_read(seen, agents), "damage": nothing, "auc": nothing}, seen.bought)
 
 
 def _judged(task: AttackTask) -> tuple[str, ...]:
@@ -156,7 +156,7 @@ def _judged(task: AttackTask) -> tuple[str, ...]:
     return roster.names if Traits.of(task.game.model).rates_raters else roster.provider_names
 
 
-def _read(seen: Watched, honest: list[int]) -> Scores:
+def _read(seen: GameRecord, honest: list[int]) -> Scores:
     """Return the scores that need no other games for comparison."""
     got, best, blind = seen.bought
     return {

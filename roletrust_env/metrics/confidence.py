@@ -53,7 +53,7 @@ class Estimate(NamedTuple):
         return Interval(self.mean, self.mean - self.half, self.mean + self.half)
 
 
-class Mean(NamedTuple):
+class GameMean(NamedTuple):
     """Means over games.
 
     Attributes:
@@ -67,14 +67,14 @@ class Mean(NamedTuple):
     games: npt.NDArray[np.int64]
 
 
-def over_games(values: Floats) -> Mean:
+def over_games(values: Floats) -> GameMean:
     """Return the mean over games, the last axis, with Student's 95% confidence interval.
 
     Args:
         values: Values of shape (..., E). Games with NaN are left out.
     """
     mean, variance, n = _moments(values)
-    return Mean(mean, student_quantile(n - 1) * np.sqrt(ratio(variance, n)), n)
+    return GameMean(mean, student_quantile(n - 1) * np.sqrt(ratio(variance, n)), n)
 
 
 def estimate(per_game: Floats) -> Estimate:

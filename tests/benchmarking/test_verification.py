@@ -7,14 +7,14 @@ from roletrust_env.benchmarking.agreement import check_bias, within
 from roletrust_env.benchmarking.cells import Cell
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
-from roletrust_env.benchmarking.submission import CellClaim, Score, make_claim
+from roletrust_env.benchmarking.submission import CellClaim, ClaimedScore, make_claim
 from roletrust_env.benchmarking.verification import _check_sources
 
 
 @pytest.mark.parametrize(("difference", "agrees"), [(0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)])
 def test_two_means_may_differ_by_the_noise_of_two_samples(difference: float, agrees: bool) -> None:
-    own = Score(mean=0.5, half_95=0.01)
-    assert within(Score(mean=0.5 + difference, half_95=None), own) is agrees
+    own = ClaimedScore(mean=0.5, half_95=0.01)
+    assert within(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
 
 
 @pytest.mark.parametrize(

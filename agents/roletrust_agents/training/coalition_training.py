@@ -12,7 +12,7 @@ from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, rand
 from roletrust_agents.training.settings import CoalitionSettingsT
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.metrics.confidence import Mean, over_games
+from roletrust_env.metrics.confidence import GameMean, over_games
 
 Floats = npt.NDArray[np.float64]
 
@@ -153,11 +153,11 @@ class CoalitionTraining(ABC, Generic[CoalitionSettingsT]):
         """Return whether a validation is due."""
         return self.steps % self.settings.validate_every == 0
 
-    def validate(self) -> Mean:
+    def validate(self) -> GameMean:
         """Return the score of the weights in the games for validation, and keep them if they are the best."""
         return self._validate(self.weights.copy())
 
-    def _validate(self, weights: Floats) -> Mean:
+    def _validate(self, weights: Floats) -> GameMean:
         games = self.settings.validation
         network = self.networks(weights[None, :])
         played = [self.play(task, network, games, _VALIDATION)[0] for task in self.tasks]

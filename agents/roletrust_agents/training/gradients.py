@@ -18,7 +18,7 @@ from roletrust_env.arrays import Array
 from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.evaluation.smooth import SmoothTask, check_graph, flat_roots, one_thread
-from roletrust_env.metrics.confidence import Mean
+from roletrust_env.metrics.confidence import GameMean
 
 _LOST = 0.02
 """Distance to the best score below which weights are given up."""
@@ -91,7 +91,7 @@ class GradientAscent(AdamTraining[GradientSettings]):
         """Return the coalition of weights on torch."""
         return CoalitionAttacker(_Unswayed.unflatten(self.architecture, vector))
 
-    def validate(self) -> Mean:
+    def validate(self) -> GameMean:
         """See `CoalitionTraining.validate`. Go back to the best weights from much worse ones."""
         import torch
 

@@ -26,7 +26,7 @@ from roletrust_agents.training.settings import Algo
 from roletrust_env import Scenario, __version__
 from roletrust_env.errors import explain
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.metrics.confidence import Mean, over_games
+from roletrust_env.metrics.confidence import GameMean, over_games
 
 GAMES = 16
 """Number of held-out games for a score during training, which chooses the best network."""
@@ -87,7 +87,7 @@ class Report(NamedTuple):
 OnReport = Callable[[Report], None]
 
 
-def score_of(task: AttackTask, network: Network | DeepSet, seed: int) -> Mean:
+def score_of(task: AttackTask, network: Network | DeepSet, seed: int) -> GameMean:
     """Return the score of a network during training."""
     return over_games(_play(task, network, games=GAMES, key=(seed, 1)))
 

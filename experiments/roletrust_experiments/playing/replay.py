@@ -12,7 +12,7 @@ from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.envs.task_batch import one_game
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import Watched, watch
+from roletrust_env.evaluation.measurement import GameRecord, watch
 from roletrust_env.game.consumer import buy
 from roletrust_env.game.state import State
 from roletrust_env.metrics import share_of_best
@@ -105,10 +105,10 @@ class Replay(NamedTuple):
             yield one_game(played.state, (row, self.games + game))
 
 
-def _measured(seen: Watched, row: int, games: int) -> Watched:
+def _measured(seen: GameRecord, row: int, games: int) -> GameRecord:
     """Return the record of the games that measure the attack in a row."""
     rounds = (type(bought)(*(part[:, row, games:] for part in bought)) for bought in seen[1:])
-    return Watched(seen.trust[:, :, row, games:], *rounds)
+    return GameRecord(seen.trust[:, :, row, games:], *rounds)
 
 
 def _believed(found: FoundAttack, trust: Floats) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy, Scenario, make_scenario
-from roletrust_env.evaluation.measurement import Watched
+from roletrust_env.evaluation.measurement import GameRecord
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
 from studies.findings.finding import Finding, amount, listed, verdict
@@ -98,7 +98,7 @@ def _attacks(scenario: Scenario) -> dict[str, dict[str, Policy]]:
     }
 
 
-def _cut_off(scenario: Scenario, attackers: Mapping[str, Policy], seen: Watched) -> tuple[Floats, Floats]:
+def _cut_off(scenario: Scenario, attackers: Mapping[str, Policy], seen: GameRecord) -> tuple[Floats, Floats]:
     """Return the shares of honest agents and of attackers that are absent at the end, (G,); NaN without agents."""
     gone = np.isnan(seen.trust[-1])
     bad = np.array([name in attackers for name in Roster.of(scenario).names])

@@ -13,7 +13,7 @@ from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import Floats, Watched, watch
+from roletrust_env.evaluation.measurement import Floats, GameRecord, watch
 from roletrust_env.game.consumer import Bought
 from roletrust_env.storage.provenance import describe_policies
 from roletrust_env.world.group import Role
@@ -65,7 +65,7 @@ def scripts() -> tuple[str, ...]:
     return tuple(suite.attacks)
 
 
-def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> Watched:
+def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | None = None) -> GameRecord:
     """Play a scenario under the paper's model, with the same random numbers for all attacks.
 
     Returns:
@@ -81,7 +81,7 @@ def play(effort: Effort, scenario: Scenario, attackers: Mapping[str, Policy] | N
     }
     seen = watch(exact_task(arguments), Scripted(attackers or {}), effort.seed, (1, effort.games))
     rounds = (Bought(*(part[:, 0] for part in bought)) for bought in (seen.bought, seen.published))
-    return Watched(seen.trust[:, :, 0], *rounds)
+    return GameRecord(seen.trust[:, :, 0], *rounds)
 
 
 def play_suite(effort: Effort, suite: Suite, label: str) -> list[StoredCell]:
@@ -96,7 +96,7 @@ def play_suite(effort: Effort, suite: Suite, label: str) -> list[StoredCell]:
     return [StoredCell(cell, done[cell]) for cell in every]
 
 
-def lost(seen: Watched, twin: Watched, agents: Iterable[int]) -> Floats:
+def lost(seen: GameRecord, twin: GameRecord, agents: Iterable[int]) -> Floats:
     """Return the trust that agents lost against other games with the same random numbers, once it has settled, (G,)."""
     return metrics.damage(seen.trust[SETTLED:], twin.trust[SETTLED:], list(agents)).value
 

@@ -19,7 +19,7 @@ BOUNDS = ("exact", "best known")
 """References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
 
 
-class Task(FrozenModel):
+class SuiteTask(FrozenModel):
     """Attack task with changes of its arguments and its scenario."""
 
     task: Literal["ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"]
@@ -65,7 +65,7 @@ class LearnersSuite(SuiteSchema):
 
     kind: Literal["learners"] = "learners"
     """Type of the suite."""
-    tasks: Annotated[dict[Label, Task], Field(min_length=1)]
+    tasks: Annotated[dict[Label, SuiteTask], Field(min_length=1)]
     """Tasks by their name in the suite."""
     learners: Annotated[tuple[Label, ...], Field(min_length=1)]
     """Names of search methods or installed learners, or `package.module:Class`, with parameters or without."""

@@ -5,12 +5,12 @@ import pytest
 
 from roletrust_env.benchmarking.learners.learner import BudgetSpentError, CountedGames, LearnedAttacker, LearnerSearch
 from roletrust_env.benchmarking.learners.search_methods import make_search_method
-from roletrust_env.benchmarking.learners.suite import Task
+from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.evaluation.search import Budget, find
 
-PROVIDER = Task(task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "perturbations": []})
-DUAL = Task(task="DualAttack", set={"max_cycles": 12})
+PROVIDER = SuiteTask(task="ProviderAttack", set={"max_cycles": 12, "noise": 0.0, "perturbations": []})
+DUAL = SuiteTask(task="DualAttack", set={"max_cycles": 12})
 
 
 class Constant:
