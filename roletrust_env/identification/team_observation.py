@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.message_validation import Keyring, is_genuine
 from roletrust_env.live.nodes.manager_node import replay_recording
-from roletrust_env.live.nodes.signatures import read_picture
-from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import Keyring, is_genuine
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage
+from roletrust_env.live.wire.topics import IMAGES, RATINGS, owner
 from roletrust_env.trust import make_trust_model
 
 Floats = npt.NDArray[np.float64]
@@ -114,7 +113,9 @@ class _AxisIndices:
 def _is_of_camera(one: RecordedMessage, keyring: Keyring | None) -> bool:
     """Return whether a message is from the camera of its topic."""
     try:
-        return keyring is None or is_genuine(read_picture(one.raw, owner(one.topic, IMAGES) or "").envelope, keyring)
+        return keyring is None or is_genuine(
+            messages.read_picture(one.raw, owner(one.topic, IMAGES) or "").envelope, keyring
+        )
     except ValueError:
         return False
 
@@ -133,8 +134,9 @@ def _read_ratings(one: RecordedMessage, keyring: Keyring | None) -> _RatingMessa
         read = messages.read_ratings(one.raw)
     except ValueError:
         return None
-    known = keyring is None or (name in keyring and keyring.verifies(name, read.signed, read.signature))
-    return _RatingMessage(name, one.time, read.stamp, tuple(read.providers)) if read.rater == name and known else None
+    if read.envelope.sender != name or not is_genuine(read.envelope, keyring):
+        return None
+    return _RatingMessage(name, one.time, read.envelope.stamp, tuple(read.providers))
 
 
 def _cameras(recording: Iterable[RecordedMessage]) -> set[str]:

@@ -4,13 +4,18 @@ from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.live.admission import Admission
 from roletrust_env.live.journal import JournalEntry
-from roletrust_env.live.message_validation import MANAGER, Keyring, KeysOfOthers, RefusalReason, StampLimits
-from roletrust_env.live.rating_validation import Ratings, RatingValidator
 from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
 from roletrust_env.live.team_trust import TeamTrust
 from roletrust_env.live.trust_tracker import Team, Trust
+from roletrust_env.live.validation import (
+    Admission,
+    Keyring,
+    MessageValidator,
+    RatingMessage,
+    RefusalReason,
+    keys_by_role,
+)
 from roletrust_env.trust import TrustModel
 
 
@@ -51,12 +56,12 @@ class Manager:
         settings = team or Team()
         self._trust = TeamTrust(model, journal, timing.period, settings)
         rater_keys, provider_keys = keys_by_role(keyring, settings)
-        limits, period = StampLimits(tolerance=timing.tolerance, min_gap=timing.max_spread), timing.period
         raters, providers = self._trust.team.raters, self._trust.team.providers
-        self._raters = Admission(raters, period, rater_keys, len(set(raters) - set(settings.raters)))
-        self._providers = Admission(providers, period, provider_keys, len(set(providers) - set(settings.providers)))
-        self.validator = RatingValidator(limits, rater_keys, self._trust.last_stamps, self._raters)
-        self.known_raters: Container[str] = self._raters if rater_keys is None else rater_keys
+        admitted = Admission(raters, timing.period, rater_keys, len(set(raters) - set(settings.raters)))
+        strangers = len(set(providers) - set(settings.providers))
+        self._providers = Admission(providers, timing.period, provider_keys, strangers)
+        self.validator = MessageValidator(timing.limits, rater_keys, self._trust.last_stamps, admitted)
+        self.known_raters: Container[str] = admitted if rater_keys is None else rater_keys
         self.rounds: RoundAssembler[dict[str, float]] = RoundAssembler(timing, raters, self._trust.last_stamp)
 
     @property
@@ -78,24 +83,25 @@ class Manager:
         """
         self._providers.admits(provider, now)
 
-    def receive(self, ratings: Ratings, now: int) -> list[JournalEntry]:
+    def receive(self, message: RatingMessage, now: int) -> list[JournalEntry]:
         """Take a message and return the rounds that it closes. They are in the journal by then.
 
         Args:
-            ratings: Message.
+            message: Message.
             now: Time of arrival, nanoseconds, by the clock of the stamps.
         """
-        accepted = self.validator.accept(ratings, self._providers, now)
+        rater, stamp = message.envelope.sender, message.envelope.stamp
+        accepted = self.validator.accepted_ratings(message, self._providers, now)
         if self._trust.newcomers_wait:
-            accepted = self._of_members(ratings.rater, accepted)
+            accepted = self._of_members(rater, accepted)
         if not accepted:
             return []
-        return [self._close(one, now) for one in self.rounds.add(ratings.rater, ratings.stamp, accepted, now)]
+        return [self._close(closed, now) for closed in self.rounds.add(rater, stamp, accepted, now)]
 
     def tick(self, now: int) -> list[JournalEntry]:
         """Return the rounds whose deadline has passed. Call it often, about ten times a period."""
         self._trust.tick()
-        return [self._close(one, now) for one in self.rounds.close_due(now)]
+        return [self._close(closed, now) for closed in self.rounds.close_due(now)]
 
     def close(self) -> None:
         """Release the journal."""
@@ -115,14 +121,3 @@ class Manager:
         if early:
             self.validator.refuse(rater, RefusalReason.JOINING, len(early))
         return {provider: value for provider, value in accepted.items() if provider in team.providers}
-
-
-def keys_by_role(keyring: Keyring | None, team: Team) -> tuple[Keyring | None, Keyring | None]:
-    """Return the keys of those that may rate and of those that may serve; None where there are no keys."""
-    if keyring is None:
-        return None, None
-    raters, providers = set(team.raters), set(team.providers)
-    return (
-        KeysOfOthers(keyring, {MANAGER} | (providers - raters)),
-        KeysOfOthers(keyring, {MANAGER} | (raters - providers)),
-    )

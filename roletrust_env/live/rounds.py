@@ -1,12 +1,15 @@
 """Assembly of messages into rounds when some are lost or late: the manager's deadlines around synchronisation."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, NamedTuple
 
 from roletrust_env.live.synchroniser import ApproximateTimeSynchroniser, Decision, Item, Message
+from roletrust_env.live.validation import StampLimits
 
+_QUOTA = 10  # messages that a sender may send in a period; it needs one
 _Named = list[tuple[str, Message[Item]]]
 
 
@@ -33,6 +36,16 @@ class RoundTiming:
     def tolerance(self) -> int:
         """Largest difference between the stamp of a message and the time of its arrival, nanoseconds: four periods."""
         return 4 * self.period
+
+    @property
+    def limits(self) -> StampLimits:
+        """Limits on the stamps of messages that are sent once in a round."""
+        return StampLimits(self.tolerance, self.max_spread)
+
+    @property
+    def quota(self) -> int:
+        """Largest number of messages of a sender in a second: ten times what it needs, and at least ten."""
+        return max(_QUOTA, math.ceil(_QUOTA * 1e9 / self.period))
 
 
 class Round(NamedTuple, Generic[Item]):

@@ -12,6 +12,8 @@ from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
+from roletrust_env.world.roster import Roster
+from roletrust_env.world.scenario import Scenario
 
 RoundRatings = Mapping[str, Sequence[float | None]]
 """The ratings of a round: for each rater, one entry per provider in the team's order. None means no rating."""
@@ -28,6 +30,12 @@ class Team:
 
     raters: tuple[str, ...] = ()
     providers: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "Team":
+        """Return the team of a scenario."""
+        roster = Roster.of(scenario)
+        return cls(roster.rater_names, roster.provider_names)
 
     def with_newcomers(self, raters: Iterable[str], providers: Iterable[str]) -> "Team":
         """Return the team with new agents appended."""

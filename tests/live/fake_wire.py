@@ -5,16 +5,26 @@ from collections import defaultdict
 from roletrust_env.live.wire.dds import Publication
 
 
+class FixedSigner:
+    """Signs everything with the same bytes."""
+
+    def __init__(self, signature):
+        self.signature = signature
+
+    def sign(self, data):
+        return self.signature
+
+
 class FakeReader:
     """Receives the messages of one topic.
 
     Attributes:
         writers: Number of writers.
-        over_quota: Number of discarded messages.
+        excess: Number of discarded messages.
     """
 
     def __init__(self, waiting):
-        self._waiting, self.writers, self.over_quota = waiting, 1, 0
+        self._waiting, self.writers, self.excess = waiting, 1, 0
 
     def take(self):
         taken = self._waiting[:]

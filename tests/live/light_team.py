@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 
 from roletrust_env.live.nodes.run_loop import run_until_signal
-from roletrust_env.live.nodes.signatures import sign, signed_picture
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
@@ -25,6 +24,6 @@ def run_robots(places, providers, keys, period):
             for k in places:
                 shade = np.full((48, 64, 3), random.integers(256), np.uint8)
                 jpeg = cv2.imencode(".jpg", shade)[1].tobytes()
-                cameras[k].write(signed_picture(stamp, f"sp_{k}", jpeg, Signer(keys, f"sp_{k}")))
+                cameras[k].write(messages.picture_message(stamp, f"sp_{k}", jpeg, Signer(keys, f"sp_{k}")))
                 ratings = {name: float(random.uniform(0.3, 1)) for name in providers}
-                raters[k].write(sign(messages.ratings_message(f"sr_{k}", stamp, ratings), signers[k]))
+                raters[k].write(messages.ratings_message(f"sr_{k}", stamp, ratings, signers[k]))

@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 from domains import own_dds_domain
+from fake_wire import FixedSigner
 
-from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import run_with_parent
-from roletrust_env.live.nodes.signatures import read_diagnostics, sign
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer, make_keys
@@ -103,8 +103,8 @@ class Listener(contextlib.AbstractContextManager):
         while self.on:
             time.sleep(0.01)
             self.heard += [(time.time_ns(), messages.decode(raw, messages.TRUST)) for raw in self._trust.take()]
-            for report in map(read_diagnostics, self._diagnostics.take()):
-                if report.node == MANAGER:
+            for report in map(messages.read_diagnostics, self._diagnostics.take()):
+                if report.envelope.sender == MANAGER:
                     self.reports = report.values
 
     def wait_for(self, rounds):
@@ -191,12 +191,14 @@ class Raters(Listener):
         ratings = dict(zip(TEAM.providers, values, strict=True))
         stamp += self.off.get(name, 0)
         self.values[name, stamp] = values
-        return sign(messages.ratings_message(name, stamp, ratings), self._signers[name])
+        return messages.ratings_message(name, stamp, ratings, self._signers[name])
 
     def _flood(self):
         while self.on:
             time.sleep(0.01)
             for name in tuple(self.flooded):
-                nonsense = messages.encode(messages.ratings_message(name, time.time_ns(), {"sp_0": 0.0}, b"x" * 64))
+                nonsense = messages.encode(
+                    messages.ratings_message(name, time.time_ns(), {"sp_0": 0.0}, FixedSigner(b"x" * 64))
+                )
                 for _ in range(FLOOD // 100):
                     self._voices[name].write_raw(nonsense)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.rating_validation import Ratings
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import Envelope, RatingMessage
 from roletrust_env.trust import make_trust_model
 
 PERIOD = 500_000_000
@@ -19,7 +19,7 @@ def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
 
 def rating_message(rater, round, ratings):
     """Return a message of a round from ratings by provider."""
-    return Ratings(rater, PERIOD * round, tuple(ratings), tuple(ratings.values()))
+    return RatingMessage(Envelope(rater, PERIOD * round), tuple(ratings), tuple(ratings.values()))
 
 
 def random_ratings(rounds, seed=0, lost=0.2, team=TEAM):

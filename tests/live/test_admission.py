@@ -3,9 +3,7 @@
 import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
-from roletrust_env.live.admission import MAX_STRANGERS, Admission
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
-from roletrust_env.live.rating_validation import Ratings
+from roletrust_env.live.validation import MANAGER, MAX_STRANGERS, Admission, Envelope, RatingMessage, RefusalReason
 
 
 class Keys:
@@ -71,7 +69,7 @@ def test_a_flood_of_fresh_names_costs_the_others_no_round(tmp_path):
 def test_a_key_is_for_a_role_of_the_scenario(name, reason, tmp_path):
     """A camera of the scenario may not rate, and a rater of the scenario may not serve; a newcomer has either role."""
     keeper = manager(tmp_path / "journal", keyring=Keys("sr_0", "sr_9", "sp_0", MANAGER))
-    message = Ratings(name, PERIOD, ["sp_1"], [0.5], b"", name.encode())
+    message = RatingMessage(Envelope(name, PERIOD, b"", name.encode()), ["sp_1"], [0.5])
     keeper.receive(message, PERIOD)
     assert list(keeper.validator.refusals) == ([] if reason is None else [("", reason)])
 
@@ -80,5 +78,7 @@ def test_a_provider_without_a_key_cannot_join_a_team_with_keys(tmp_path):
     keeper = manager(tmp_path / "journal", keyring=Keys("sr_0", "sr_1", "sp_9"))
     for name in ("sp_8", "sp_9", "sr_1"):
         keeper.add_provider(name, 0)
-    keeper.receive(Ratings("sr_0", PERIOD, ["sp_8", "sp_9", "sr_1"], [0.0, 0.5, 1.0], b"", b"sr_0"), PERIOD)
+    keeper.receive(
+        RatingMessage(Envelope("sr_0", PERIOD, b"", b"sr_0"), ["sp_8", "sp_9", "sr_1"], [0.0, 0.5, 1.0]), PERIOD
+    )
     assert keeper.validator.refusals == {("sr_0", RefusalReason.UNKNOWN_PROVIDER): 2}

@@ -3,11 +3,12 @@
 import pytest
 from fake_wire import FakeWire
 
-from roletrust_env.live.admission import MAX_STRANGERS
-from roletrust_env.live.nodes import agent_readers
-from roletrust_env.live.nodes.agent_readers import AgentReaders
-from roletrust_env.live.nodes.topics import IMAGES
+from roletrust_env.live.nodes import inboxes
+from roletrust_env.live.nodes.inboxes import AgentInbox
+from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.validation import MAX_STRANGERS, MessageValidator, StampLimits
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.topics import IMAGES
 
 STRANGERS = [f"z{k}" for k in range(200)]
 
@@ -24,16 +25,20 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    monkeypatch.setattr(agent_readers, "time", made)
+    monkeypatch.setattr(inboxes, "time", made)
     return made
 
 
 def readers(wire, strangers=True):
-    return AgentReaders(wire, IMAGES, messages.IMAGE, ("sp_0", "sp_1"), strangers=strangers)
+    validator, timing = MessageValidator(StampLimits(10**9, 1)), RoundTiming(500_000_000)
+    known = "sp_0", "sp_1"
+    return AgentInbox(
+        wire, IMAGES, messages.IMAGE, messages.read_picture, validator, known, strangers=strangers, timing=timing
+    )
 
 
-def names(readers):
-    return [name for name, _ in readers]
+def names(inbox):
+    return [name for name, _ in inbox.readers()]
 
 
 def test_known_agents_come_first_and_strangers_are_limited(clock):

@@ -10,8 +10,7 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, Policy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.live.nodes.camera_node import _QualitySelector
-from roletrust_env.live.nodes.rater_node import _RatingSelector
+from roletrust_env.live.nodes.agent_nodes import QualitySelector, RatingSelector
 from roletrust_env.world.roster import Roster
 
 ZOO = Path(__file__).parents[2] / "agents" / "roletrust_agents" / "zoo"
@@ -52,7 +51,7 @@ def test_a_live_rater_gives_the_same_ratings_as_in_the_game(policy):
     game = Game(RULES, "role-trust")
     history = record(JointPolicy(game, {"sr_2": policy}), game.random(seed=0))
     board = PublishedBoard(np.full(3, RULES.initial_trust), np.full(3, RULES.initial_trust))
-    selector = _RatingSelector("sr_2", ROSTER.provider_names, policy, board, 0)
+    selector = RatingSelector("sr_2", ROSTER.provider_names, policy, board, 0)
     for round in range(len(history.tor)):
         if history.rated[round, 2].any():
             seen = dict(zip(ROSTER.provider_names, history.quality[round - 1].tolist(), strict=True))
@@ -70,7 +69,7 @@ def test_every_registered_attacker_plays_if_the_node_has_its_channel(name):
     except ValueError:
         assert name in ELSEWHERE or not attackers.factory(name).attacks & {"ratings", "silence"}
         return
-    selector = _RatingSelector(
+    selector = RatingSelector(
         "sr_2", ROSTER.provider_names, policy, PublishedBoard(np.full(3, 0.5), np.full(3, 0.5)), 0
     )
     for round in range(5):
@@ -82,7 +81,7 @@ def test_every_registered_attacker_plays_if_the_node_has_its_channel(name):
 def test_a_trained_provider_reacts_to_its_ratings():
     policy = learned(path=str(ZOO / "provider-3x3"))
     rated = np.ones(3, bool)
-    praised, blamed = _QualitySelector(policy, 0), _QualitySelector(policy, 0)
+    praised, blamed = QualitySelector(policy, 0), QualitySelector(policy, 0)
     sold = [(praised.quality(r, 0.9, np.ones(3), rated), blamed.quality(r, 0.9, np.zeros(3), rated)) for r in range(20)]
     assert all(0 <= quality <= 1 for pair in sold for quality in pair)
     assert any(one != other for one, other in sold)
@@ -92,7 +91,7 @@ def test_a_member_of_a_coalition_serves_in_a_live_camera_as_in_the_game():
     policy = learned(path="universal-coalition", accomplices=(2,))
     game = Game(RULES, "role-trust")
     history = record(JointPolicy(game, {"sp_2": policy}), game.random(seed=0))
-    selector, trust = _QualitySelector(policy, 0), RULES.initial_trust
+    selector, trust = QualitySelector(policy, 0), RULES.initial_trust
     for round in range(RULES.max_cycles):
         quality = selector.quality(round, trust, history.ratings[round, :, 2], history.rated[round, :, 2])
         assert quality == history.quality[round, 2], round
@@ -113,7 +112,7 @@ class Withholding(Policy):
 
 
 def test_a_policy_sees_the_ratings_that_it_sent_and_not_those_that_it_withheld():
-    selector = _RatingSelector("sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0)
+    selector = RatingSelector("sr_2", ROSTER.provider_names, Withholding(), PublishedBoard(np.ones(3), np.ones(3)), 0)
     for round in range(2):
         assert selector.ratings(round, {"sp_0": 0.8, "sp_1": 0.4, "new": 0.3}) == {"sp_1": 0.1, "new": 0.3}
     last = selector._memory[-1]

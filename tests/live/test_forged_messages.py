@@ -10,10 +10,9 @@ import rtps_forger
 from loopback import PERIOD, TEAM, team, until
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
-from roletrust_env.live.nodes.signatures import sign, signed_diagnostics
 from roletrust_env.live.nodes.team_listener import TeamListener
 from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
@@ -120,7 +119,7 @@ def test_a_forged_manager_is_neither_displayed_nor_does_it_displace_one(team, pa
             changed = messages.decode(raw, messages.TRUST)
             changed.tor = np.full(len(changed.tor), LIE)
             trust.write(changed)
-        reports.write(signed_diagnostics(now, MANAGER, False, {"writer": ""}, None))
+        reports.write(messages.diagnostics_message(now, MANAGER, False, {"writer": ""}, None))
         for raw in said:
             reports.write_raw(raw)
         time.sleep(0.1)
@@ -144,8 +143,8 @@ def test_forged_ratings_cost_their_rater_no_round(team, forger, tmp_path):
         true = newest(reader, true)
         for raw in false_ratings(true).values():
             voice.write_raw(raw)
-        mine = messages.ratings_message(VICTIM, next_stamp(), dict.fromkeys(TEAM.providers, LIE))
-        voice.write(sign(mine, Signer(tmp_path, VICTIM)))
+        lies = dict.fromkeys(TEAM.providers, LIE)
+        voice.write(messages.ratings_message(VICTIM, next_stamp(), lies, Signer(tmp_path, VICTIM)))
         time.sleep(0.1)
     for reason, least in ((RefusalReason.UNSIGNED, 20), (RefusalReason.MIS_SIGNED, 40), (RefusalReason.REPLAYED, 20)):
         until(lambda: named(team, reason) - before[reason] >= least, f"{reason} is not counted")  # noqa: B023

@@ -6,9 +6,9 @@ from collections import deque
 import pytest
 from loopback import PERIOD, TEAM, Raters, keys, managed, own_domain, process, until
 
-from roletrust_env.live.admission import MAX_STRANGERS
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.run_loop import run_until_signal
+from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from studies.timing.live_load import cpu_s

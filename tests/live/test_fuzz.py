@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, manager, random_ratings
 
-from roletrust_env.live.message_validation import RefusalReason
 from roletrust_env.live.nodes.manager_node import receive_raw
+from roletrust_env.live.validation import RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
 
@@ -72,10 +72,7 @@ signer_of = cache(Signer)
 def signed(folder, rater, stamp, row, signer=None):
     """Return a message of `rater`, signed by itself or by another rater."""
     ratings = dict(zip(TEAM.providers, map(float, row), strict=True))
-    signature = signer_of(folder, signer or rater).sign(
-        messages.encode(messages.ratings_message(rater, stamp, ratings))
-    )
-    return messages.encode(messages.ratings_message(rater, stamp, ratings, signature))
+    return messages.encode(messages.ratings_message(rater, stamp, ratings, signer_of(folder, signer or rater)))
 
 
 def wrong(folder, random, kind, sent, round):

@@ -10,13 +10,12 @@ from loopback import Listener, Raters, keys, managed, own_domain, process, until
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.message_validation import MANAGER
-from roletrust_env.live.nodes.camera_node import run_camera_node
+from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
-from roletrust_env.live.nodes.rater_node import run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.roster import Roster

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, manager, random_ratings, rating_message
 
-from roletrust_env.live.message_validation import RefusalReason
+from roletrust_env.live.validation import Envelope, RefusalReason
 
 
 def run(keeper, arrivals, until):
@@ -20,7 +20,7 @@ def run(keeper, arrivals, until):
 
 def message(rater, round, row, off=0):
     sent = rating_message(rater, round, dict(zip(TEAM.providers, row.tolist(), strict=True)))
-    return sent._replace(stamp=sent.stamp + off)
+    return sent._replace(envelope=Envelope(rater, sent.envelope.stamp + off))
 
 
 def test_rounds_name_the_raters_of_lost_and_late_ratings(tmp_path):

@@ -8,14 +8,14 @@ import pytest
 from fake_wire import FakeWire
 from manager_cases import TEAM
 
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
 from roletrust_env.live.nodes import team_listener
+from roletrust_env.live.nodes.inboxes import TrustSubscription, camera_inbox
 from roletrust_env.live.nodes.person_detector import PersonDetector
-from roletrust_env.live.nodes.picture_inbox import PictureInbox
-from roletrust_env.live.nodes.subscriptions import TrustSubscription
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST
 from roletrust_env.live.rounds import RoundAssembler, RoundTiming
+from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.topics import DIAGNOSTICS, IMAGES, TRUST
 
 PERIOD = 500_000_000
 NOW = 1_000 * PERIOD
@@ -39,7 +39,7 @@ def trust(tor, raters=("sr_0",)):
 
 
 def image(stamp, data):
-    return messages.encode(messages.image_message(stamp, "sp_0", data))
+    return messages.encode(messages.picture_message(stamp, "sp_0", bytes(data)))
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_an_invalid_picture_shows_no_person(data):
 
 def inbox(wire, *cameras):
     """Return an inbox that has subscribed to some cameras of a scenario, without keys."""
-    made = PictureInbox(wire, RoundTiming(PERIOD), None, cameras)
+    made = camera_inbox(wire, RoundTiming(PERIOD), None, Team((), cameras))
     made.update(wire.announce(IMAGES, messages.IMAGE, *cameras))
     return made
 
@@ -94,8 +94,8 @@ def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
         for camera in cameras:
             ahead = range(HOUR, HOUR + PERIOD, PERIOD // 30) if camera == "sp_2" else [0]
             wire.waiting[f"/{camera}{IMAGES}"] += [image(now + some, small) for some in ahead]
-        for camera, picture, envelope in pictures.take(now):
-            whole += rounds.add(camera, envelope.stamp, picture, now)
+        for picture, envelope in pictures.take(now):
+            whole += rounds.add(envelope.sender, envelope.stamp, picture, now)
         for share in (0.3, 0.8):
             whole += rounds.close_due(now + int(share * PERIOD))
     assert [one.stamp for one in whole] == [NOW + r * PERIOD for r in range(20)]
@@ -122,7 +122,7 @@ def listening(monkeypatch):
 
 
 def report(name, values, stamp=None):
-    return messages.encode(messages.diagnostics_message(stamp or time.time_ns(), name, False, values))
+    return messages.encode(messages.diagnostics_message(stamp or time.time_ns(), name, False, values, None))
 
 
 def test_a_listener_continues_after_malformed_messages(listening):

@@ -6,9 +6,9 @@ from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_me
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import Journal, read_journal
-from roletrust_env.live.message_validation import RefusalReason
 from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.live.validation import RefusalReason
 from roletrust_env.trust import make_trust_model, trust_models
 
 

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 
-from roletrust_env.live.message_validation import RefusalReason, StampLimits
-from roletrust_env.live.rating_validation import Ratings, RatingValidator
+from roletrust_env.live.validation import Envelope, MessageValidator, RatingMessage, RefusalReason, StampLimits
 
 PROVIDERS = ("sp_0", "sp_1")
 LIMITS = StampLimits(tolerance=2000, min_gap=500)
@@ -27,13 +26,12 @@ class Signed:
 
 
 def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", signature=b"sr_0text"):
-    return Ratings(rater, stamp, providers, values, b"text", signature)
+    return RatingMessage(Envelope(rater, stamp, b"text", signature), providers, values)
 
 
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (ratings(values=(0.1,)), RefusalReason.GARBAGE),
         (ratings(rater="sr_9"), RefusalReason.UNKNOWN),
         (ratings(stamp=NOW + 2001), RefusalReason.FUTURE),
         (ratings(stamp=NOW - 2001), RefusalReason.PAST),
@@ -43,10 +41,10 @@ def ratings(values=(0.1, 0.9), providers=PROVIDERS, stamp=NOW, rater="sr_0", sig
     ],
 )
 def test_invalid_messages_are_refused_as_a_whole(message, reason):
-    validator = RatingValidator(LIMITS, Signed("sr_0", "sr_1"))
-    assert validator.accept(message, PROVIDERS, NOW) == {}
+    validator = MessageValidator(LIMITS, Signed("sr_0", "sr_1"))
+    assert validator.accepted_ratings(message, PROVIDERS, NOW) == {}
     assert validator.refusals == {("" if reason is RefusalReason.UNKNOWN else "sr_0", reason): 1}
-    assert validator.accept(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # its state is unchanged
+    assert validator.accepted_ratings(ratings(), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}  # its state is unchanged
 
 
 @pytest.mark.parametrize(
@@ -61,39 +59,39 @@ def test_invalid_messages_are_refused_as_a_whole(message, reason):
     ],
 )
 def test_invalid_ratings_are_refused_one_by_one(values, providers, reason):
-    validator = RatingValidator(LIMITS)
-    assert validator.accept(ratings(values, providers), PROVIDERS, NOW) == {"sp_1": 0.9}
+    validator = MessageValidator(LIMITS)
+    assert validator.accepted_ratings(ratings(values, providers), PROVIDERS, NOW) == {"sp_1": 0.9}
     assert validator.refusals == {("sr_0", reason): 1}
 
 
 @pytest.mark.parametrize("offset", [-2000, 2000])
 def test_stamps_at_the_tolerance_are_accepted(offset):
-    validator = RatingValidator(LIMITS)
-    assert validator.accept(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}
+    validator = MessageValidator(LIMITS)
+    assert validator.accepted_ratings(ratings(stamp=NOW + offset), PROVIDERS, NOW) == {"sp_0": 0.1, "sp_1": 0.9}
     assert not validator.refusals
 
 
 def test_ratings_at_the_bounds_are_accepted():
-    assert RatingValidator(LIMITS).accept(ratings((0.0, 1.0)), PROVIDERS, NOW) == {"sp_0": 0.0, "sp_1": 1.0}
+    assert MessageValidator(LIMITS).accepted_ratings(ratings((0.0, 1.0)), PROVIDERS, NOW) == {"sp_0": 0.0, "sp_1": 1.0}
 
 
 def test_refusals_are_counted_one_by_one_or_many_at_once():
-    validator = RatingValidator(LIMITS, last_stamps={"sr_0": 0})
+    validator = MessageValidator(LIMITS, last_stamps={"sr_0": 0})
     validator.refuse("sr_0", RefusalReason.FLOOD, 7)
     validator.refuse("sr_0", RefusalReason.FLOOD)
     assert validator.refusals == {("sr_0", RefusalReason.FLOOD): 8}
 
 
 def test_ratings_of_oneself_are_refused():
-    validator = RatingValidator(LIMITS)
-    assert validator.accept(ratings((1.0, 0.5), ("srsp_0", "sp_0"), rater="srsp_0"), ("srsp_0", "sp_0"), NOW) == {
-        "sp_0": 0.5
-    }
+    validator = MessageValidator(LIMITS)
+    assert validator.accepted_ratings(
+        ratings((1.0, 0.5), ("srsp_0", "sp_0"), rater="srsp_0"), ("srsp_0", "sp_0"), NOW
+    ) == {"sp_0": 0.5}
     assert validator.refusals == {("srsp_0", RefusalReason.ITSELF): 1}
 
 
 def test_stamps_rise_by_the_smallest_gap():
-    validator = RatingValidator(LIMITS, last_stamps={"sr_1": NOW})
+    validator = MessageValidator(LIMITS, last_stamps={"sr_1": NOW})
     for stamp, reason in (
         (0, None),
         (0, RefusalReason.REPLAYED),
@@ -102,15 +100,15 @@ def test_stamps_rise_by_the_smallest_gap():
         (100, RefusalReason.REPLAYED),
     ):
         validator.refusals.clear()
-        assert bool(validator.accept(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (reason is None)
+        assert bool(validator.accepted_ratings(ratings(stamp=NOW + stamp), PROVIDERS, NOW)) is (reason is None)
         assert validator.refusals == ({("sr_0", reason): 1} if reason else {})
-    assert validator.accept(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
+    assert validator.accepted_ratings(ratings(rater="sr_1"), PROVIDERS, NOW) == {}
 
 
 def test_unknown_names_take_no_memory():
-    validator = RatingValidator(LIMITS, Signed("sr_0"))
+    validator = MessageValidator(LIMITS, Signed("sr_0"))
     for k in range(1000):
-        validator.accept(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
+        validator.accepted_ratings(ratings(rater=f"sr_x{k}"), PROVIDERS, NOW)
     assert validator.refusals == {("", RefusalReason.UNKNOWN): 1000}
 
 
@@ -137,18 +135,13 @@ def wrong(random, round):
     """Return a message that must be refused, and the reason."""
     rater, values = str(random.choice(TEAM.raters)), dict.fromkeys(TEAM.providers, float(random.random()))
     message = rating_message(rater, round, values)
-    kind = [
-        RefusalReason.GARBAGE,
-        RefusalReason.FUTURE,
-        RefusalReason.PAST,
-        RefusalReason.REPLAYED,
-        RefusalReason.TOO_SOON,
-    ][random.integers(5)]
-    changed = {
-        RefusalReason.GARBAGE: {"values": tuple(random.random(int(random.choice([0, 1, 2, 4]))).tolist())},
-        RefusalReason.FUTURE: {"stamp": message.stamp + int(random.integers(5 * PERIOD, 10**18))},
-        RefusalReason.PAST: {"stamp": message.stamp - int(random.integers(5 * PERIOD, 10**12))},
-        RefusalReason.REPLAYED: {},
-        RefusalReason.TOO_SOON: {"stamp": message.stamp + int(random.integers(1, PERIOD // 2 - 1))},
+    kind = [RefusalReason.FUTURE, RefusalReason.PAST, RefusalReason.REPLAYED, RefusalReason.TOO_SOON][
+        random.integers(4)
+    ]
+    offset = {
+        RefusalReason.FUTURE: int(random.integers(5 * PERIOD, 10**18)),
+        RefusalReason.PAST: -int(random.integers(5 * PERIOD, 10**12)),
+        RefusalReason.REPLAYED: 0,
+        RefusalReason.TOO_SOON: int(random.integers(1, PERIOD // 2 - 1)),
     }[kind]
-    return message._replace(**changed), kind
+    return message._replace(envelope=Envelope(rater, message.envelope.stamp + offset)), kind

@@ -9,15 +9,14 @@ from fake_wire import FakeWire
 from manager_cases import TEAM
 
 from roletrust_env.live.journal import JournalEntry
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
 from roletrust_env.live.nodes import team_listener
-from roletrust_env.live.nodes.diagnostics import LIMITS
-from roletrust_env.live.nodes.signatures import read_picture, sign, signed_diagnostics, signed_picture
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, IMAGES, TRUST
+from roletrust_env.live.nodes.inboxes import LIMITS
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Trust
+from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
+from roletrust_env.live.wire.topics import DIAGNOSTICS, IMAGES, TRUST
 
 PERIOD = 500_000_000
 CAMERA = f"/sp_0{IMAGES}"
@@ -51,15 +50,15 @@ def page(keys, monkeypatch):
 
 def trust(signer, stamp, value=0.5, round=3):
     trusted = Trust((value,) * 3, (value,) * 3, ())
-    return sign(messages.trust_message(JournalEntry(round, stamp, stamp, TEAM, {}, (), trusted)), signer)
+    return messages.trust_message(JournalEntry(round, stamp, stamp, TEAM, {}, (), trusted), signer)
 
 
 def picture(signer, stamp, camera="sp_0", jpeg=JPEG):
-    return signed_picture(stamp, camera, jpeg, signer)
+    return messages.picture_message(stamp, camera, jpeg, signer)
 
 
 def report(signer, stamp, value="7"):
-    return signed_diagnostics(stamp, MANAGER, False, {"next round": value}, signer)
+    return messages.diagnostics_message(stamp, MANAGER, False, {"next round": value}, signer)
 
 
 def altered(message, **changes):
@@ -146,4 +145,4 @@ def test_a_signed_picture_is_the_jpeg_for_every_decoder(keys):
     message = picture(Signer(keys, "sp_0"), 5)
     shown = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
     np.testing.assert_array_equal(shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR))
-    assert read_picture(messages.encode(message), "sp_0").jpeg == JPEG
+    assert messages.read_picture(messages.encode(message), "sp_0").jpeg == JPEG

@@ -8,9 +8,8 @@ import pytest
 from loopback import keys, own_domain, process, until
 
 from roletrust_env import make_scenario
-from roletrust_env.live.nodes.rater_node import run_rater_node
+from roletrust_env.live.nodes.agent_nodes import run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
-from roletrust_env.live.nodes.signatures import signed_picture
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
@@ -33,7 +32,7 @@ def strange_cameras(count, period):
             stamp = (time.time_ns() // period + 1) * period
             active.sleep_until(stamp)
             for name, writer in writers.items():
-                writer.write(signed_picture(stamp, name, SHADE, None))
+                writer.write(messages.picture_message(stamp, name, SHADE, None))
 
 
 class Cameras:
@@ -60,7 +59,7 @@ class Cameras:
             stamp = (time.time_ns() // self.period + 1) * self.period
             time.sleep(max(0, stamp - time.time_ns()) / 1e9)
             for name, writer in self._writers.items():
-                writer.write(signed_picture(stamp, name, PICTURE, self._signers[name]))
+                writer.write(messages.picture_message(stamp, name, PICTURE, self._signers[name]))
             while time.time_ns() < stamp + 0.9 * self.period:
                 self.node.wait(0.02)
                 self._read(stamp)
@@ -70,7 +69,7 @@ class Cameras:
         for raw in self._ratings.take():
             one = messages.read_ratings(raw)
             self.rated |= set(one.providers)
-            if one.stamp == stamp and {"sp_0", "sp_1", "sp_2"} <= set(one.providers):
+            if one.envelope.stamp == stamp and {"sp_0", "sp_1", "sp_2"} <= set(one.providers):
                 self.delays.append((time.time_ns() - stamp) / 1e9)
 
 

@@ -8,11 +8,11 @@ import pytest
 from fake_wire import FakeWire
 
 from roletrust_env.live.nodes import run_loop
+from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscription
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
-from roletrust_env.live.nodes.subscriptions import RatingSubscription, TrustSubscription
-from roletrust_env.live.nodes.topics import IMAGES, RATINGS, owner
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.topics import IMAGES, RATINGS, owner
 
 PERIOD = 500_000_000
 

@@ -13,11 +13,11 @@ from test_state_growth import BY_REPLAY, close
 from roletrust_env.live import journal as journals
 from roletrust_env.live import team_trust
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.message_validation import RefusalReason
 from roletrust_env.live.replay import replay_journal
 from roletrust_env.live.rounds import Round
 from roletrust_env.live.snapshot import read_snapshot, snapshot_path
 from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.live.validation import RefusalReason
 from roletrust_env.trust import make_trust_model, trust_models
 
 SLOW = pytest.mark.slow
@@ -177,7 +177,8 @@ def test_ten_newcomers_a_minute_delay_no_round(rounds, newcomers, tmp_path, monk
         sent = {name: random.random(10).tolist() for name in (*team.raters, *fresh)}
         began = time.process_time()
         for name, row in sent.items():
-            message = rating_message(name, r, dict(zip(team.providers, row, strict=True)))._replace(signature=b"-")
+            message = rating_message(name, r, dict(zip(team.providers, row, strict=True)))
+            message = message._replace(envelope=message.envelope._replace(signature=b"-"))
             published += len(keeper.receive(message, PERIOD * r + 20_000_000))
         published += len(keeper.tick(int(PERIOD * (r + 0.8))))
         spent[r - 1] = time.process_time() - began

@@ -9,7 +9,7 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.identification.journal_curves import curves_from_rounds
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.message_validation import MANAGER, is_genuine
+from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console
 from roletrust_experiments.commands.live.options import require_live
@@ -30,7 +30,6 @@ def draw_recording(recording: Path, attack: Attack | None, keys: Path | None, ou
         ValueError: The folder is no recording, has fewer than two rounds, or has another team than the paper's.
     """
     require_live()
-    from roletrust_env.live.nodes.signatures import read_trust
     from roletrust_env.live.wire import messages
     from roletrust_env.live.wire.keys import PublicKeys
     from roletrust_env.live.wire.recording import read_recording
@@ -39,7 +38,7 @@ def draw_recording(recording: Path, attack: Attack | None, keys: Path | None, ou
     for one in read_recording(recording):
         if one.kind == messages.TRUST:
             with suppress(ValueError):  # an unreadable message is not from the manager
-                trust, envelope = read_trust(one.raw)
+                trust, envelope = messages.read_trust(one.raw)
                 if is_genuine(envelope, keyring):
                     rounds.append(trust)
     gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]

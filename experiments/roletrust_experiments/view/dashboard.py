@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
 from roletrust_env.live.nodes.team_listener import TeamListener
+from roletrust_env.live.validation import MANAGER, RefusalReason
 
 _GONE_PERIODS = 1.6  # periods without a message after which a robot is shown as gone
 _MIN_GONE_S = 0.3  # no robot is gone sooner, however short the period

@@ -13,15 +13,14 @@ import numpy as np
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal, run_with_parent
-from roletrust_env.live.nodes.signatures import sign
-from roletrust_env.live.nodes.topics import RATINGS, TRUST
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader
 from roletrust_env.live.wire.keys import Signer, make_keys
+from roletrust_env.live.wire.topics import RATINGS, TRUST
 from roletrust_env.trust import TrustModel
 
 _MEET_S = 60.0  # until a team must be complete
@@ -135,7 +134,7 @@ def run_raters(team: Team, keys: Path, period: int) -> None:
 
 def _signed(name: str, stamp: int, team: Team, signer: Signer, random: np.random.Generator) -> bytes:
     ratings = dict(zip(team.providers, random.random(len(team.providers)).tolist(), strict=True))
-    return messages.encode(sign(messages.ratings_message(name, stamp, ratings), signer))
+    return messages.encode(messages.ratings_message(name, stamp, ratings, signer))
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """The trust manager as a process: receives the ratings of every rater, and publishes trust."""
 
-import math
 import sys
 import time
 from collections import Counter
@@ -10,22 +9,23 @@ from typing import Any
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
-from roletrust_env.live.nodes.agent_readers import AgentReaders
-from roletrust_env.live.nodes.manager_publisher import ManagerPublisher
-from roletrust_env.live.nodes.precedence import Precedence
+from roletrust_env.live.nodes.inboxes import diagnostics_inbox, rating_inbox, read_message
+from roletrust_env.live.nodes.publishers import INTERVAL_S, ManagerPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
-from roletrust_env.live.nodes.topics import IMAGES, RATINGS, TRUST, owner
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason
 from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Quota, Reader
+from roletrust_env.live.wire.dds import Node, Publication
 from roletrust_env.live.wire.keys import PublicKeys, Signer
 from roletrust_env.live.wire.recording import RecordedMessage
+from roletrust_env.live.wire.topics import IMAGES, RATINGS, TRUST, owner
 from roletrust_env.trust import TrustModel
 
+DISCOVERY_S = 1.0
+"""Time within which nodes of one machine find each other, seconds."""
+
 _DEPTH = 200  # messages of a rater that are stored while the manager is busy
-_MAX_PER_PERIOD = 10  # messages that a rater may send in a period; it needs one
 _QUIET_PERIODS = 10  # after that many periods without a message, no round is open
 _SECOND_MANAGER = f"another manager publishes {TRUST}; stop it first, or set another ROS_DOMAIN_ID"
 
@@ -56,22 +56,19 @@ def run_manager_node(
         ValueError: Another manager is active, or the journal does not fit, see `Manager`.
     """
     keyring, signer = (None, None) if keys is None else (PublicKeys(keys, [MANAGER]), Signer(keys, MANAGER))
-    node = Node("manager", network=network)
+    node, timing = Node("manager", network=network), RoundTiming(period)
     precedence = Precedence(node, keyring)
     if precedence.wait_for_others():
         raise ValueError(_SECOND_MANAGER)
-    manager = Manager(model, journal, timing=RoundTiming(period), team=team, keyring=keyring)
+    manager = Manager(model, journal, timing=timing, team=team, keyring=keyring)
     if keyring is None:
         report("manager: WITHOUT KEYS: everybody on this network can rate in any name, and forge trust")
     if manager.next_round:
         report(f"manager: continues with round {manager.next_round} of {journal}")
     publisher = ManagerPublisher(node, signer)
-    quota = math.ceil(_MAX_PER_PERIOD * SECOND / period)
-
-    def reader(topic: str, kind: str) -> Reader:
-        return node.reader(topic, kind, depth=_DEPTH, quota=Quota(quota))
-
-    raters = AgentReaders(node, RATINGS, messages.RATINGS, manager.known_raters, strangers=keyring is None, make=reader)
+    precedence.own = publisher.writer
+    known, strangers = manager.known_raters, keyring is None
+    raters = rating_inbox(node, timing, manager.validator, known, strangers=strangers, depth=_DEPTH)
     with run_until_signal() as active:
         while active:
             publications = node.discover()
@@ -79,15 +76,10 @@ def run_manager_node(
             for publication in publications:
                 if camera := owner(publication.topic, IMAGES):
                     manager.add_provider(camera, time.time_ns())
-            precedence.update(publisher.writer, publications)
-            if precedence.is_second(publisher.writer):
+            if precedence.is_second(publications):
                 raise ValueError(_SECOND_MANAGER)
-            for name, rater in raters:
-                for raw in rater.take():
-                    publisher.publish(receive_raw(manager, name, raw, time.time_ns()))
-                if rater.over_quota:
-                    manager.validator.refuse(name, RefusalReason.FLOOD, rater.over_quota)
-                    rater.over_quota = 0
+            for message in raters.read():
+                publisher.publish(manager.receive(message, time.time_ns()))
             publisher.publish(manager.tick(time.time_ns()))
             crowd = {(f"participant {one}", RefusalReason.CROWDED): n for one, n in raters.turned_away.items()}
             publisher.publish_diagnostics(manager, precedence.validator.refusals + Counter(crowd))
@@ -104,15 +96,8 @@ def receive_raw(manager: Manager, name: str, raw: bytes, now: int) -> list[Journ
         raw: Message, as CDR.
         now: Time of arrival, nanoseconds.
     """
-    try:
-        ratings = messages.read_ratings(raw)
-    except ValueError:
-        manager.validator.refuse(name, RefusalReason.GARBAGE)
-        return []
-    if ratings.rater != name:
-        manager.validator.refuse(name, RefusalReason.ELSEWHERE)
-        return []
-    return manager.receive(ratings, now)
+    message = read_message(raw, name, messages.read_ratings, manager.validator)
+    return [] if message is None else manager.receive(message, now)
 
 
 def replay_recording(recording: Iterable[RecordedMessage], manager: Manager, period: int) -> Iterator[JournalEntry]:
@@ -135,3 +120,61 @@ def replay_recording(recording: Iterable[RecordedMessage], manager: Manager, per
             manager.add_provider(camera, time_ns)
     if now is not None:
         yield from manager.tick(now + 2 * period)
+
+
+class Precedence:
+    """Decides whether this manager may publish trust when others do: at most one manager of a team does.
+
+    With keys, only a holder of the manager's key counts: its signed diagnostics name its writer of trust. Messages from
+    before the start of this manager do not count, so the messages of a killed manager cannot be sent again to stop
+    this one. Without keys, every writer of trust counts. If two managers start at the same time, exactly one of them
+    has precedence.
+
+    Args:
+        node: Node of this manager.
+        keyring: Keys of the team; None if there are none.
+
+    Attributes:
+        own: Writer of trust of this manager; empty until it has one.
+    """
+
+    def __init__(self, node: Node, keyring: Keyring | None) -> None:
+        self._node, self._signed, self._began, self.own = node, keyring is not None, time.time_ns(), ""
+        # other nodes publish diagnostics of their own
+        self._inbox = diagnostics_inbox(node, keyring, lambda name: self._signed and name == MANAGER)
+        self._others = set[str]()
+
+    @property
+    def validator(self) -> MessageValidator:
+        """Counts forged diagnostics."""
+        return self._inbox.validator
+
+    def wait_for_others(self) -> bool:
+        """Wait until other managers would be known, and return whether there is one."""
+        time.sleep(DISCOVERY_S)
+        if not self._node.writers_of(TRUST):
+            return False
+        if not self._signed:
+            return True
+        end = time.monotonic() + 2 * INTERVAL_S
+        while not self._others and time.monotonic() < end:
+            self._node.wait(end - time.monotonic())
+            self._read()
+        return bool(self._others)
+
+    def is_second(self, publications: Iterable[Publication]) -> bool:
+        """Return whether another manager publishes trust as well and has precedence.
+
+        Args:
+            publications: New publications.
+        """
+        self._read()
+        if not self._signed and any(publication.topic == TRUST for publication in publications):
+            self._others = {*self._node.writers_of(TRUST)} - {self.own}
+        return any(other < self.own for other in self._others)
+
+    def _read(self) -> None:
+        """Read the diagnostics of other managers."""
+        for message in self._inbox.take(time.time_ns()):
+            if message.envelope.stamp >= self._began:
+                self._others |= {message.values.get("writer", "")} - {self.own}

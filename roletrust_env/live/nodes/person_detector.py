@@ -9,8 +9,8 @@ from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.world.vision import best_margin, probability, view
 from roletrust_env.world.vision.degrade import transmit
 
-_EVERY = 4  # rounds between two looks at a stranger's picture
-_SHARE = 0.1  # of the period: no look if the pictures of known cameras took longer
+_EVERY = 4  # rounds between two pictures of strangers that are decoded
+_SHARE = 0.1  # of the period: no stranger has a turn if the pictures of known cameras took longer
 _MAX_BYTES = 1 << 18  # of a stranger's JPEG
 _MAX_PIXELS = 1 << 21  # of a stranger's picture, which may take much longer to decode than to send
 
@@ -33,7 +33,7 @@ class PersonDetector:
         return probability(best_margin(transmit(features, float(self._links.standard_normal()))))
 
 
-class Strangers:
+class StrangePictures:
     """The pictures of cameras without a key and without a place in the scenario.
 
     They cost the raters next to nothing: one picture is looked at every few rounds, the turn passes from camera to
@@ -54,7 +54,7 @@ class Strangers:
         if len(jpeg) <= _MAX_BYTES and pixels(jpeg) <= _MAX_PIXELS:
             self._pictures[camera] = stamp, jpeg
 
-    def look(self, stamp: int, began: float) -> dict[str, float]:
+    def probabilities(self, stamp: int, began: float) -> dict[str, float]:
         """Return the probability of a person for the cameras that have their turn in a round: one or none.
 
         Args:

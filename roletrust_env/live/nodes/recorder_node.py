@@ -3,7 +3,7 @@
 import time
 from pathlib import Path
 
-from roletrust_env.live.nodes.agent_readers import TopicReaders
+from roletrust_env.live.nodes.inboxes import TopicReaders
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.messages import typestore
@@ -25,7 +25,7 @@ def run_recorder_node(folder: Path, *, images: bool = True, network: bool = Fals
         ValueError: The folder exists already.
     """
     node = Node("record", network=network)
-    readers, kinds = TopicReaders(node, lambda topic, kind: node.reader(topic, kind, depth=_DEPTH)), dict[str, str]()
+    readers, kinds = TopicReaders(node, _DEPTH), dict[str, str]()
     with run_until_signal() as active, Recorder(folder) as recorder:
         flushed = time.time_ns()
         while active:

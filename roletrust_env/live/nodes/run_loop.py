@@ -53,8 +53,8 @@ class RunState:
 
     def sleep_until(self, moment: int) -> None:
         """Sleep until a moment, nanoseconds since 1970, or until the node is asked to end."""
-        while self and (left := moment - time.time_ns()) > 0:
-            time.sleep(min(left / SECOND, 0.1))
+        while self and (remaining := moment - time.time_ns()) > 0:
+            time.sleep(min(remaining / SECOND, 0.1))
 
 
 @contextmanager

@@ -9,25 +9,11 @@ import cv2
 import numpy as np
 
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.manager import keys_by_role
-from roletrust_env.live.message_validation import (
-    MANAGER,
-    Envelope,
-    Keyring,
-    MessageValidator,
-    RefusalReason,
-    StampLimits,
-)
-from roletrust_env.live.nodes.agent_readers import AgentReaders
-from roletrust_env.live.nodes.diagnostics import LIMITS, MAX_PER_SECOND
-from roletrust_env.live.nodes.picture_inbox import PictureInbox
-from roletrust_env.live.nodes.signatures import read_diagnostics
-from roletrust_env.live.nodes.subscriptions import TrustInbox
-from roletrust_env.live.nodes.topics import DIAGNOSTICS, RATINGS
+from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox
 from roletrust_env.live.rounds import RoundTiming
 from roletrust_env.live.trust_tracker import Team
-from roletrust_env.live.wire import messages
-from roletrust_env.live.wire.dds import Node, Quota
+from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason, keys_by_role
+from roletrust_env.live.wire.dds import Node
 
 _WAIT_S = 0.1
 _FORGET_S = 60.0  # strangers are forgotten that long after their last message
@@ -67,23 +53,21 @@ class TeamListener:
         self.last_heard: dict[str, float] = {}
         self.reports: dict[str, dict[str, str]] = {}
         self._known = {MANAGER, *team.raters, *team.providers}
-        rating, serving = keys_by_role(keyring, team)
+        rating, _ = keys_by_role(keyring, team)
         self._node, self._active = Node("view", network=network), True
-        self._trust = TrustInbox(self._node, keyring)
-        self._diagnostics = self._node.reader(DIAGNOSTICS, messages.DIAGNOSTICS, depth=100, quota=Quota(MAX_PER_SECOND))
-        self._cameras = PictureInbox(self._node, timing, serving, team.providers if serving is None else serving)
-        known = team.raters if rating is None else rating
-        self._raters = AgentReaders(self._node, RATINGS, messages.RATINGS, known, strangers=rating is None)
-        limits = StampLimits(timing.tolerance, timing.max_spread)
-        self._reports, self._ratings = MessageValidator(LIMITS, keyring), MessageValidator(limits, rating)
+        self._trust = trust_inbox(self._node, keyring)
+        self._diagnostics = diagnostics_inbox(self._node, keyring, self._is_of_team)
+        self._cameras = camera_inbox(self._node, timing, keyring, team)
+        known, validator = team.raters if rating is None else rating, MessageValidator(timing.limits, rating)
+        self._raters = rating_inbox(self._node, timing, validator, known, strangers=rating is None)
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
     @property
     def refusals(self) -> Mapping[tuple[str, RefusalReason], int]:
         """Number of messages that this listener refused, by sender and reason."""
-        validators = self._trust.validator, self._reports, self._ratings, self._cameras.validator
-        return sum((one.refusals for one in validators), Counter[tuple[str, RefusalReason]]())
+        inboxes = self._trust, self._diagnostics, self._cameras, self._raters
+        return sum((inbox.validator.refusals for inbox in inboxes), Counter[tuple[str, RefusalReason]]())
 
     def close(self) -> None:
         """Stop listening."""
@@ -96,20 +80,23 @@ class TeamListener:
             publications = self._node.discover()
             self._cameras.update(publications)
             self._raters.update(publications)
-            for trust in self._trust.take():
-                self.rounds.append(trust)
+            for message in self._trust.take(time.time_ns()):
+                self.rounds.append(message.trust)
                 self.last_heard[MANAGER] = time.time()
-            for raw in self._diagnostics.take():
-                self._read_diagnostics(raw)
-            newest = {one.camera: one.jpeg for one in self._cameras.take(time.time_ns())}
+            for report in self._diagnostics.take(time.time_ns()):
+                self.reports[report.envelope.sender] = report.values
+            newest = {picture.envelope.sender: picture.jpeg for picture in self._cameras.take(time.time_ns())}
             for camera, jpeg in newest.items():
                 self.last_heard[camera] = time.time()
                 if small := _scaled_down(np.frombuffer(jpeg, np.uint8)):
                     self.pictures[camera] = small
-            for rater, reader in self._raters:
-                for raw in reader.take():
-                    self._read_ratings(rater, raw)
+            for ratings in self._raters.take(time.time_ns()):
+                self.last_heard[ratings.envelope.sender] = time.time()
             self._forget_strangers()
+
+    def _is_of_team(self, node: str) -> bool:
+        """Return whether diagnostics are of the manager or of an active agent, and not of another program."""
+        return node == MANAGER or node in self.last_heard
 
     def _forget_strangers(self) -> None:
         """Forget agents that are not known and have gone, so that fresh names do not fill the memory."""
@@ -118,28 +105,6 @@ class TeamListener:
                 self.last_heard.pop(name)
                 self.pictures.pop(name, None)
                 self.reports.pop(name, None)
-
-    def _read_diagnostics(self, raw: bytes) -> None:
-        try:
-            report = read_diagnostics(raw)
-        except ValueError:
-            self._reports.refuse("", RefusalReason.GARBAGE)
-            return
-        if report is None or not (report.node == MANAGER or report.node in self.last_heard):
-            return  # of another program
-        if self._reports.accepts(report.envelope, time.time_ns()):
-            self.reports[report.node] = report.values
-
-    def _read_ratings(self, rater: str, raw: bytes) -> None:
-        try:
-            one = messages.read_ratings(raw)
-        except ValueError:
-            self._ratings.refuse(rater, RefusalReason.GARBAGE)
-            return
-        if one.rater != rater:
-            self._ratings.refuse(rater, RefusalReason.ELSEWHERE)
-        elif self._ratings.accepts(Envelope(one.rater, one.stamp, one.signed, one.signature), time.time_ns()):
-            self.last_heard[rater] = time.time()
 
 
 def _scaled_down(jpeg: np.ndarray) -> bytes | None:

@@ -64,12 +64,12 @@ class Reader:
     """Receives messages of one topic.
 
     Attributes:
-        over_quota: Number of messages discarded because a writer sent too many.
+        excess: Number of messages discarded because a writer sent too many.
     """
 
     def __init__(self, reader: Any, quota: "Quota | None" = None) -> None:
         self._reader, self._quota = reader, quota
-        self.over_quota = 0
+        self.excess = 0
 
     def take(self) -> list[bytes]:
         """Return the messages since the last call as CDR, in order of arrival."""
@@ -77,7 +77,7 @@ class Reader:
         if self._quota is not None:
             now = time.monotonic()
             within = [one for one in samples if self._quota.allows(one.sample_info.publication_handle, now)]
-            self.over_quota += len(samples) - len(within)
+            self.excess += len(samples) - len(within)
             samples = within
         return [sample.raw for sample in samples]
 
@@ -198,21 +198,21 @@ class Node:
 
     def writers_of(self, topic: str) -> list[str]:
         """Return the GUIDs of all known writers of a topic, including those of this node, in ascending order."""
-        self._look()
+        self._update()
         return sorted(guid for guid, one in self._known.items() if one.topic == topic)
 
     def discover(self) -> list[Publication]:
         """Return the publications since the last call, including those of this node; a topic may be listed again."""
-        self._look()
+        self._update()
         new, self._new = self._new, []
         return new
 
     def publications(self) -> list[Publication]:
         """Return the publications at the moment, including those of this node."""
-        self._look()
+        self._update()
         return list(self._known.values())
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         """Note the publications that began or ended. The middleware never frees a reader of them, so there is one."""
         for sample in self._builtin_reader.take(_AT_ONCE):
             if sample.topic_name is None:

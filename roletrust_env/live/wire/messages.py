@@ -1,8 +1,14 @@
-"""Messages of ROS 2, written and read without ROS 2: CDR according to the definitions in `.msg` files."""
+"""Messages of ROS 2 without ROS 2: CDR according to the definitions in `.msg` files, and their signatures (ed25519).
 
+The project's own types have a field for the signature. ROS 2's types have none: a picture has its signature behind the
+JPEG, where every decoder ignores it, and diagnostics have it as their last value. So each message is complete, and all
+tools of ROS 2 can read it.
+"""
+
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +17,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from roletrust_env.live.journal import JournalEntry, PublishedTrust
-from roletrust_env.live.rating_validation import Ratings
+from roletrust_env.live.validation import MANAGER, Envelope, RatingMessage
+from roletrust_env.live.wire import topics
+from roletrust_env.live.wire.keys import Signer
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -23,6 +31,45 @@ PACKAGE = Path(__file__).parent.parent / "roletrust_msgs"
 """Folder of the ROS 2 package with the project's own messages, which colcon builds."""
 
 _SECOND = 1_000_000_000
+_MARK = b"ed25519"  # between a JPEG and its signature
+_SIZE = 64  # of a signature, bytes
+_SIGNATURE = "signature"
+
+
+class TrustMessage(NamedTuple):
+    """A message of the manager.
+
+    Attributes:
+        trust: Trust after a round.
+        envelope: Origin of the message.
+    """
+
+    trust: PublishedTrust
+    envelope: Envelope
+
+
+class PictureMessage(NamedTuple):
+    """A message of a camera.
+
+    Attributes:
+        jpeg: Picture.
+        envelope: Origin of the message: the camera, and the time stamp of its service.
+    """
+
+    jpeg: bytes
+    envelope: Envelope
+
+
+class DiagnosticsMessage(NamedTuple):
+    """A message with the state of one node.
+
+    Attributes:
+        values: State, such as the number of refusals by sender and reason.
+        envelope: Origin of the message, with the name of the node.
+    """
+
+    values: dict[str, str]
+    envelope: Envelope
 
 
 @cache
@@ -72,37 +119,39 @@ def stamp_of(message: Any) -> int:
     return int(message.header.stamp.sec) * _SECOND + int(message.header.stamp.nanosec)
 
 
-def ratings_message(rater: str, stamp: int, ratings: dict[str, float], signature: bytes = b"") -> Any:
-    """Return a message with a rater's ratings of the services of one round."""
-    return make(
-        RATINGS,
-        header=header(stamp),
-        rater=rater,
-        providers=list(ratings),
-        values=np.array(list(ratings.values()), np.float64),
-        signature=np.frombuffer(signature, np.uint8),
+def sign(message: Any, signer: Signer | None) -> Any:
+    """Fill the field `signature` of a message and return the message; None does not sign."""
+    message.signature = np.empty(0, np.uint8)
+    if signer is not None:
+        message.signature = np.frombuffer(signer.sign(encode(message)), np.uint8)
+    return message
+
+
+def ratings_message(rater: str, stamp: int, ratings: Mapping[str, float], signer: Signer | None = None) -> Any:
+    """Return a message with a rater's ratings of the services of one round; without a signer, it is not signed."""
+    values = _numbers(ratings.values())
+    unsigned = np.empty(0, np.uint8)
+    message = make(
+        RATINGS, header=header(stamp), rater=rater, providers=list(ratings), values=values, signature=unsigned
     )
+    return sign(message, signer)
 
 
-def read_ratings(raw: bytes) -> Ratings:
+def read_ratings(raw: bytes) -> RatingMessage:
     """Read a message with ratings.
-
-    Returns:
-        The ratings, the signature, and the bytes that it covers.
 
     Raises:
         ValueError: The bytes are not such a message.
     """
     message = decode(raw, RATINGS)
-    signature = bytes(message.signature)
-    message.signature = np.empty(0, np.uint8)
-    values = message.values.tolist()
-    return Ratings(message.rater, stamp_of(message), message.providers, values, encode(message), signature)
+    if len(message.providers) != len(message.values):
+        raise ValueError(f"{len(raw)} bytes are not a valid {RATINGS}: it has not as many ratings as providers")
+    return RatingMessage(_envelope(message.rater, message), message.providers, message.values.tolist())
 
 
-def trust_message(entry: JournalEntry) -> Any:
-    """Return a message with the trust after a round."""
-    return make(
+def trust_message(entry: JournalEntry, signer: Signer | None = None) -> Any:
+    """Return a message with the trust after a round; without a signer, it is not signed."""
+    message = make(
         TRUST,
         header=header(entry.stamp),
         round=entry.round,
@@ -115,9 +164,10 @@ def trust_message(entry: JournalEntry) -> Any:
         missing=list(entry.missing),
         signature=np.empty(0, np.uint8),
     )
+    return sign(message, signer)
 
 
-def read_trust(raw: bytes) -> PublishedTrust:
+def read_trust(raw: bytes) -> TrustMessage:
     """Read a message with the trust after a round.
 
     Raises:
@@ -128,26 +178,79 @@ def read_trust(raw: bytes) -> PublishedTrust:
         raise ValueError(f"{len(raw)} bytes are not a valid {TRUST}: it has not as many values as names")
     tor = dict(zip(message.raters, message.tor.tolist(), strict=True))
     top = dict(zip(message.providers, message.top.tolist(), strict=True))
-    return PublishedTrust(message.round, stamp_of(message), tor, top, tuple(message.missing))
+    trust = PublishedTrust(message.round, stamp_of(message), tor, top, tuple(message.missing))
+    return TrustMessage(trust, _envelope(MANAGER, message))
 
 
-def image_message(stamp: int, camera: str, jpeg: NDArray[np.uint8]) -> Any:
-    """Return a message with a picture of a camera."""
-    return make(IMAGE, header=header(stamp, camera), format="jpeg", data=jpeg)
+def picture_message(stamp: int, camera: str, jpeg: bytes, signer: Signer | None = None) -> Any:
+    """Return a message with a picture of a camera and, behind it, the signature; without a signer, it is not signed."""
+    end = b"" if signer is None else _MARK + signer.sign(_picture_text(camera, stamp) + jpeg)
+    return make(IMAGE, header=header(stamp, camera), format="jpeg", data=np.frombuffer(jpeg + end, np.uint8))
 
 
-def diagnostics_message(stamp: int, name: str, warns: bool, values: dict[str, str]) -> Any:
-    """Return a message with the state of a node, for the tools of ROS 2."""
+def read_picture(raw: bytes, camera: str) -> PictureMessage:
+    """Read a message on the topic of a camera.
+
+    Raises:
+        ValueError: The bytes are not such a message.
+    """
+    message = decode(raw, IMAGE)
+    data, stamp = bytes(message.data), stamp_of(message)
+    jpeg, end = data[: -_SIZE - len(_MARK)], data[-_SIZE - len(_MARK) :]
+    if not end.startswith(_MARK):
+        return PictureMessage(data, Envelope(camera, stamp))
+    signed = _picture_text(camera, stamp) + jpeg
+    return PictureMessage(jpeg, Envelope(camera, stamp, signed, end.removeprefix(_MARK)))
+
+
+def diagnostics_message(stamp: int, node: str, warns: bool, values: Mapping[str, str], signer: Signer | None) -> Any:
+    """Return a message with the state of a node; the signature is its last value. None does not sign."""
+    pairs = [make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()]
     status = make(
         "diagnostic_msgs/msg/DiagnosticStatus",
         level=1 if warns else 0,
-        name=name,
+        name=node,
         message="refuses ratings" if warns else "OK",
         hardware_id="",
-        values=[make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
+        values=pairs,
     )
-    return make(DIAGNOSTICS, header=header(stamp), status=[status])
+    message = make(DIAGNOSTICS, header=header(stamp), status=[status])
+    if signer is not None:
+        signature = signer.sign(_diagnostics_text(message)).hex()
+        pairs.append(make("diagnostic_msgs/msg/KeyValue", key=_SIGNATURE, value=signature))
+    return message
 
 
-def _numbers(values: tuple[float, ...]) -> NDArray[np.float64]:
-    return np.array(values, np.float64)
+def read_diagnostics(raw: bytes) -> DiagnosticsMessage | None:
+    """Read a message with the state of one node; None if it has another number of states.
+
+    Raises:
+        ValueError: The bytes are not such a message, or its signature cannot be read.
+    """
+    message = decode(raw, DIAGNOSTICS)
+    if len(message.status) != 1:
+        return None
+    (status,), signature = message.status, b""
+    if status.values and status.values[-1].key == _SIGNATURE:
+        signature = bytes.fromhex(status.values.pop().value)
+    envelope = Envelope(status.name, stamp_of(message), _diagnostics_text(message), signature)
+    return DiagnosticsMessage({pair.key: pair.value for pair in status.values}, envelope)
+
+
+def _envelope(sender: str, message: Any) -> Envelope:
+    """Return the origin of a message with a field for its signature."""
+    signature = bytes(message.signature)
+    return Envelope(sender, stamp_of(message), encode(sign(message, None)), signature)
+
+
+def _picture_text(camera: str, stamp: int) -> bytes:
+    """Return the text that is signed before a picture, so that its signature is valid for no other message."""
+    return f"/{camera}{topics.IMAGES} {stamp // 10**9}.{stamp % 10**9:09d}\n".encode()
+
+
+def _diagnostics_text(message: Any) -> bytes:
+    return f"{topics.DIAGNOSTICS}\n".encode() + encode(message)
+
+
+def _numbers(values: Any) -> NDArray[np.float64]:
+    return np.array(list(values), np.float64)

@@ -15,9 +15,8 @@ from recorded_games import PERIOD, spoken
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
 from roletrust_env.identification.scenario_files import write_scenario
-from roletrust_env.live.message_validation import MANAGER
 from roletrust_env.live.nodes.manager_node import replay_recording
-from roletrust_env.live.nodes.signatures import sign, signed_picture
+from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
@@ -217,10 +216,10 @@ def test_unsigned_trust_and_pictures_of_a_team_with_keys_are_ignored(bag, tmp_pa
     for r in range(12):
         moment = PERIOD * (1000 + r)
         for name in ("sr_0", "sr_1"):
-            message = sign(messages.ratings_message(name, moment, {"sp_0": 0.5}), Signer(tmp_path / "keys", name))
+            message = messages.ratings_message(name, moment, {"sp_0": 0.5}, Signer(tmp_path / "keys", name))
             signed.append(RecordedMessage(moment + 5, f"/{name}/ratings", messages.RATINGS, messages.encode(message)))
         for name, signer in (("sp_0", Signer(tmp_path / "keys", "sp_0")), ("z0", None)):
-            picture = messages.encode(signed_picture(moment, name, shade, signer))
+            picture = messages.encode(messages.picture_message(moment, name, shade, signer))
             signed.append(RecordedMessage(moment + 5, f"/{name}/image_raw/compressed", messages.IMAGE, picture))
     own = recorded(tmp_path / "own", signed)
     assert run("live", "scenario", own, *keys, "--out", str(tmp_path / "own.toml")).exit_code == 0

@@ -11,7 +11,7 @@ from bokeh.models.widgets.markups import Div
 from tornado.ioloop import IOLoop
 
 from roletrust_env.live.journal import PublishedTrust
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
+from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards
 from roletrust_experiments.view.dashboard import Dashboard

@@ -4,11 +4,11 @@ import os
 import time
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.sub import DataReader
 from domains import own_dds_domain
+from fake_wire import FixedSigner
 
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader
@@ -36,8 +36,8 @@ def until(holds):
     ("kind", "made"),
     [
         (messages.NUMBER, lambda: messages.make(messages.NUMBER, data=0.25)),
-        (messages.IMAGE, lambda: messages.image_message(5, "sp_0", np.arange(40000, dtype=np.uint8))),
-        (messages.RATINGS, lambda: messages.ratings_message("sr_0", 5, {"sp_0": 0.5}, b"signed")),
+        (messages.IMAGE, lambda: messages.picture_message(5, "sp_0", bytes(range(250)) * 160)),
+        (messages.RATINGS, lambda: messages.ratings_message("sr_0", 5, {"sp_0": 0.5}, FixedSigner(b"signed"))),
     ],
 )
 def test_bytes_arrive_as_they_were_sent(kind, made):
@@ -175,7 +175,7 @@ def test_messages_over_the_quota_are_counted():
     ]
     reader = Reader(SimpleNamespace(take=lambda _: samples), Quota(2))
     assert reader.take() == [bytes([k]) for k in range(4)]
-    assert reader.over_quota == 6
+    assert reader.excess == 6
 
 
 def test_dropped_readers_leave_nothing_behind():

@@ -2,6 +2,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from fake_wire import FixedSigner
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,12 +15,12 @@ NAMES = st.from_regex(r"[a-z_0-9]{1,12}", fullmatch=True)
 
 @given(NAMES, st.integers(0, 2**31 * 10**9 - 1), st.dictionaries(NAMES, st.floats(width=64)), st.binary(max_size=64))
 def test_ratings_come_back_as_they_were(rater, stamp, ratings, signature):
-    raw = messages.encode(messages.ratings_message(rater, stamp, ratings, signature))
+    raw = messages.encode(messages.ratings_message(rater, stamp, ratings, FixedSigner(signature)))
     read = messages.read_ratings(raw)
-    assert (read.rater, read.stamp, list(read.providers)) == (rater, stamp, list(ratings))
+    unsigned = messages.encode(messages.ratings_message(rater, stamp, ratings))
+    assert read.envelope == (rater, stamp, unsigned, signature)
+    assert list(read.providers) == list(ratings)
     np.testing.assert_array_equal(read.values, list(ratings.values()))
-    assert read.signature == signature
-    assert read.signed == messages.encode(messages.ratings_message(rater, stamp, ratings))
 
 
 @given(st.binary(max_size=200))
@@ -33,10 +34,20 @@ def test_invalid_bytes_raise_a_value_error(raw):
 
 @given(st.integers(0, 100), st.integers(0, 255))
 def test_a_wrong_byte_gives_another_message_or_an_error(place, byte):
-    raw = bytearray(messages.encode(messages.ratings_message("sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, b"x" * 16)))
+    raw = bytearray(
+        messages.encode(messages.ratings_message("sr_0", 10**18, {"sp_0": 0.5, "sp_1": 1.0}, FixedSigner(b"x" * 16)))
+    )
     raw[place % len(raw)] = byte
     with suppress(ValueError):
         messages.read_ratings(bytes(raw))
+
+
+def test_as_many_ratings_as_providers_are_read():
+    message = messages.ratings_message("sr_0", 5, {"sp_0": 0.5, "sp_1": 1.0})
+    for providers in (["sp_0"], ["sp_0", "sp_1", "sp_2"]):
+        message.providers = providers
+        with pytest.raises(ValueError, match="not as many ratings as providers"):
+            messages.read_ratings(messages.encode(message))
 
 
 def test_trust_is_read_as_it_was_written():
@@ -73,14 +84,14 @@ def test_the_package_for_colcon_has_every_message():
 
 @pytest.mark.parametrize("warns", [False, True])
 def test_diagnostics_warn_of_refused_ratings(warns):
-    message = messages.diagnostics_message(5, "manager", warns, {"next round": "7"})
+    message = messages.diagnostics_message(5, "manager", warns, {"next round": "7"}, None)
     (status,) = messages.decode(messages.encode(message), messages.DIAGNOSTICS).status
     assert (status.level, status.name, status.message) == (int(warns), "manager", "refuses ratings" if warns else "OK")
     assert [(pair.key, pair.value) for pair in status.values] == [("next round", "7")]
 
 
 def test_a_picture_names_its_camera():
-    message = messages.image_message(1_500_000_001, "sp_0", np.arange(9, dtype=np.uint8))
+    message = messages.picture_message(1_500_000_001, "sp_0", bytes(range(9)))
     read = messages.decode(messages.encode(message), messages.IMAGE)
     assert (read.header.frame_id, read.format, bytes(read.data)) == ("sp_0", "jpeg", bytes(range(9)))
     assert messages.stamp_of(read) == 1_500_000_001

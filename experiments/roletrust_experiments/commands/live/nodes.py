@@ -62,7 +62,7 @@ def cam(
     [cyan]roletrust live cam sp_1 --frames 0 --network[/]
     """
     require_live()
-    from roletrust_env.live.nodes.camera_node import run_camera_node
+    from roletrust_env.live.nodes.agent_nodes import run_camera_node
 
     rules = make_scenario(scenario)
     timeline = _timeline(rules, speed, start)
@@ -108,7 +108,7 @@ def assess(
     [cyan]roletrust live assess sr_2 --attack learned:path=universal-raters[/]
     """
     require_live()
-    from roletrust_env.live.nodes.rater_node import run_rater_node
+    from roletrust_env.live.nodes.agent_nodes import run_rater_node
 
     rules = make_scenario(scenario)
     timeline, policy = _timeline(rules, speed, start), _policy(rules, name, attack, "ratings", "silence")
@@ -178,7 +178,7 @@ def keys(
     [cyan]roletrust live keys keys manager sr_0 sr_1 sp_0[/]
     """
     require_live()
-    from roletrust_env.live.message_validation import MANAGER
+    from roletrust_env.live.validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
 
     roster = Roster.of(make_scenario(_PAPER))

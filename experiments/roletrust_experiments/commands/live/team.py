@@ -95,12 +95,11 @@ def run_team(plan: DemoPlan, out: Path, port: int | None, progress: Progress) ->
     Raises:
         ValueError: A process has failed, or the machine is too slow for a single round.
     """
-    from roletrust_env.live.message_validation import MANAGER
-    from roletrust_env.live.nodes.camera_node import run_camera_node
+    from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
     from roletrust_env.live.nodes.manager_node import run_manager_node
-    from roletrust_env.live.nodes.rater_node import run_rater_node
     from roletrust_env.live.nodes.recorder_node import run_recorder_node
     from roletrust_env.live.nodes.run_loop import SECOND, Timeline
+    from roletrust_env.live.validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
     from roletrust_experiments.view.server import run_view_server
 

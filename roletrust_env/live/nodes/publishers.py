@@ -1,16 +1,45 @@
-"""What the manager publishes: trust after each round, and its state."""
+"""Outgoing messages of a node: trust after each round, and the state of the node."""
 
+import time
 from collections import Counter
+from collections.abc import Iterable, Mapping
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.manager import Manager
-from roletrust_env.live.message_validation import MANAGER, RefusalReason
-from roletrust_env.live.nodes.diagnostics import DiagnosticsPublisher
-from roletrust_env.live.nodes.signatures import sign
-from roletrust_env.live.nodes.topics import TRUST
+from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Writer
 from roletrust_env.live.wire.keys import Signer
+from roletrust_env.live.wire.topics import DIAGNOSTICS, TRUST
+
+INTERVAL_S = 1.0
+"""Time between two messages with the state of a node, seconds."""
+
+
+class DiagnosticsPublisher:
+    """Publishes the state of a node for the tools of ROS 2 and the live page.
+
+    Args:
+        node: Node that publishes.
+        name: Name of the node in the messages, and of its key.
+        signer: Private key; None does not sign.
+    """
+
+    def __init__(self, node: Node, name: str, signer: Signer | None) -> None:
+        self._writer, self._name, self._signer = node.writer(DIAGNOSTICS, messages.DIAGNOSTICS), name, signer
+        self._last_s = 0.0
+
+    @property
+    def is_due(self) -> bool:
+        """True if the last message is an interval old."""
+        return time.monotonic() - self._last_s >= INTERVAL_S
+
+    def publish(self, state: Mapping[str, str], refusals: Mapping[tuple[str, RefusalReason], int]) -> None:
+        """Publish the state of the node and its refusals by sender and reason."""
+        self._last_s = time.monotonic()
+        counts = {f"{sender or 'unknown'}: {reason}": str(count) for (sender, reason), count in refusals.items()}
+        values = {**state, **counts}
+        self._writer.write(messages.diagnostics_message(time.time_ns(), self._name, bool(counts), values, self._signer))
 
 
 class ManagerPublisher:
@@ -32,13 +61,13 @@ class ManagerPublisher:
         """Identifier of the writer of trust."""
         return self._trust.guid
 
-    def publish(self, entries: list[JournalEntry]) -> None:
+    def publish(self, entries: Iterable[JournalEntry]) -> None:
         """Publish the trust after some rounds."""
         for entry in entries:
-            self._trust.write(sign(messages.trust_message(entry), self._signer))
-            for name, value in zip(entry.team.raters, entry.trust.tor, strict=True):
+            self._trust.write(messages.trust_message(entry, self._signer))
+            for name, value in entry.published.tor.items():
                 self._publish_number(f"/{name}/tor", value)
-            for name, value in zip(entry.team.providers, entry.trust.top, strict=True):
+            for name, value in entry.published.top.items():
                 self._publish_number(f"/{name}/top", value)
 
     def publish_diagnostics(self, manager: Manager, further: Counter[tuple[str, RefusalReason]]) -> None:
@@ -50,12 +79,12 @@ class ManagerPublisher:
         """
         if not self._diagnostics.is_due:
             return
-        unused = {f"{rater}: in no round": str(n) for rater, n in manager.rounds.unused.items()}
         state = {"writer": self.writer, "waited for": " ".join(manager.rounds.expected)}
         strangers = len(self._node.writers_of(TRUST)) - 1
         if strangers > 0:
             state["other writers of trust"] = str(strangers)
-        state = {**state, "next round": str(manager.next_round), **unused}
+        state["next round"] = str(manager.next_round)
+        state |= {f"{rater}: in no round": str(n) for rater, n in manager.rounds.unused.items()}
         self._diagnostics.publish(state, manager.validator.refusals + further)
 
     def _publish_number(self, topic: str, value: float) -> None:
