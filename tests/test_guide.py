@@ -4,7 +4,7 @@ import types
 
 import numpy as np
 import pytest
-from pages import HOUSE, blocks, cells, run, written_file
+from pages import HOUSE, blocks, run, written_file
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
@@ -91,7 +91,7 @@ def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, n
 
 def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
     names = {}
-    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "watch_lies" in cell), names)
+    exec(next(cell for cell in (TUTORIALS / "attacker.md").cells() if "watch_lies" in cell), names)
     lies = names["lies"]
     by_place = lies.by_place.mean(axis=1)
     assert (np.diff(by_place) > 0).all()

@@ -48,16 +48,15 @@ def equilibrium(
     [cyan]python -m studies.equilibrium results/quick/results.sqlite --model beta --model median --model travos[/]
     """
     require("the equilibrium", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_env.benchmarking.cells import model_names
     from roletrust_env.benchmarking.worst_case import attack_scores
     from roletrust_experiments.commands.leaderboard import read_run
     from studies.equilibria import equilibrium as solved
     from studies.equilibria import payoffs
 
     suite, stored = read_run(results)
-    names = list(dict.fromkeys(model or model_names(suite)))
-    if unknown := [name for name in names if name not in model_names(suite)]:
-        raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(model_names(suite))}")
+    names = list(dict.fromkeys(model or suite.model_names))
+    if unknown := [name for name in names if name not in suite.model_names]:
+        raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(suite.model_names)}")
     games = payoffs(attack_scores(suite, stored), names)
     found = solved(games, names, resamples, seed)
     order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)

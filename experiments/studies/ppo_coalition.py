@@ -17,8 +17,8 @@ from torch.distributions import Normal
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
-from roletrust_env.benchmarking.cells import Cell, task_arguments
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.cells import task_arguments
+from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.measurement import score

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmarking.cells import cells, model_names
 from roletrust_env.benchmarking.leaderboard import LeaderboardRow, leaderboard_rows
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
@@ -48,10 +47,10 @@ def reruns(suite: Suite, stored: Sequence[StoredCell], seeds: int) -> list[list[
     runs = [suite.seeds[at : at + seeds] for at in range(0, len(suite.seeds) - seeds + 1, seeds)]
     if len(runs) < 2:
         raise ValueError(f"the suite has {len(suite.seeds)} seeds, too few for two runs of {seeds}")
-    models, boards = model_names(suite), []
+    models, boards = suite.model_names, []
     for run in runs:
         part = [one for one in stored if one.cell.seed in run]
-        cells_each = sum(cell.seed in run for cell in cells(suite)) // len(models)
+        cells_each = sum(cell.seed in run for cell in suite.cells()) // len(models)
         board = leaderboard_rows(suite, part, models, cells_each)
         if missing := [row.model for row in board if row.missing or np.isnan(row.worst.mean)]:
             raise ValueError(f"cells of {missing[0]} with the seeds {', '.join(map(str, run))} are missing or failed")

@@ -7,7 +7,6 @@ both, but for rounding, which may decide between providers with equal trust, and
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from roletrust_env.benchmarking.cells import cells, model_names, rules
 from roletrust_env.benchmarking.leaderboard import Floats, score_table
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
@@ -53,26 +52,26 @@ def place_effects(
             "be 'shuffled' in the second one only"
         )
     alike = suite.model_copy(update={"places": shuffled.places, "seeds": shuffled.seeds})
-    played = cells(shuffled)
-    differs = alike.score != shuffled.score or cells(alike) != played
-    if differs or any(rules(alike, cell) != rules(shuffled, cell) for cell in played):
+    played = shuffled.cells()
+    differs = alike.score != shuffled.score or alike.cells() != played
+    if differs or any(alike.rules(cell) != shuffled.rules(cell) for cell in played):
         raise ValueError(f"the suites {suite.name} and {shuffled.name} differ in more than places and seeds")
     one, other = (_scores(shuffled, own) for own in (stored, stored_shuffled))
     columns = [one[0], other[0] - one[0], one[1], other[1] - one[1]]
-    models = model_names(shuffled)
+    models = shuffled.model_names
     estimates = [over_seeds(values, len(models)).estimates for values in columns]
     return [PlaceEffect(*row) for row in zip(models, *estimates, strict=True)]
 
 
 def _scores(suite: Suite, stored: Sequence[StoredCell]) -> tuple[Floats, Floats]:
     """Return the clean score and that of the worst case of each model, seed and game, shape (M, S, G) each."""
-    wanted = {cell.key: cell for cell in cells(suite)}
+    wanted = {cell.key: cell for cell in suite.cells()}
     part = [one for one in stored if one.cell.key in wanted and not one.result.failed]
     if missing := [wanted[key] for key in wanted.keys() - {one.cell.key for one in part}]:
         raise ValueError(f"cell {min(missing).key} is missing or failed")
     honest: dict[bool, list[WorstCase]] = {True: [], False: []}
     for one in worst_cases(attack_scores(suite, part)).values():
         honest[not suite.tracks[one.condition.track].roles].append(one)
-    models = model_names(suite)
+    models = suite.model_names
     clean, worst = (score_table(honest[which], models) for which in (True, False))
     return clean, worst

@@ -1,145 +1,175 @@
-"""Cells of a suite. Cells are independent of each other and can be played anywhere and in any order."""
+"""How a cell is played: its attacks, scripted, known or found by a search with a budget, and their scores.
 
-from collections.abc import Callable, Sequence
-from inspect import signature
-from typing import Any, NamedTuple
+The result depends only on the suite and the cell, not on the machine or the order.
+"""
 
-from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Suite, Track
-from roletrust_env.evaluation.attacked_games import TaskArguments
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
+from itertools import islice
+from time import perf_counter
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from roletrust_env.benchmarking.known_attacks import KnownAttack
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
+from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
+from roletrust_env.errors import suggest
+from roletrust_env.evaluation.attack_space import AttackKind
+from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.attackers import Attacker, Scripted, Stackable
+from roletrust_env.evaluation.composite import SideBySide, side_by_side
 from roletrust_env.evaluation.isolated import IsolatedModel
-from roletrust_env.evaluation.search import search_methods
-from roletrust_env.evaluation.specs import is_own_model, named_factory, parse_trust_model
-from roletrust_env.game.attack_task import Objective
+from roletrust_env.evaluation.measurement import GameRecord, SplitScores, measure, measure_honest, watch_honest
+from roletrust_env.evaluation.records import read_record, record_of
+from roletrust_env.evaluation.scripts import Scripts, with_paper
+from roletrust_env.evaluation.search import Budget, Progress, SearchMethod, UnsuitableError, search_methods
+from roletrust_env.evaluation.specs import is_own_model, parse_kinds, parse_named, parse_trust_model
+from roletrust_env.game.attack_task import AttackTask, Objective
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.registry import Registry
-from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.seats import RandomSeats
-from roletrust_env.world import Scenario
 from roletrust_env.world.roster import Roster
 
+Item = TypeVar("Item")
 
-class Cell(NamedTuple):
-    """Smallest unit of a benchmark: one method against one trust model in one condition with one seed.
+_CELLS = 200_000
+"""Maximum number of ratings that are computed at once in a round."""
+
+
+class AttackBatch(NamedTuple):
+    """Attacks that are measured together.
 
     Attributes:
-        model: Spec of the trust model.
-        scenario: Name of the scenario in the suite.
-        track: Name of the track in the suite.
-        share: Share of compromised agents in each role of the track. 0 if all agents are honest.
-        method: Method of the suite that finds the attack. `HONEST` if all agents are honest.
-        seed: Random seed.
+        names: Names of the K attacks.
+        attacker: Attacker that plays the k-th attack in the k-th row of games.
+        rounds: Number of game rounds that were played to find the attacks.
+        words: Short description of the attacks.
+        record: Record of the attacker if a search found it, see `AttackResult`.
+        progress: Course of the search.
     """
 
-    model: str
-    scenario: str
-    track: str
-    share: float
-    method: str
-    seed: int
+    names: tuple[str, ...]
+    attacker: Attacker
+    rounds: int
+    words: str
+    record: str = ""
+    progress: Progress = ()
 
-    @property
-    def key(self) -> str:
-        """Unique key of the cell in its suite."""
-        return "|".join(map(str, self))
+    def split(self) -> "Iterator[AttackBatch]":
+        """Yield a batch of its own for each attack."""
+        for k, name in enumerate(self.names):
+            stacked = self.attacker if isinstance(self.attacker, Stackable) else None
+            attacker = stacked.row(k) if stacked else Scripted(side_by_side([self.scripts(k)]))
+            yield AttackBatch((name,), attacker, self.rounds, self.words)
 
-
-def cells(suite: Suite) -> list[Cell]:
-    """Return all cells of a suite, ordered by trust model."""
-    result = []
-    for model in model_names(suite):
-        for scenario in suite.scenarios:
-            for name, shares in suite.shares_in(scenario).items():
-                pairs = [(share, method) for share in shares for method in suite.methods] or [(0.0, HONEST)]
-                result += [Cell(model, scenario, name, *pair, seed) for pair in pairs for seed in suite.seeds]
-    return result
+    def scripts(self, k: int) -> dict[str, Policy]:
+        """Return the policies of the k-th scripted attack, by the name of the agent."""
+        policies = self.attacker.policies if isinstance(self.attacker, Scripted) else {}
+        return {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
 
 
-def model_names(suite: Suite) -> list[str]:
-    """Return the specs of the trust models of a suite."""
-    return trust_models.names() if suite.models == "all" else list(suite.models)
-
-
-def attack_names(suite: Suite) -> list[str]:
-    """Return the specs of the scripted attacks of a suite. `all` means each registered class of policies."""
-    if suite.attacks != "all":
-        return list(suite.attacks)
-    names = []
-    for name in attackers.names():
-        factory = attackers.factory(name)
-        if isinstance(factory, type) and issubclass(factory, Policy):
-            names.append(name)
-    return names
-
-
-def factories(suite: Suite) -> dict[str, Callable[..., Any]]:
-    """Return the factories of the trust models, attacks and search methods of a suite, by type and name."""
-    kinds: list[tuple[str, Registry[Any], Sequence[str]]] = [
-        ("trust model", trust_models, model_names(suite)),
-        ("attack", attackers, attack_names(suite)),
-        ("search method", search_methods, suite.searches),
-    ]
-    return {f"{kind} {name}": named_factory(registry, name) for kind, registry, names in kinds for name in names}
-
-
-def rules(suite: Suite, cell: Cell) -> tuple[object, ...]:
-    """Return all fields of a suite that the result of a cell depends on.
+def playable_kinds(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
+    """Return the kinds of attack that the compromised agents of a task can play.
 
     Args:
-        suite: Suite of the cell.
-        cell: The cell.
+        task: Attack task.
+        kinds: Kinds of attack by name.
+        identities: Select the attacks that use reserve identities if true, and the others if false.
     """
-    stage, track = suite.scenarios[cell.scenario], suite.tracks[cell.track]
-    world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), suite.places, suite.consumers
-    known = suite.known_in(cell[1:4]) if cell.method == "known" or starts_from_known(cell.method) else []
-    attacks = known, attack_names(suite), suite.budget_of(cell.method, cell.scenario)
-    return *world, *attacks, suite.games, suite.limit_s
+    playable = {}
+    for name, kind in kinds.items():
+        try:
+            policies = Scripts.of(task, [kind]).default.values()
+        except ValueError:  # wrong role, or no ring of agents
+            continue
+        if any(policy.reserve for policy in policies) == identities:
+            playable[name] = kind
+    return playable
 
 
-def starts_from_known(method: str) -> bool:
-    """Return whether a method is a search that may start from known attacks, as its parameter `known` says."""
-    if method in WITHOUT_SEARCH:
-        return False
-    return "known" in signature(named_factory(search_methods, method)).parameters
+def scripted_batches(task: AttackTask, kinds: Mapping[str, AttackKind], games: int) -> Iterator[AttackBatch]:
+    """Yield all scripted attacks with default parameters in batches.
 
-
-class AttackedScenario(NamedTuple):
-    """Scenario of a cell, with the names of its compromised agents."""
-
-    scenario: Scenario
-    compromised: tuple[str, ...]
-
-
-def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
-    """Return the scenario and the compromised agents of a cell.
-
-    The compromised agents are the last ones of their role. They differ from the others in nothing else.
+    If raters and providers are compromised and an attack is for one of these roles, the other role plays the attack of
+    the paper: raters bad-mouth, and providers attack on and off.
 
     Args:
-        suite: Suite of the cell.
-        cell: The cell.
+        task: Attack task.
+        kinds: Playable kinds of attack by name.
+        games: Number of games for each attack.
+    """
+    attacks = {name: Scripts.of(task, with_paper(task, kind)).default for name, kind in kinds.items()}
+    for names in _chunks(attacks, _rows(task, games)):
+        yield AttackBatch(names, Scripted(side_by_side([attacks[name] for name in names])), 0, "at its defaults")
+
+
+def known_batches(task: AttackTask, known: Sequence[KnownAttack], games: int) -> Iterator[AttackBatch]:
+    """Yield known attacks in batches: together if they play side by side as they do alone.
+
+    Args:
+        task: Attack task.
+        known: Known attacks.
+        games: Number of games for each attack.
 
     Raises:
-        ValueError: The track changes an unknown field, or the scenario has too few agents of a role.
+        ValueError: A record is not valid.
     """
-    track = suite.tracks[cell.track]
-    scenario = suite.scenarios[cell.scenario].scenario()
-    if track.set:
-        scenario = scenario.change(**track.set)
-    if track.reserve:
-        scenario = _with_reserve(scenario, track, cell.share)
-    roster, names = Roster.of(scenario), []
-    for role in track.roles:
-        known = [name for name in roster.owner_names if roster.role(name) == role]
-        number = track.compromised(cell.share, len(known))
-        if number >= len(known):
-            raise ValueError(
-                f"track {cell.track!r} compromises {number} of {len(known)} agents with the role {role} in scenario "
-                f"{cell.scenario!r}; at least one must be honest"
-            )
-        names += known[len(known) - number :]
-    return AttackedScenario(scenario, tuple(names))
+    groups: list[list[tuple[KnownAttack, Attacker]]] = []
+    for one in known:
+        pair = one, read_record(one.record)
+        fitting = [group for group in groups if _stack(group[0], pair)]
+        if fitting:
+            fitting[0].append(pair)
+        else:
+            groups.append([pair])
+    for group in groups:
+        for part in _chunks(group, _rows(task, games)):
+            names, (first, *others) = tuple(one.name for one, _ in part), [attacker for _, attacker in part]
+            together = first.stack(others) if isinstance(first, Stackable) and others else first
+            yield AttackBatch(names, together, 0, part[0][0].words)
+
+
+def _stack(pair: tuple[KnownAttack, Attacker], other: tuple[KnownAttack, Attacker]) -> bool:
+    """Return whether two known attacks play in one batch, which has one description."""
+    (one, attacker), (another, beside) = pair, other
+    return one.words == another.words and isinstance(attacker, Stackable) and attacker.stacks_with(beside)
+
+
+def _rows(task: AttackTask, games: int) -> int:
+    """Return the number of attacks that play side by side."""
+    return max(1, _CELLS // (task.game.roster.n_raters * task.game.roster.n_providers * games))
+
+
+def make_search(method: str, kinds: Sequence[AttackKind] | None = None, known: Sequence[str] = ()) -> SearchMethod:
+    """Return the search method of a spec.
+
+    Args:
+        method: Registered name or `package.module:Class`, with parameters or without.
+        kinds: Kinds of scripted attacks whose parameters are searched, see `Scripts.of`.
+        known: Records of known attackers, from which a search may start.
+
+    Raises:
+        ValueError: The name is unknown, or the search method cannot be created.
+    """
+    offered = {"known": tuple(known)} if kinds is None else {"attacks": tuple(kinds), "known": tuple(known)}
+    return parse_named(search_methods, method, offered)
+
+
+def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
+    """Return the scores of the attack in a row as plain data. None is undefined."""
+    return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}
+
+
+def as_curve(by_round: Any, row: int) -> list[float | None]:
+    """Return the mean utility by round of the attack in a row, rounded for plots. None is undefined."""
+    return [None if np.isnan(x) else round(float(x), 3) for x in by_round[:, row]]
+
+
+def _chunks(items: Iterable[Item], size: int) -> Iterator[tuple[Item, ...]]:
+    iterator = iter(items)
+    while chunk := tuple(islice(iterator, size)):
+        yield chunk
 
 
 def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskArguments:
@@ -183,16 +213,163 @@ def objective(method: str, roles: Sequence[str]) -> Objective:
     return "exploit" if tuple(roles) == ("SP",) else "damage"
 
 
-def _with_reserve(scenario: Scenario, track: Track, share: float) -> Scenario:
-    """Return the scenario with reserve identities for the last agents of each compromised role."""
-    groups = [group.model_dump() for group in scenario.agents]
-    for role in track.roles:
-        of_role = [group for group in groups if group["role"] == role]
-        left = track.compromised(share, sum(group["count"] for group in of_role))
-        for group in reversed(of_role):
-            number = min(left, group["count"])
-            left -= number
-            group["count"] -= number
-            if number:
-                groups.append({**group, "count": number, "reserve": track.reserve})
-    return scenario.change(agents=[group for group in groups if group["count"]])
+def play_cell(suite: Suite, cell: Cell, record: str = "", *, isolated: bool = False) -> CellResult:
+    """Play a cell.
+
+    Args:
+        suite: Suite of the cell.
+        cell: Cell to play.
+        record: Record of the attacker that plays in place of a search, see `AttackResult`. Empty searches.
+        isolated: Give a trust model of another package a process of its own, see `IsolatedModel`.
+
+    Raises:
+        ValueError: A name in the suite is unknown, the record is not valid, or a trust model or an attacker of a
+            plug-in fails.
+    """
+    began = perf_counter()
+    arguments = task_arguments(suite, cell, isolated=isolated)
+    task = exact_task(arguments)
+    if cell.method == HONEST:
+        nobody = AttackBatch((HONEST,), Scripted({}), 0, "everyone honest")
+        row = _row(nobody, 0, measure_honest(task, cell.seed, suite.games))
+        return CellResult((row,), perf_counter() - began, env_steps=2 * suite.games * task.game.scenario.max_cycles)
+    rows: list[AttackResult] = []
+    failed: list[str] = []
+    steps = 2 * suite.games * task.game.scenario.max_cycles
+    twin = cache(lambda: watch_honest(task, cell.seed, 2 * suite.games))  # the same for all attacks of the cell
+    try:
+        for batch in _attacks(suite, cell, task, arguments, record):
+            try:
+                good, errors = _measure_batch(suite, cell, task, batch, twin)
+            except ValueError as error:
+                if cell.method != "known":
+                    raise
+                good, errors = [], [f"attack {', '.join(batch.names)}: {reason(error)}"]
+            rows, failed = rows + good, failed + errors
+            steps += batch.rounds + 2 * len(batch.names) * suite.games * task.game.scenario.max_cycles
+    except UnsuitableError as error:
+        return CellResult((), perf_counter() - began, unsuitable=str(error))
+    return CellResult(tuple(rows), perf_counter() - began, failed="; ".join(failed), env_steps=steps)
+
+
+class FoundAttack(NamedTuple):
+    """An attack of a cell, ready to play.
+
+    Attributes:
+        task: Task of the cell.
+        batch: Attacks that play side by side. They share their random numbers, so one of them alone would play other
+            games.
+        row: Row of the attack among them.
+    """
+
+    task: AttackTask
+    batch: AttackBatch
+    row: int
+
+    @property
+    def rows(self) -> int:
+        """Number of attacks that play side by side."""
+        return len(self.batch.names)
+
+
+def find_attack(suite: Suite, cell: Cell, attack: str, record: str = "") -> FoundAttack:
+    """Return an attack of a cell. Without a record a search runs again, with the same seed and budget.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+        attack: Name of the attack in the results of the cell.
+        record: Record of the attacker in these results.
+
+    Raises:
+        ValueError: The cell has no such attack, or see `play_cell`.
+    """
+    if cell.method == HONEST:
+        raise ValueError(f"cell {cell.key} has no attack: everybody is honest there")
+    arguments = task_arguments(suite, cell)
+    task = exact_task(arguments)
+    known: list[str] = []
+    for batch in _attacks(suite, cell, task, arguments, record):
+        if attack in batch.names:
+            return FoundAttack(task, batch, batch.names.index(attack))
+        known += batch.names
+    raise ValueError(f"cell {cell.key} has no attack {attack!r}{suggest(attack, known)}")
+
+
+def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:
+    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+        task: Task of the cell.
+    """
+    names = suite.attack_names
+    kinds = dict(zip(names, parse_kinds(names, task.game.scenario), strict=True))
+    return playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
+
+
+def _attacks(
+    suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments, record: str
+) -> Iterator[AttackBatch]:
+    """Yield the attacks of a cell in batches."""
+    if record and cell.method not in WITHOUT_SEARCH:
+        yield AttackBatch((cell.method,), read_record(record), 0, "as recorded", record)
+        return
+    kinds = cell_kinds(suite, cell, task)
+    if cell.method == "scripted":
+        yield from scripted_batches(task, kinds, 2 * suite.games)
+        return
+    known = suite.known_in(cell[1:4])
+    if cell.method == "known":
+        if not known:
+            raise UnsuitableError("there is no known attack for this condition")
+        yield from known_batches(task, known, 2 * suite.games)
+        return
+    method = make_search(cell.method, list(kinds.values()), [one.record for one in known])
+    search = method.search(arguments, Budget(suite.budget_of(cell.method, cell.scenario)), cell.seed)
+    found = record_of(search.attacker)
+    yield AttackBatch((cell.method,), search.attacker, search.rounds, search.description, found, search.progress)
+
+
+def _measure_batch(
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], GameRecord]
+) -> tuple[list[AttackResult], list[str]]:
+    """Return the results of a batch of attacks, and the error messages of the attacks that failed.
+
+    An attack that fails does not affect the others.
+
+    Raises:
+        Exception: All attacks fail.
+    """
+    try:
+        scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games), twin())
+    except Exception as error:  # plug-in code may raise anything
+        if len(batch.names) == 1:
+            raise
+        return _measure_singly(suite, cell, task, batch, twin, error)
+    return [_row(batch, k, scores) for k in range(len(batch.names))], []
+
+
+def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
+    """Return the scores of the k-th attack of a batch as plain data."""
+    chosen, measured = (as_lists(half, k) for half in scores[:2])
+    return AttackResult(
+        *(batch.names[k], batch.words, batch.rounds, chosen, measured, as_curve(scores.by_round, k)),
+        *(batch.record, batch.progress),
+    )
+
+
+def _measure_singly(
+    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], GameRecord], error: Exception
+) -> tuple[list[AttackResult], list[str]]:
+    """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
+    rows, failed = [], []
+    for single in batch.split():
+        try:
+            rows += _measure_batch(suite, cell, task, single, twin)[0]
+        except Exception as own_error:
+            failed.append(f"attack {single.names[0]}: {reason(own_error)}")
+    if not rows:
+        raise error
+    return rows, failed

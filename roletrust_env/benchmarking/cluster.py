@@ -10,8 +10,7 @@ import ray
 from ray.exceptions import RayActorError, RayError
 
 from roletrust_env.benchmarking.pool import TRIES, PlayedCells, cell_workers, play_on, worker_death
-from roletrust_env.benchmarking.schema import CellResult, reason
-from roletrust_env.benchmarking.suite_types import AnyCell, AnySuite
+from roletrust_env.benchmarking.schema import AnyCell, CellResult, SuiteSchema, reason
 from roletrust_env.storage.provenance import software
 
 
@@ -35,7 +34,7 @@ class Cluster:
             line = (str(error).strip() or type(error).__name__).splitlines()[0]
             raise ValueError(f"--ray {address}: no Ray cluster answers there ({line})") from None
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> PlayedCells:
+    def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
         """See `Pool.play`.
 
         Raises:
@@ -76,7 +75,7 @@ class CellActor:
         sys.path += [folder for folder in path if folder not in sys.path]
         self._workers = cell_workers(1)
 
-    def play(self, client: dict[str, Any], suite: AnySuite, cell: AnyCell) -> CellResult:
+    def play(self, client: dict[str, Any], suite: SuiteSchema, cell: AnyCell) -> CellResult:
         """Play a cell.
 
         Args:

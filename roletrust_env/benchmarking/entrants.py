@@ -7,7 +7,7 @@ from typing import Any
 
 import cloudpickle
 
-from roletrust_env.benchmarking.fingerprint import fingerprint
+from roletrust_env.benchmarking.sources import fingerprint
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry as trust_models
 

@@ -7,16 +7,14 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.benchmarking.cells import attack_names, model_names
 from roletrust_env.benchmarking.entrants import Entrant, name_entrants, pack, temporary_registration
 from roletrust_env.benchmarking.known_attacks import check_records
+from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
-from roletrust_env.benchmarking.result import Leaderboard
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.benchmarking.suite_types import AnySuite, suite_type
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
@@ -80,7 +78,7 @@ def benchmark(
         sys.exit("call benchmark() below `if __name__ == '__main__':` in a script, or with workers=0")
     entrants: list[Entrant] = []
     if isinstance(models, str) and models == "all":
-        entrants += model_names(_robustness(suite).model_copy(update={"models": "all"}))
+        entrants += _robustness(suite).model_copy(update={"models": "all"}).model_names
     elif models is not None:
         entrants += models if isinstance(models, list | tuple) else [models]
     names, instances = name_entrants(entrants)
@@ -106,16 +104,16 @@ def with_names(suite: Suite, models: Sequence[str], attacks: Sequence[str]) -> S
     """
     selected = suite.model_copy(
         update={
-            "models": tuple(dict.fromkeys(models)) or tuple(model_names(suite)),
-            "attacks": tuple(dict.fromkeys(attacks)) or tuple(attack_names(suite)),
+            "models": tuple(dict.fromkeys(models)) or tuple(suite.model_names),
+            "attacks": tuple(dict.fromkeys(attacks)) or tuple(suite.attack_names),
         }
     )
     check_records(selected.known)
     _check_methods(selected)
     for stage in selected.scenarios.values():
-        for name in model_names(selected):
+        for name in selected.model_names:
             parse_trust_model(name, stage.scenario())
-        parse_kinds(attack_names(selected), stage.scenario())
+        parse_kinds(selected.attack_names, stage.scenario())
     return selected
 
 
@@ -128,7 +126,7 @@ def _check_methods(suite: Suite) -> None:
 
 
 def play_suite(
-    suite: AnySuite,
+    suite: SuiteSchema,
     pool: Pool,
     *,
     out: Path | None = None,
@@ -150,7 +148,7 @@ def play_suite(
         ValueError: The folder contains another run, or another run writes to it.
         OSError: The folder cannot be written.
     """
-    every = suite_type(suite).cells(suite)
+    every = suite.cells()
     if out is None:
         on_start(every, len(every))
         played = []
@@ -174,7 +172,7 @@ def play_suite(
 class InProcess:
     """Pool that plays the cells one after another in this process, without a time limit."""
 
-    def play(self, suite: AnySuite, cells: Sequence[Any]) -> Any:
+    def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> Any:
         """See `Pool.play`."""
         for cell in cells:
             yield cell, play_safely(suite, cell)

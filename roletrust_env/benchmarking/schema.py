@@ -1,7 +1,7 @@
 """Data types that the suites and results of all types share."""
 
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple, Self
+from collections.abc import Callable, Hashable, Sequence
+from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 
 from pydantic import Field, PositiveFloat, model_validator
 
@@ -18,9 +18,27 @@ Name = Annotated[str, Field(min_length=1, max_length=300, pattern=rf"^[^{FORBIDD
 """Name in a file of others, such as a submission."""
 
 
-class SuiteSchema(FrozenModel):
-    """Fields of suites of all types."""
+class AnyCell(Hashable, Protocol):
+    """Smallest unit of a suite, a named tuple. Cells are independent of each other."""
 
+    @property
+    def key(self) -> str:
+        """Unique key of the cell in its suite."""
+        ...
+
+    def _asdict(self) -> dict[str, Any]: ...
+
+
+class SuiteSchema(FrozenModel):
+    """Suite of any type: its fields, its cells, and what their results depend on.
+
+    Pools and the store use no other knowledge of a suite.
+    """
+
+    cell_type: ClassVar[Callable[..., Any]]
+    """Constructor of a cell, with the fields of the cell as keyword arguments."""
+    kind: str
+    """Type of the suite."""
     name: str = "custom"
     """Name of the suite."""
     description: str = ""
@@ -38,6 +56,18 @@ class SuiteSchema(FrozenModel):
             raise ValueError("seeds must not be empty")
         check_unique(seeds=self.seeds)
         return self
+
+    def cells(self) -> list[Any]:
+        """Return all cells."""
+        raise NotImplementedError
+
+    def factories(self) -> dict[str, Callable[..., Any]]:
+        """Return the factories of everything that the suite names and users may replace, by type and name."""
+        raise NotImplementedError
+
+    def rules(self, cell: Any) -> object:
+        """Return all fields that the result of a cell depends on."""
+        raise NotImplementedError
 
 
 def check_unique(**fields: tuple[object, ...]) -> None:

@@ -14,10 +14,9 @@ from typing import Annotated, Any, NamedTuple, Self
 from filelock import FileLock, Timeout
 from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
-from roletrust_env.benchmarking.schema import AttackResult, CellResult
+from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import read_suite
-from roletrust_env.benchmarking.suite_types import AnyCell, AnySuite, suite_type
 from roletrust_env.errors import explain
 from roletrust_env.evaluation.records import MAX_RECORD
 from roletrust_env.storage.provenance import software
@@ -75,7 +74,7 @@ class Store:
         OSError: The file cannot be written.
     """
 
-    def __init__(self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, suite: SuiteSchema | None = None, *, overwrite: bool = False) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -97,7 +96,7 @@ class Store:
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
-            self.suite = read_suite(facts["suite"], str(path))
+            self.suite: SuiteSchema = read_suite(facts["suite"], str(path))
             self.software: dict[str, Any] = facts["software"]
             self._sources: dict[str, str] = facts.get("sources", {})
             if suite is not None:
@@ -165,8 +164,7 @@ class Store:
             rows = file.execute(
                 "SELECT key, cell, seconds, unsuitable, failed, env_steps FROM cells ORDER BY key"
             ).fetchall()
-            kind = suite_type(self.suite)
-            cells = [(key, kind.cell(**json.loads(cell)), columns) for key, cell, *columns in rows]
+            cells = [(key, self.suite.cell_type(**json.loads(cell)), columns) for key, cell, *columns in rows]
         return [StoredCell(cell, CellResult(tuple(attacks.get(key, ())), *columns)) for key, cell, columns in cells]
 
     def _tables(self) -> int:
@@ -187,7 +185,7 @@ class Store:
                     raise sqlite3.DatabaseError(" ".join(str(message).split()))
         return facts
 
-    def _check(self, suite: AnySuite) -> None:
+    def _check(self, suite: SuiteSchema) -> None:
         """Check that the run to continue has the same software and sources, and go on with the suite."""
         if self.suite != suite and not self._extended_by(suite):
             names = [
@@ -201,24 +199,23 @@ class Store:
             raise ValueError(f"{self.path} was written with other software versions; start again with --force")
         self.check_sources(suite)
         if self.suite != suite:
-            sources = {**self._sources, **hashes(suite_type(suite).factories(suite))}
+            sources = {**self._sources, **hashes(suite.factories())}
             facts = {"suite": suite.model_dump(mode="json"), "sources": sources}
             with self._transaction() as file:
                 rows = [(json.dumps(value), name) for name, value in facts.items()]
                 file.executemany("UPDATE facts SET value = ? WHERE name = ?", rows)
             self.suite, self._sources = suite, sources
 
-    def _extended_by(self, suite: AnySuite) -> bool:
+    def _extended_by(self, suite: SuiteSchema) -> bool:
         """Return whether a suite contains all cells in the file, and plays them in the same way."""
         if type(suite) is not type(self.suite):
             return False
-        kind = suite_type(suite)
-        known = {cell.key for cell in kind.cells(suite)}
+        known = {cell.key for cell in suite.cells()}
         with self._reading() as file:
-            played = [kind.cell(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")]
-        return all(cell.key in known and kind.rules(self.suite, cell) == kind.rules(suite, cell) for cell in played)
+            played = [suite.cell_type(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")]
+        return all(cell.key in known and self.suite.rules(cell) == suite.rules(cell) for cell in played)
 
-    def check_sources(self, suite: AnySuite) -> None:
+    def check_sources(self, suite: SuiteSchema) -> None:
         """Check that the models, attacks and learners have the same source as when they were played.
 
         Args:
@@ -227,7 +224,7 @@ class Store:
         Raises:
             ValueError: The source of a model, an attack or a learner has changed.
         """
-        current = hashes(suite_type(suite).factories(suite))
+        current = hashes(suite.factories())
         changed = [name for name, digest in current.items() if self._sources.get(name, digest) != digest]
         if changed:
             raise ValueError(
@@ -271,9 +268,9 @@ def _remove(path: Path) -> None:
         Path(f"{path}{suffix}").unlink(missing_ok=True)
 
 
-def _prepare(file: sqlite3.Connection, suite: AnySuite) -> None:
+def _prepare(file: sqlite3.Connection, suite: SuiteSchema) -> None:
     """Create the tables of a new file in one transaction."""
-    sources = hashes(suite_type(suite).factories(suite))
+    sources = hashes(suite.factories())
     facts = {"format": FORMAT, "suite": suite.model_dump(mode="json"), "software": software(), "sources": sources}
     rows = ", ".join(f"('{name}', '{_quoted(json.dumps(value))}')" for name, value in facts.items())
     file.executescript(f"BEGIN; {_TABLES} INSERT INTO facts VALUES {rows}; COMMIT;")

@@ -1,22 +1,26 @@
-"""Submissions: the results of trust models in one file, which others can verify."""
+"""Submissions: the results of trust models in one file, which others can verify, and attacks that others can play."""
 
 import hashlib
 import json
 import platform
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from roletrust_env.benchmarking.cells import Cell, attack_names, cells, model_names
+from roletrust_env.benchmarking.cells import find_attack
+from roletrust_env.benchmarking.known_attacks import KnownAttack, KnownAttacks, joined
 from roletrust_env.benchmarking.leaderboard import leaderboard_rows
-from roletrust_env.benchmarking.schema import AttackResult, CellResult, Name, check_unique
+from roletrust_env.benchmarking.schema import FORBIDDEN, AttackResult, CellResult, Name, check_unique
 from roletrust_env.benchmarking.sources import Sha256, Source, Word, source_of
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Stage, Suite
-from roletrust_env.benchmarking.worst_case import as_array
+from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Stage, Suite
+from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import explain, suggest
-from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.records import MAX_RECORD, record_of
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed, named_factory
@@ -206,7 +210,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
         raise ValueError(f"{store.path} has a suite for {store.suite.kind}; only robustness suites can be submitted")
     if store.software != software():
         raise ValueError(f"{store.path} was written with other software versions; submit it with those versions")
-    known = model_names(store.suite)
+    known = store.suite.model_names
     if unknown := [name for name in names if name not in known]:
         raise ValueError(f"{store.path} has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
     suite = self_contained(store.suite, tuple(dict.fromkeys(names)) or tuple(known))
@@ -216,7 +220,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
         check_installed(search_methods, suite.searches)
     store.check_sources(suite)
     stored = {one.cell.key: one for one in store.all() if one.cell.model in suite.models}
-    every = cells(suite)
+    every = suite.cells()
     if bad := [cell.key for cell in every if cell.key not in stored or stored[cell.key].result.failed]:
         raise ValueError(
             f"{store.path}: {len(bad)} of {len(every)} cells failed or have not been played, such as {bad[0]}; only "
@@ -248,7 +252,7 @@ def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
         name: Stage(preset=BASE_PRESET, set=stage.scenario().model_dump(mode="json"))
         for name, stage in suite.scenarios.items()
     }
-    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(attack_names(suite)), "scenarios": stages})
+    return suite.model_copy(update={"models": tuple(names), "attacks": tuple(suite.attack_names), "scenarios": stages})
 
 
 def fingerprint(suite: Suite) -> str:
@@ -278,8 +282,8 @@ def model_scores(suite: Suite, stored: Sequence[StoredCell]) -> dict[str, ModelS
         stored: All cells of the suite with their results, in any order.
     """
     by_key = {one.cell.key: one for one in stored}
-    in_order = [by_key[cell.key] for cell in cells(suite)]  # the order changes the last bits of sums
-    rows = leaderboard_rows(suite, in_order, model_names(suite), len(stored) // len(suite.models))
+    in_order = [by_key[cell.key] for cell in suite.cells()]  # the order changes the last bits of sums
+    rows = leaderboard_rows(suite, in_order, suite.model_names, len(stored) // len(suite.models))
     return {
         row.model: ModelScores(
             **{name: ClaimedScore.from_estimate(*getattr(row, name)[:2]) for name in ModelScores.model_fields}
@@ -311,3 +315,68 @@ def make_claim(cell: Cell, result: CellResult) -> CellClaim:
 
 def _mean(values: Sequence[float | None]) -> float:
     return float(over_games(as_array(values)).mean)
+
+
+def make_entries(
+    suite: Suite, stored: Sequence[StoredCell], models: Sequence[str] = (), finder: str = ""
+) -> tuple[KnownAttacks, list[str]]:
+    """Return the worst attack on each trust model in each condition, and the attacks that cannot be recorded.
+
+    An attack that is the worst one on several trust models is listed once in a condition, with the name of the first.
+
+    Args:
+        suite: Suite of the run.
+        stored: Cells of the run with their results.
+        models: Names of trust models. Empty means all of the run.
+        finder: Who found the attacks.
+
+    Raises:
+        ValueError: The run has no such model, or none of its worst attacks can be recorded.
+    """
+    known = suite.model_names
+    if unknown := [name for name in models if name not in known]:
+        raise ValueError(f"the run has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
+    entries, lost = [], []
+    for place, name in _worst(suite, stored, models or known):
+        entry = _entry(suite, stored, place, name, finder)
+        if entry is None:
+            lost.append(f"{name} in {place.key}")
+        else:
+            entries.append(entry)
+    if not entries:
+        what = f", such as {lost[0]}" if lost else ""
+        raise ValueError(f"the run has no attack that can be recorded{what}; scripts of packages and coalitions can")
+    return KnownAttacks(attacks=joined(entries)), lost
+
+
+def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) -> Iterator[tuple[Cell, str]]:
+    """Yield the cell and the name of the worst attack on each model in each condition; of several seeds the worst."""
+    seeds = sorted({cell.seed for cell, result in stored if result.rows})
+    for (model, condition), case in worst_cases(attack_scores(suite, stored)).items():
+        if model in models and suite.tracks[condition.track].roles:
+            means = [least_mean(one.chosen[k]) for k, one in enumerate(case.choices)]
+            k = int(np.argmin(means))
+            yield Cell(model, *condition, case.choices[k].method, seeds[k]), case.choices[k].attack
+
+
+def _entry(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str, finder: str) -> KnownAttack | None:
+    """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
+    if place.method == "known":
+        return next(one for one in suite.known if (one.name, one.condition) == (attack, place[1:4]))
+    record = _record(suite, stored, place, attack)
+    if not record:
+        return None
+    title = re.sub(FORBIDDEN, "-", f"{attack} against {place.model}")[:300]
+    return KnownAttack(
+        name=title, scenario=place.scenario, track=place.track, share=place.share, finder=finder, record=record
+    )
+
+
+def _record(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str) -> str:
+    """Return the record of an attack in a cell. A script at its defaults is made again, since it has none."""
+    rows = next(one.result.rows for one in stored if one.cell == place)
+    record = next(row.record for row in rows if row.attack == attack)
+    if record or place.method != "scripted":
+        return record
+    found = find_attack(suite, place, attack)
+    return record_of(Scripted(found.batch.scripts(found.row)))

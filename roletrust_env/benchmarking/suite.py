@@ -1,15 +1,26 @@
-"""Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data."""
+"""Robustness suites: the trust models, scenarios and attacks of a benchmark as immutable data, and their cells.
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self
+Cells are independent of each other and can be played anywhere and in any order.
+"""
+
+from collections.abc import Callable, Sequence
+from inspect import signature
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env.benchmarking.known_attacks import KnownAttack, check_names, joined
 from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
+from roletrust_env.evaluation.search import search_methods
+from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Consumers
+from roletrust_env.game.policy import Policy
+from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.registry import Registry
+from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import Scenario, make_scenario
 from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.world.roster import Roster
 
 HONEST = "nobody"
 """Name of the method in cells in which all agents are honest."""
@@ -27,6 +38,31 @@ Scale = Literal["utility", "skill"]
 """Scale of a score: the utility of the choice by trust, or its skill, see `roletrust_env.metrics.skill`."""
 
 _Part = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Cell(NamedTuple):
+    """Smallest unit of a benchmark: one method against one trust model in one condition with one seed.
+
+    Attributes:
+        model: Spec of the trust model.
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite.
+        share: Share of compromised agents in each role of the track. 0 if all agents are honest.
+        method: Method of the suite that finds the attack. `HONEST` if all agents are honest.
+        seed: Random seed.
+    """
+
+    model: str
+    scenario: str
+    track: str
+    share: float
+    method: str
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Unique key of the cell in its suite."""
+        return "|".join(map(str, self))
 
 
 class Stage(FrozenModel):
@@ -96,6 +132,7 @@ class Suite(SuiteSchema):
     The worst case is chosen in one set of games and measured in another set of the same size.
     """
 
+    cell_type: ClassVar = Cell
     kind: Literal["robustness"] = "robustness"
     """Type of the suite."""
     models: tuple[Label, ...] | Literal["all"] = "all"
@@ -183,6 +220,19 @@ class Suite(SuiteSchema):
         return method.partition(":")[0] in self.white_box or method in self.white_box
 
     @property
+    def model_names(self) -> list[str]:
+        """Specs of the trust models."""
+        return trust_models.names() if self.models == "all" else list(self.models)
+
+    @property
+    def attack_names(self) -> list[str]:
+        """Specs of the scripted attacks. `all` means each registered class of policies."""
+        if self.attacks != "all":
+            return list(self.attacks)
+        factories = {name: attackers.factory(name) for name in attackers.names()}
+        return [name for name, made in factories.items() if isinstance(made, type) and issubclass(made, Policy)]
+
+    @property
     def conditions(self) -> list[tuple[str, str, float]]:
         """Scenario, track and share of each condition in which models are attacked."""
         return [
@@ -205,6 +255,40 @@ class Suite(SuiteSchema):
         """Return the budget of a method in a cell of a scenario, in game rounds."""
         return self.scenarios[scenario].budgets.get(method, self.budgets.get(method, self.budget))
 
+    def cells(self) -> list[Cell]:
+        """Return all cells, ordered by trust model."""
+        found = []
+        for model in self.model_names:
+            for scenario in self.scenarios:
+                for track, shares in self.shares_in(scenario).items():
+                    pairs = [(share, method) for share in shares for method in self.methods] or [(0.0, HONEST)]
+                    found += [Cell(model, scenario, track, *pair, seed) for pair in pairs for seed in self.seeds]
+        return found
+
+    def factories(self) -> dict[str, Callable[..., Any]]:
+        """Return the factories of the trust models, attacks and search methods, by type and name."""
+        kinds: list[tuple[str, Registry[Any], Sequence[str]]] = [
+            ("trust model", trust_models, self.model_names),
+            ("attack", attackers, self.attack_names),
+            ("search method", search_methods, self.searches),
+        ]
+        return {f"{kind} {name}": named_factory(registry, name) for kind, registry, names in kinds for name in names}
+
+    def rules(self, cell: Cell) -> tuple[object, ...]:
+        """Return all fields that the result of a cell depends on."""
+        stage, track = self.scenarios[cell.scenario], self.tracks[cell.track]
+        world = stage.preset, stage.set, track.model_copy(update={"shares": ()}), self.places, self.consumers
+        known = self.known_in(cell[1:4]) if cell.method == "known" or _starts_from_known(cell.method) else []
+        attacks = known, self.attack_names, self.budget_of(cell.method, cell.scenario)
+        return *world, *attacks, self.games, self.limit_s
+
+
+def _starts_from_known(method: str) -> bool:
+    """Return whether a method is a search that may start from known attacks, as its parameter `known` says."""
+    if method in WITHOUT_SEARCH:
+        return False
+    return "known" in signature(named_factory(search_methods, method)).parameters
+
 
 def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
     """Return the suite with further known attacks, those of its own conditions.
@@ -221,3 +305,56 @@ def with_known(suite: Suite, attacks: Sequence[KnownAttack]) -> Suite:
         raise ValueError(f"none of the {len(attacks)} known attacks is for a condition of the suite {suite.name}")
     methods = suite.methods if "known" in suite.methods else (*suite.methods, "known")
     return suite.model_copy(update={"known": joined(suite.known, fitting), "methods": methods})
+
+
+class AttackedScenario(NamedTuple):
+    """Scenario of a cell, with the names of its compromised agents."""
+
+    scenario: Scenario
+    compromised: tuple[str, ...]
+
+
+def attacked_scenario(suite: Suite, cell: Cell) -> AttackedScenario:
+    """Return the scenario and the compromised agents of a cell.
+
+    The compromised agents are the last ones of their role. They differ from the others in nothing else.
+
+    Args:
+        suite: Suite of the cell.
+        cell: The cell.
+
+    Raises:
+        ValueError: The track changes an unknown field, or the scenario has too few agents of a role.
+    """
+    track = suite.tracks[cell.track]
+    scenario = suite.scenarios[cell.scenario].scenario()
+    if track.set:
+        scenario = scenario.change(**track.set)
+    if track.reserve:
+        scenario = _with_reserve(scenario, track, cell.share)
+    roster, names = Roster.of(scenario), []
+    for role in track.roles:
+        known = [name for name in roster.owner_names if roster.role(name) == role]
+        number = track.compromised(cell.share, len(known))
+        if number >= len(known):
+            raise ValueError(
+                f"track {cell.track!r} compromises {number} of {len(known)} agents with the role {role} in scenario "
+                f"{cell.scenario!r}; at least one must be honest"
+            )
+        names += known[len(known) - number :]
+    return AttackedScenario(scenario, tuple(names))
+
+
+def _with_reserve(scenario: Scenario, track: Track, share: float) -> Scenario:
+    """Return the scenario with reserve identities for the last agents of each compromised role."""
+    groups = [group.model_dump() for group in scenario.agents]
+    for role in track.roles:
+        of_role = [group for group in groups if group["role"] == role]
+        left = track.compromised(share, sum(group["count"] for group in of_role))
+        for group in reversed(of_role):
+            number = min(left, group["count"])
+            left -= number
+            group["count"] -= number
+            if number:
+                groups.append({**group, "count": number, "reserve": track.reserve})
+    return scenario.change(agents=[group for group in groups if group["count"]])

@@ -1,5 +1,6 @@
-"""Suites by name and in TOML files."""
+"""Suites by name and in TOML files, and the command that plays one."""
 
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from pydantic import ValidationError
 
 from roletrust_env.benchmarking.known_attacks import joined, read_known_attacks
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
+from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.errors import explain, suggest
 
@@ -97,3 +99,37 @@ def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, A
     if base not in _EXTENDABLE:
         raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
     return {**_parse(_text(base), base), **data}
+
+
+def reproduction_command(suite: SuiteSchema, path: Path) -> str:
+    """Return the command that plays a suite, or continues its run.
+
+    Args:
+        suite: Suite from the file of the run, with the selected models, attacks or learners.
+        path: Path of that file.
+
+    Returns:
+        Command for a shell. A suite that is not part of the project is given by the name of its file, and known attacks
+        by the file `known.json`.
+    """
+    options = ["--suite", f"{suite.name}.toml"]
+    if suite.name in suites():
+        bundled = load_suite(suite.name)
+        names = {field: getattr(suite, field) for field in ("models", "attacks", "learners") if hasattr(suite, field)}
+        more = isinstance(suite, Suite) and isinstance(bundled, Suite) and suite.known != bundled.known
+        if more:
+            names |= {field: getattr(suite, field) for field in ("known", "methods")}
+        if type(bundled) is type(suite) and bundled.model_copy(update=names) == suite:
+            options = ["--suite", suite.name, *_options(bundled, suite), *(["--known", "known.json"] if more else [])]
+    return shlex.join(["roletrust", "benchmark", *options, "--out", str(path.parent)])
+
+
+def _options(bundled: SuiteSchema, suite: SuiteSchema) -> list[str]:
+    """Return the options that select the names in which a run differs from the bundled suite."""
+    selections = {"--model": "model_names", "--attack": "attack_names", "--learner": "learners"}
+    options = []
+    for option, field in selections.items():
+        names = getattr(suite, field, None)
+        if names is not None and names != getattr(bundled, field):
+            options += [part for name in names for part in (option, name)]
+    return options

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from roletrust_env import Policy
-from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Suite
@@ -110,7 +109,7 @@ def run(path):
     """Play the cells that are not stored yet, and store them."""
     suite = tiny(seeds=[0, 1])
     with Store(path, suite) as store:
-        remaining = [cell for cell in cells(suite) if cell.key not in store.finished_keys()]
+        remaining = [cell for cell in suite.cells() if cell.key not in store.finished_keys()]
         for cell, result in LocalPool(2).play(suite, remaining):
             store.add(cell, result)
         return store.all()

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from small_suites import MARKET
 
-from roletrust_env.benchmarking.cells import Cell, attack_names, cells
-from roletrust_env.benchmarking.learners.suite import HONEST_PLAY, LearnersSuite, Trial, trials
+from roletrust_env.benchmarking.learners.learner import HONEST_PLAY
+from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
-from roletrust_env.benchmarking.suite import HONEST, Suite
+from roletrust_env.benchmarking.suite import HONEST, Cell, Suite
 from roletrust_env.benchmarking.suite_files import read_suite
 from roletrust_env.trust.model import registry
 
@@ -45,8 +45,8 @@ def large(**fields: Any) -> Suite:
 
 def stored_cells(suite: Suite) -> list[StoredCell]:
     """Return the cells of a suite with random results."""
-    scripts, stored = attack_names(suite), []
-    for cell in cells(suite):
+    scripts, stored = suite.attack_names, []
+    for cell in suite.cells():
         names = scripts if cell.method == "scripted" else [cell.method]
         rows = tuple(_row(suite.models, [HONEST, *scripts, *suite.methods[1:]], cell, name) for name in names)
         stored.append(StoredCell(cell, CellResult(rows, 1.0)))
@@ -64,7 +64,7 @@ def learners() -> LearnersSuite:
 
 def stored_trials(suite: LearnersSuite) -> list[StoredCell]:
     """Return the trials of a suite with random results."""
-    return [StoredCell(trial, CellResult(tuple(_trial_rows(suite, trial)), 1.0)) for trial in trials(suite)]
+    return [StoredCell(trial, CellResult(tuple(_trial_rows(suite, trial)), 1.0)) for trial in suite.cells()]
 
 
 def _row(names: Sequence[str], attacks: Sequence[str], cell: Cell, attack: str) -> AttackResult:

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from benchmark_cases import results, tiny
 
-from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.pool import LocalPool
 
 pytest.importorskip("ray")
@@ -52,13 +51,13 @@ def cluster(address):
 
 def test_two_ray_workers_give_the_results_of_one_process(cluster):
     suite = tiny()
-    assert results(cluster.play(suite, cells(suite))) == results(LocalPool(1).play(suite, cells(suite)))
+    assert results(cluster.play(suite, suite.cells())) == results(LocalPool(1).play(suite, suite.cells()))
 
 
 def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):
     names = [f"benchmark_cases:{name}" for name in ("Hanging", "Dying", "Raising")]
     suite = tiny(models=[*names, "mean"], tracks={"honest": {}}, limit_s=3.0)
-    by_model = {cell.model: result for cell, result in cluster.play(suite, cells(suite))}
+    by_model = {cell.model: result for cell, result in cluster.play(suite, suite.cells())}
     words = ("given up after 3 seconds", "died 3 times", "RuntimeError: two lines")
     for name, message in zip(names, words, strict=True):
         assert message in by_model[name].failed
@@ -67,7 +66,7 @@ def test_cells_that_hang_or_kill_their_process_do_not_affect_others(cluster):
 
 def test_closing_the_generator_stops_the_cells(cluster):
     suite = tiny(models=["mean", "benchmark_cases:Hanging"], tracks={"honest": {}})
-    playing = cluster.play(suite, cells(suite))
+    playing = cluster.play(suite, suite.cells())
     cell, _ = next(playing)
     assert cell.model == "mean"
     playing.close()

@@ -6,11 +6,9 @@ from pathlib import Path
 import pytest
 from small_suites import small
 
-from roletrust_env.benchmarking.cells import attack_names, model_names
-from roletrust_env.benchmarking.command_line import reproduction_command
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.suite import with_known
-from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
 from roletrust_experiments.commands.benchmark import _asked
 
 FILE = Path("results/my run/results.sqlite")
@@ -47,7 +45,7 @@ def test_known_attacks_are_a_file():
 def test_the_stored_suite_gives_the_command():
     """The stored suite has names in place of `all`."""
     stored = _asked(load_suite("quick"), None, None, None, allow_code=False)
-    assert (list(stored.models), list(stored.attacks)) == (model_names(stored), attack_names(stored))
+    assert (list(stored.models), list(stored.attacks)) == (stored.model_names, stored.attack_names)
     assert reproduction_command(stored, FILE) == "roletrust benchmark --suite quick --out 'results/my run'"
 
 

@@ -15,8 +15,7 @@ from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.entrants import name_entrants, pack, register_packed
-from roletrust_env.benchmarking.fingerprint import fingerprint
-from roletrust_env.benchmarking.sources import hashes
+from roletrust_env.benchmarking.sources import fingerprint, hashes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.mean import Mean
@@ -120,7 +119,7 @@ def test_a_fingerprint_tells_objects_apart(one: object, other: object) -> None:
 
 def test_a_fingerprint_is_that_of_every_process() -> None:
     code = (
-        "from roletrust_env.benchmarking.fingerprint import fingerprint\n"
+        "from roletrust_env.benchmarking.sources import fingerprint\n"
         "class A:\n"
         "    def __init__(self): self.me, self.names = self, {'a', 'b', 'c', 'd'}\n"
         "    def f(self): return {'x', 'y', 'z'}\n"

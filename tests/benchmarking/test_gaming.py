@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from small_suites import small
 
-from roletrust_env.benchmarking.agreement import check_bias, check_fresh
-from roletrust_env.benchmarking.cells import Cell, cells, task_arguments
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell, task_arguments
 from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.submission import CellClaim, make_claim
+from roletrust_env.benchmarking.suite import Cell
+from roletrust_env.benchmarking.verification import check_bias, check_fresh
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, exact_task, random_sources
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.trust import register_trust_model
@@ -35,7 +35,7 @@ class Oracle:
     def start(self, like: Any) -> Any:
         trust = 0.5 + np.zeros(like.shape[1:])
         if like.ndim == 4:
-            task = exact_task(task_arguments(SUITE, cells(SUITE)[0]))
+            task = exact_task(task_arguments(SUITE, SUITE.cells()[0]))
             sources = random_sources(task, PUBLIC, HELD_OUT)
             first = next(attacked_rollout(task, Scripted({}), (1, like.shape[-1]), *sources))
             trust = trust + first.before.properties.ability - 0.5
@@ -52,7 +52,7 @@ class Oracle:
 
 
 def results(model: str, seed: int) -> list[tuple[Cell, CellResult]]:
-    played = [cell._replace(model=model, seed=seed) for cell in cells(SUITE)]
+    played = [cell._replace(model=model, seed=seed) for cell in SUITE.cells()]
     return [(cell, play_cell(SUITE, cell)) for cell in played]
 
 
@@ -84,7 +84,7 @@ def test_a_model_that_knows_the_public_seed_is_found_by_a_new_one() -> None:
 
 def test_a_model_in_a_process_of_its_own_cannot_read_the_game_off_the_stack() -> None:
     suite = small(models=["gaming_models:OffTheStack"], attacks=["rank-lies"], tracks=SUITE.tracks, games=40)
-    cell = next(one for one in cells(suite) if one.share == 0.5)
+    cell = next(one for one in suite.cells() if one.share == 0.5)
     inside, apart = (play_cell(suite, cell, isolated=isolated).rows[0] for isolated in (False, True))
     (honest,) = play_cell(suite, cell._replace(model="mean")).rows
     assert np.mean(inside.measured["utility"]) > 0.99

@@ -14,7 +14,6 @@ import pytest
 from benchmark_cases import results, run, tiny
 from children import children
 
-from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.store import Store
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -28,7 +27,7 @@ def uninterrupted(tmp_path_factory):
     """Results of an uninterrupted run, and its duration in seconds."""
     began = time.monotonic()
     whole = results(run(tmp_path_factory.mktemp("whole") / "results.sqlite"))
-    assert len(whole) == len(cells(tiny(seeds=[0, 1])))
+    assert len(whole) == len(tiny(seeds=[0, 1]).cells())
     return whole, time.monotonic() - began
 
 

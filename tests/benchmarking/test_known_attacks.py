@@ -12,8 +12,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.benchmarking import Leaderboard, load_suite
-from roletrust_env.benchmarking.attack_entries import make_entries
-from roletrust_env.benchmarking.cells import cells, rules
+from roletrust_env.benchmarking.cells import find_attack, play_cell
 from roletrust_env.benchmarking.known_attacks import (
     KnownAttack,
     KnownAttacks,
@@ -21,8 +20,8 @@ from roletrust_env.benchmarking.known_attacks import (
     joined,
     read_known_attacks,
 )
-from roletrust_env.benchmarking.run_cell import find_attack, play_cell
 from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.submission import make_entries
 from roletrust_env.benchmarking.suite import with_known
 from roletrust_env.benchmarking.worst_case import worst_cases
 from roletrust_env.evaluation.records import record_of
@@ -31,7 +30,7 @@ SUITE = tiny(methods=["scripted", "random search"], budget=2000)
 
 
 def play(suite: Any) -> list[StoredCell]:
-    return [StoredCell(cell, play_cell(suite, cell)) for cell in cells(suite)]
+    return [StoredCell(cell, play_cell(suite, cell)) for cell in suite.cells()]
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +99,7 @@ def test_two_runs_may_find_attacks_of_the_same_name(found: KnownAttacks) -> None
 def test_evolution_starts_from_known_coalitions() -> None:
     tracks = {"raters": {"roles": ["SR"], "shares": [0.5]}}
     suite = tiny(models=["median"], methods=["evolution"], budget=20_000, tracks=tracks)
-    (cell,) = cells(suite)
+    (cell,) = suite.cells()
     (first,) = play_cell(suite, cell).rows
     place = {"scenario": cell.scenario, "track": cell.track, "share": cell.share}
     scripts = tiny(models=["mean"], methods=["scripted"], tracks=tracks)
@@ -110,9 +109,9 @@ def test_evolution_starts_from_known_coalitions() -> None:
     (again,) = play_cell(larger, cell).rows
     assert again.progress[0][1] == pytest.approx(first.progress[-1][1])  # the best of the first search
     assert again.progress[-1][1] >= first.progress[-1][1] > first.progress[0][1]
-    assert rules(larger, cell) != rules(suite, cell)
+    assert larger.rules(cell) != suite.rules(cell)
     scripted = cell._replace(method="scripted")
-    assert rules(larger, scripted) == rules(suite, scripted)
+    assert larger.rules(scripted) == suite.rules(scripted)
 
 
 def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
@@ -123,7 +122,7 @@ def test_coalitions_play_side_by_side_as_they_do_alone() -> None:
     networks.insert(1, DeepSet.unflatten(wide, random_weights(wide, np.random.default_rng(0))))
     known = [KnownAttack(name=f"{k}", record=record_of(CoalitionAttacker(w)), **place) for k, w in enumerate(networks)]
     suite = with_known(tiny(models=["qor"], methods=["scripted"], tracks=tracks), known)
-    cell = next(cell for cell in cells(suite) if cell.method == "known")
+    cell = next(cell for cell in suite.cells() if cell.method == "known")
     rows = {row.attack: row for row in play_cell(suite, cell).rows}
     assert list(rows) == ["0", "2", "3", "1"]
     assert find_attack(suite, cell, "2").rows == 3
@@ -148,7 +147,7 @@ def test_a_script_with_parameters_is_recorded_with_them() -> None:
 
 def test_replay_finds_a_known_attack(found: KnownAttacks) -> None:
     suite = with_known(SUITE, found.attacks)
-    cell = next(cell for cell in cells(suite) if cell.method == "known")
+    cell = next(cell for cell in suite.cells() if cell.method == "known")
     name = next(one.name for one in found.attacks if one.condition == cell[1:4])
     assert find_attack(suite, cell, name).batch.names == (name,)
 
@@ -157,7 +156,7 @@ def test_a_known_attack_that_cannot_play_harms_no_other(found: KnownAttacks) -> 
     record = json.dumps({"kind": "scripts", "policies": {"nobody_7": {"name": "bad-mouthing"}}})
     wrong = found.attacks[0].model_copy(update={"name": "wrong", "record": record})
     suite = with_known(tiny(models=["mean"], methods=["scripted"]), [wrong, *found.attacks])
-    cell = next(cell for cell in cells(suite) if cell.method == "known" and cell[1:4] == wrong.condition)
+    cell = next(cell for cell in suite.cells() if cell.method == "known" and cell[1:4] == wrong.condition)
     result = play_cell(suite, cell)
     assert result.rows
     assert result.failed.startswith("attack wrong: ")

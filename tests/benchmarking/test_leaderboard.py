@@ -5,12 +5,11 @@ import pytest
 from small_suites import small
 
 from roletrust_env.benchmarking.caveats import caveats, late_gain
-from roletrust_env.benchmarking.cells import Cell, cells, model_names
-from roletrust_env.benchmarking.leaderboard import leaderboard_rows
-from roletrust_env.benchmarking.result import Leaderboard
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.leaderboard import Leaderboard, leaderboard_rows
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.worst_case import attack_scores, worst_cases
 from roletrust_env.trust import register_trust_model
 from roletrust_env.trust.models.central.mean import Mean
@@ -173,13 +172,13 @@ def test_holds_is_seen_as_often_as_it_is_said(spread: float) -> None:
 @pytest.fixture(scope="module")
 def played() -> list[StoredCell]:
     suite = small(models=["constant", "mean", "role-trust"], games=16)
-    return [StoredCell(cell, play_cell(suite, cell)) for cell in cells(suite)]
+    return [StoredCell(cell, play_cell(suite, cell)) for cell in suite.cells()]
 
 
 def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
     """It takes no damage, and a choice by its trust is a blind choice."""
     suite = small(models=["constant", "mean", "role-trust"], games=16)
-    rows = leaderboard_rows(suite, played, model_names(suite), len(played) // 3)
+    rows = leaderboard_rows(suite, played, suite.model_names, len(played) // 3)
     last = rows[-1]
     assert last.model == "constant"
     assert last.damage.mean == 0

@@ -3,9 +3,8 @@
 import pytest
 from benchmark_cases import results, tiny
 
-from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.pool import LocalPool
-from roletrust_env.benchmarking.run_cell import play_cell
 
 
 @pytest.mark.parametrize(("model", "words"), [("Hanging", "given up after 10 seconds"), ("Dying", "died 3 times")])
@@ -15,8 +14,8 @@ def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error(model, word
         limit_s=10.0,  # far more than the other cells take on a busy machine
         tracks={"honest": {}},
     )
-    played = dict(LocalPool(2).play(suite, cells(suite)))
-    assert played.keys() == set(cells(suite))
+    played = dict(LocalPool(2).play(suite, suite.cells()))
+    assert played.keys() == set(suite.cells())
     bad = {cell: result for cell, result in played.items() if cell.model != "mean"}
     assert all(words in result.failed and "\n" not in result.failed for result in bad.values())
     good = [cell for cell in played if cell not in bad]
@@ -25,7 +24,7 @@ def test_a_cell_that_hangs_or_kills_its_process_has_a_one_line_error(model, word
 
 def test_closing_the_generator_stops_the_cells():
     suite = tiny(models=["benchmark_cases:Hanging", "mean"], limit_s=600.0)
-    playing = LocalPool(2).play(suite, [*cells(suite)[:1], *cells(suite)[-2:]])
+    playing = LocalPool(2).play(suite, [*suite.cells()[:1], *suite.cells()[-2:]])
     cell, result = next(playing)
     assert cell.model == "mean"
     assert not result.failed

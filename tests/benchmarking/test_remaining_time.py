@@ -5,11 +5,9 @@ import pytest
 from benchmark_cases import Hanging
 from small_suites import small
 
-from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.cost import RemainingTime
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
-from roletrust_env.benchmarking.remaining_time import RemainingTime
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.benchmarking.suite_types import suite_type
 from roletrust_env.trust import register_trust_model
 
 
@@ -48,8 +46,8 @@ def test_before_the_first_cell_nothing_is_known() -> None:
 def test_a_model_of_another_package_is_not_tried_outside_a_process_of_its_own() -> None:
     register_trust_model("hanging", Hanging)
     suite = small(models=["mean", "hanging"])
-    found = RemainingTime.of(suite, cells(suite))
-    for cell in cells(suite):
+    found = RemainingTime.of(suite, suite.cells())
+    for cell in suite.cells():
         found.finish(cell.key)
     assert found.share == 1
 
@@ -57,7 +55,7 @@ def test_a_model_of_another_package_is_not_tried_outside_a_process_of_its_own() 
 def test_trials_of_learners_count_alike() -> None:
     suite = load_suite("learners-quick")
     assert isinstance(suite, LearnersSuite)
-    every = suite_type(suite).cells(suite)
+    every = suite.cells()
     found = RemainingTime.of(suite, every)
     found.finish(every[0].key)
     assert found.share == pytest.approx(1 / len(every))

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from benchmark_cases import results, tiny
 
-from roletrust_env.benchmarking.cells import cells
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.entrants import temporary_registration
 from roletrust_env.benchmarking.pool import LocalPool, play_safely
-from roletrust_env.benchmarking.run_cell import play_cell
 from roletrust_env.trust.models.personal.travos import Travos
 
 
 def play_all(suite):
-    return results((cell, play_cell(suite, cell)) for cell in cells(suite))
+    return results((cell, play_cell(suite, cell)) for cell in suite.cells())
 
 
 @pytest.fixture(scope="module")
@@ -24,14 +23,14 @@ def expected():
 
 def test_a_cell_is_the_same_in_any_order(expected):
     suite = tiny()
-    shuffled = random.Random(0).sample(cells(suite), len(cells(suite)))
+    shuffled = random.Random(0).sample(suite.cells(), len(suite.cells()))
     assert results((cell, play_cell(suite, cell)) for cell in shuffled) == expected
 
 
 def test_a_cell_is_the_same_in_processes(expected):
     suite = tiny()
     for workers in (1, 2):
-        played = list(LocalPool(workers).play(suite, cells(suite)))
+        played = list(LocalPool(workers).play(suite, suite.cells()))
         assert results(played) == expected
         assert len(played) == len(expected)
 
@@ -51,7 +50,7 @@ def test_the_worst_case_is_chosen_in_other_games_than_it_is_measured_in(expected
 
 def test_a_record_plays_in_place_of_the_search():
     suite = tiny(models=["mean"], methods=["random search"], budget=2000)
-    cell = cells(suite)[1]
+    cell = suite.cells()[1]
     (row,) = play_cell(suite, cell).rows
     (again,) = play_cell(suite, cell, row.record).rows
     assert again == row._replace(words="as recorded", rounds=0)
@@ -61,14 +60,14 @@ def test_a_record_plays_in_place_of_the_search():
 
 
 def test_another_seed_gives_other_numbers(expected):
-    assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in cells(tiny(seeds=[7]))).items() & (
+    assert not results((cell, play_cell(tiny(seeds=[7]), cell)) for cell in tiny(seeds=[7]).cells()).items() & (
         expected.items()
     )
 
 
 def test_all_rounds_are_counted():
     suite = tiny(models=["mean"], methods=["scripted"])
-    honest, attacked, _ = (play_cell(suite, cell) for cell in cells(suite))
+    honest, attacked, _ = (play_cell(suite, cell) for cell in suite.cells())
     assert honest.env_steps == 5 * 2 * 3  # rounds x two kinds of games x games
     assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the honest twin
 
@@ -85,7 +84,7 @@ def test_all_rounds_are_counted():
 )
 def test_a_faulty_model_is_a_one_line_error(model, words):
     suite = tiny(models=[f"benchmark_cases:{model}"])
-    result = play_safely(suite, cells(suite)[1])
+    result = play_safely(suite, suite.cells()[1])
     assert words in result.failed
     assert "\n" not in result.failed
     assert not result.rows
@@ -96,7 +95,7 @@ def test_a_faulty_model_is_a_one_line_error(model, words):
 )
 def test_a_faulty_attacker_does_not_affect_others(attack, words, expected):
     suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
-    cell = cells(suite)[1]
+    cell = suite.cells()[1]
     result = play_safely(suite, cell)
     assert words in result.failed
     assert f"attack benchmark_cases:{attack}: " in result.failed
@@ -110,7 +109,7 @@ def test_consumers_are_the_public_or_the_honest_raters():
 
     def utility(model, consumers):
         suite = tiny(models=[model], consumers=consumers, games=8, methods=["scripted"])
-        cell = next(one for one in cells(suite) if one.track == "raters")
+        cell = next(one for one in suite.cells() if one.track == "raters")
         return [value for row in play_cell(suite, cell).rows for value in row.measured["utility"]]
 
     assert utility("mean", "raters") == pytest.approx(utility("mean", "public"), abs=1e-12)
@@ -127,7 +126,7 @@ def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_o
     def measured(model):
         with temporary_registration({"one": model}):
             suite = tiny(models=["one"], consumers="raters", games=8, methods=["scripted"])
-            (cell, *_) = [one for one in cells(suite) if one.share == 0.5]
+            (cell, *_) = [one for one in suite.cells() if one.share == 0.5]
             return play_cell(suite, cell).rows
 
     for row, other in zip(measured(Travos()), measured(WithoutJudges()), strict=True):
@@ -139,7 +138,7 @@ def test_published_trust_is_worth_what_it_is_worth_to_consumers_without_a_view_o
 def test_a_model_cannot_know_liars_by_their_place():
     def utility(places, model="benchmark_cases:FirstRaters"):
         suite = tiny(models=[model], places=places, games=20, methods=["scripted"], attacks=["complementary"])
-        cell = next(one for one in cells(suite) if one.share == 0.5)
+        cell = next(one for one in suite.cells() if one.share == 0.5)
         return np.mean(play_cell(suite, cell).rows[0].measured["utility"])
 
     assert utility("last") > utility("random") + 0.02

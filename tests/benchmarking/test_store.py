@@ -11,9 +11,10 @@ import pytest
 from benchmark_cases import TINY, results, tiny
 
 from roletrust_env.benchmarking import store as store_file
-from roletrust_env.benchmarking.cells import Cell, cells, rules
-from roletrust_env.benchmarking.run_cell import AttackResult, CellResult, play_cell
+from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.suite import Cell
 
 SUITE = tiny()
 SCORES = {"utility": [0.25, None, 1.0]}
@@ -28,7 +29,7 @@ RESULT = CellResult(
 def path(tmp_path):
     """File with three cells."""
     with Store(tmp_path / "results.sqlite", SUITE) as store:
-        for cell in cells(SUITE)[:3]:
+        for cell in SUITE.cells()[:3]:
             store.add(cell, RESULT)
     return tmp_path / "results.sqlite"
 
@@ -52,7 +53,7 @@ def execute(path, statement, *values):
 def test_stored_cells_can_be_read(path):
     with Store(path) as store:
         assert [one.result for one in store.all()] == [RESULT] * 3
-        assert {one.cell for one in store.all()} == set(cells(SUITE)[:3])
+        assert {one.cell for one in store.all()} == set(SUITE.cells()[:3])
         assert store.suite == SUITE
 
 
@@ -67,12 +68,12 @@ def test_a_reader_leaves_the_folder_as_it_was(path):
 @pytest.mark.parametrize(("length", "found"), [(None, 3), (20, 2), (0, 2)])
 def test_a_reader_leaves_the_journal_of_a_killed_run(tmp_path, length, found):
     with Store(tmp_path / "running.sqlite", SUITE) as store:
-        for cell in cells(SUITE)[:2]:
+        for cell in SUITE.cells()[:2]:
             store.add(cell, RESULT)
     folder = tmp_path / "copy"
     folder.mkdir()
     with Store(tmp_path / "running.sqlite", SUITE) as store:
-        store.add(cells(SUITE)[2], RESULT)
+        store.add(SUITE.cells()[2], RESULT)
         for end in ("", "-wal"):
             (folder / f"results.sqlite{end}").write_bytes(
                 (tmp_path / f"running.sqlite{end}").read_bytes()[: length if end else None]
@@ -85,18 +86,18 @@ def test_a_reader_leaves_the_journal_of_a_killed_run(tmp_path, length, found):
 
 def test_a_reader_beside_a_writer_leaves_its_journals(path):
     with Store(path, SUITE) as writer:
-        writer.add(cells(SUITE)[3], RESULT)
+        writer.add(SUITE.cells()[3], RESULT)
         with Store(path) as reader:
             assert len(reader.all()) == 4
         assert path.with_name("results.sqlite-wal").exists()
-        writer.add(cells(SUITE)[4], RESULT)
+        writer.add(SUITE.cells()[4], RESULT)
     with Store(path) as reader:
         assert len(reader.all()) == 5
 
 
 def test_a_run_with_another_source_is_not_continued(path, monkeypatch):
     monkeypatch.setattr(store_file, "hashes", lambda factories: dict.fromkeys(factories, "0" * 64))
-    name = cells(SUITE)[0].model
+    name = SUITE.cells()[0].model
     assert f"another source of trust model {name}, " in refused(path, SUITE)
     with Store(path) as store:  # reading is still allowed
         assert len(store.all()) == 3
@@ -110,7 +111,7 @@ def test_a_folder_is_refused(tmp_path):
 
 
 def test_a_cell_counts_once_and_one_that_failed_is_played_again(path):
-    first, second, *_ = cells(SUITE)
+    first, second, *_ = SUITE.cells()
     with Store(path, SUITE) as store:
         store.add(first, RESULT._replace(rows=(), failed="it broke"))
         assert len(store.all()) == 3
@@ -140,10 +141,10 @@ def test_a_file_that_another_program_locks_is_unchanged(path):
         other = sqlite3.connect(path, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(ValueError, match="locked by another program"):
-            store.add(cells(SUITE)[3], RESULT)
+            store.add(SUITE.cells()[3], RESULT)
         other.execute("ROLLBACK")
         other.close()
-        store.add(cells(SUITE)[3], RESULT)
+        store.add(SUITE.cells()[3], RESULT)
         assert len(store.all()) == 4
 
 
@@ -158,7 +159,7 @@ def test_a_run_goes_on_with_a_larger_suite(path):
     larger = tiny(**more, tracks=tracks, budgets={"CMA-ES": 400})
     with Store(path, larger) as store:
         assert [one.result for one in store.all()] == [RESULT] * 3
-        assert store.finished_keys() < {cell.key for cell in cells(larger)}
+        assert store.finished_keys() < {cell.key for cell in larger.cells()}
     with Store(path) as store:
         assert store.suite == larger
 
@@ -167,7 +168,7 @@ def test_a_run_goes_on_with_a_larger_suite(path):
 def test_a_cell_plays_the_same_in_a_larger_suite(method):
     larger = tiny(models=["mean", "median"], methods=["random search", "scripted", "CMA-ES"], seeds=[1, 0])
     cell = Cell("mean", "market", "raters", 0.5, method, 0)
-    assert rules(larger, cell) == rules(SUITE, cell)
+    assert larger.rules(cell) == SUITE.rules(cell)
     one, other = (play_cell(suite, cell) for suite in (SUITE, larger))
     assert one._replace(seconds=0) == other._replace(seconds=0)
 
@@ -190,7 +191,7 @@ def test_a_cell_plays_the_same_in_a_larger_suite(method):
 def test_a_suite_that_plays_stored_cells_in_another_way_is_refused(tmp_path, changes):
     path = tmp_path / "results.sqlite"
     with Store(path, SUITE) as store:
-        for cell in cells(SUITE):
+        for cell in SUITE.cells():
             store.add(cell, RESULT)
     before = path.read_bytes()
     assert f"another suite (different: {next(iter(changes))})" in refused(path, tiny(**changes))
@@ -216,7 +217,7 @@ def test_other_and_damaged_files_are_refused_and_unchanged(tmp_path, writing):
     noise, truncated = tmp_path / "noise.sqlite", tmp_path / "truncated.sqlite"
     noise.write_bytes(bytes(range(256)) * 64)
     with Store(truncated, SUITE) as store:
-        for cell in cells(SUITE):
+        for cell in SUITE.cells():
             store.add(cell, RESULT._replace(rows=tuple(RESULT.rows[0]._replace(attack=f"{k}") for k in range(50))))
     truncated.write_bytes(truncated.read_bytes()[: truncated.stat().st_size // 2])
     for path in (other, noise, truncated):
@@ -267,11 +268,11 @@ def test_a_full_disk_loses_nothing(path):
         store._file.execute(f"PRAGMA max_page_count={pages}")
         large = RESULT._replace(rows=(RESULT.rows[0]._replace(words="much " * 100_000),))
         with pytest.raises(OSError, match="cannot be written") as error:
-            store.add(cells(SUITE)[0], large)
+            store.add(SUITE.cells()[0], large)
         assert "\n" not in str(error.value)
         assert [one.result for one in store.all()] == [RESULT] * 3  # also the cell that was being replaced
         store._file.execute("PRAGMA max_page_count=100000")
-        store.add(cells(SUITE)[3], large)
+        store.add(SUITE.cells()[3], large)
     with Store(path, SUITE) as store:
         assert len(store.finished_keys()) == 4
 

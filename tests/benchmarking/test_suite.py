@@ -9,20 +9,9 @@ from small_suites import MARKET, TRACKS, small
 
 from roletrust_env import attackers, make_attacker
 from roletrust_env.benchmarking import Leaderboard, benchmark
-from roletrust_env.benchmarking.cells import (
-    Cell,
-    attack_names,
-    attacked_scenario,
-    cells,
-    factories,
-    model_names,
-    objective,
-    rules,
-)
-from roletrust_env.benchmarking.run_cell import play_cell
-from roletrust_env.benchmarking.suite import Track
+from roletrust_env.benchmarking.cells import objective, play_cell
+from roletrust_env.benchmarking.suite import Cell, Track, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite, suites
-from roletrust_env.benchmarking.suite_types import suite_type
 from roletrust_env.evaluation import Budget, SearchResult, register_search_method
 from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.attackers import Scripted
@@ -33,7 +22,7 @@ from roletrust_env.trust import trust_models
 def test_the_suites_of_the_project_can_be_played(name: str) -> None:
     suite = load_suite(name)
     assert suite.description
-    every = suite_type(suite).cells(suite)
+    every = suite.cells()
     assert len({cell.key for cell in every}) == len(every)
     for cell in every if suite.kind == "robustness" else ():
         if cell.model == every[0].model:
@@ -42,14 +31,14 @@ def test_the_suites_of_the_project_can_be_played(name: str) -> None:
 
 def test_all_registered_models_and_attacks_are_in_the_suites() -> None:
     suite = load_suite("quick")
-    assert model_names(suite) == list(trust_models())
-    assert set(attackers()) - set(attack_names(suite)) == {"learned"}  # it needs a file
+    assert suite.model_names == list(trust_models())
+    assert set(attackers()) - set(suite.attack_names) == {"learned"}  # it needs a file
 
 
 def test_every_attack_is_played_on_a_track_of_the_quick_suite() -> None:
     suite = load_suite("quick").model_copy(update={"games": 2, "methods": ("scripted",)})
-    played = [row.attack for cell in cells(suite) if cell.model == "mean" for row in play_cell(suite, cell).rows]
-    assert set(attack_names(suite)) <= set(played)
+    played = [row.attack for cell in suite.cells() if cell.model == "mean" for row in play_cell(suite, cell).rows]
+    assert set(suite.attack_names) <= set(played)
 
 
 def test_the_share_determines_the_compromised_agents() -> None:
@@ -84,7 +73,7 @@ def test_a_share_of_identities_is_that_of_all_identities(agents: int, reserve: i
 def test_a_scenario_may_have_some_of_the_tracks_and_budgets_of_its_own() -> None:
     square = {**MARKET, "shares": {"honest": [], "raters": [0.25]}, "budgets": {"random search": 70}}
     suite = small(scenarios={"square": square, "market": MARKET}, methods=["scripted", "random search"], budget=90)
-    found = [cell[1:5] for cell in cells(suite) if cell.model == "mean" and cell.scenario == "square"]
+    found = [cell[1:5] for cell in suite.cells() if cell.model == "mean" and cell.scenario == "square"]
     assert found == [
         ("square", "honest", 0.0, "nobody"),
         ("square", "raters", 0.25, "scripted"),
@@ -119,7 +108,7 @@ def test_one_agent_of_a_role_stays_honest() -> None:
     with pytest.raises(
         ValueError, match="compromises 4 of 4 agents with the role SR in scenario 'market'; at least one"
     ):
-        attacked_scenario(suite, cells(suite)[0])
+        attacked_scenario(suite, suite.cells()[0])
 
 
 def test_the_objective_of_the_planner_has_a_gradient() -> None:
@@ -239,6 +228,6 @@ def test_a_registered_search_method_stands_in_a_suite(monkeypatch: pytest.Monkey
     typo = small(scenarios={"market": {**MARKET, "budgets": {"PP": 100}}})
     with pytest.raises(ValueError, match="unknown search method 'PP'"):
         benchmark(suite=typo, workers=0, progress=False)
-    assert "search method own:level=0.1" in factories(suite)  # the store compares its source
-    for cell in cells(suite):  # known attacks say nothing of a search that cannot start from them
-        assert rules(suite, cell)[5] == []
+    assert "search method own:level=0.1" in suite.factories()  # the store compares its source
+    for cell in suite.cells():  # known attacks say nothing of a search that cannot start from them
+        assert suite.rules(cell)[5] == []

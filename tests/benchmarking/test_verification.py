@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from roletrust_env.benchmarking.agreement import check_bias, within
-from roletrust_env.benchmarking.cells import Cell
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
 from roletrust_env.benchmarking.submission import CellClaim, ClaimedScore, make_claim
-from roletrust_env.benchmarking.verification import _check_sources
+from roletrust_env.benchmarking.suite import Cell
+from roletrust_env.benchmarking.verification import _check_sources, check_bias, within
 
 
 @pytest.mark.parametrize(("difference", "agrees"), [(0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)])

@@ -27,10 +27,9 @@ class Unnamed(Policy):
 
 
 def every_policy() -> list[Policy]:
-    from roletrust_env.benchmarking.cells import attack_names
     from roletrust_env.benchmarking.suite_files import load_suite
 
-    names = attack_names(load_suite("full"))
+    names = load_suite("full").attack_names
     needs = {"accomplices": (0, 1), "length": 50}
     return [make_attacker(name, **_accepted(name, needs)) for name in names]
 

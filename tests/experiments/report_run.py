@@ -10,8 +10,7 @@ import numpy as np
 from command_line import run
 from small_suites import small
 
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 
 SHOWN = {
@@ -28,7 +27,7 @@ SUITE = small(models=["mean", "role-trust", "constant"], description="<script>al
 def write_report(here: Path) -> None:
     """Write a run of three models, one of learners whose numbers are drawn, and the report on both."""
     with Store(here / "results.sqlite", SUITE) as store:
-        for cell in cells(SUITE):
+        for cell in SUITE.cells():
             store.add(cell, play_cell(SUITE, cell))
     with Store(here / "learners.sqlite", large_run.learners()) as store:
         for trial, done in large_run.stored_trials(large_run.learners()):

@@ -12,7 +12,8 @@ from attackers_suite import condition
 from study_line import app
 from typer.testing import CliRunner
 
-from roletrust_env.benchmarking.cells import Cell, task_arguments
+from roletrust_env.benchmarking.cells import task_arguments
+from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.measurement import score

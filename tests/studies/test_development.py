@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from roletrust_env.benchmarking.cells import model_names
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from studies import SUITES
 
@@ -18,7 +17,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 def test_the_table_is_the_leaderboard_of_the_development_suite() -> None:
     with (DOCS / "better-model.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert sorted(row["model"] for row in rows) == sorted(model_names(load_suite(SUITES / "development.toml")))
+    assert sorted(row["model"] for row in rows) == sorted(load_suite(SUITES / "development.toml").model_names)
     expected = [
         f"| {row['model']} | {float(row['worst']):.3f} ± {float(row['worst_half_95']):.3f} "
         f"| {float(row['clean']):.3f} ± {float(row['clean_half_95']):.3f} | {float(row['false_alarms']):.3f} |"

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from roletrust_env.benchmarking.cells import model_names
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from studies import SUITES
 
@@ -28,7 +27,7 @@ def table(first: str) -> list[str]:
 
 
 def test_the_table_is_the_leaderboard_of_its_suite() -> None:
-    assert sorted(BOARD) == sorted(model_names(load_suite(SUITES / "first-hand.toml")))
+    assert sorted(BOARD) == sorted(load_suite(SUITES / "first-hand.toml").model_names)
     assert table("model | worst-case skill | clean skill | published | false alarms") == [
         f"| `{name}` | "
         + " | ".join(f"{float(row[n]):.3f} ± {float(row[n + '_half_95']):.3f}" for n in ("worst", "clean", "published"))

@@ -4,7 +4,7 @@ import pytest
 from benchmark_cases import tiny
 
 from roletrust_env.benchmarking import benchmark
-from roletrust_env.benchmarking.cells import cells, task_arguments
+from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.trust.seats import RandomSeats
 from studies import SUITES
@@ -52,7 +52,7 @@ def test_the_measure_sees_a_model_that_believes_the_first_raters(runs):
 @pytest.mark.parametrize(("places", "seated"), [("last", [0, 0]), ("random", [0, 1]), ("shuffled", [1, 1])])
 def test_models_of_the_project_see_other_places_only_in_a_shuffled_suite(places, seated):
     suite = tiny(models=["mean", GAMING], places=places)
-    firsts = [next(cell for cell in cells(suite) if cell.model == model) for model in suite.models]
+    firsts = [next(cell for cell in suite.cells() if cell.model == model) for model in suite.models]
     assert [isinstance(task_arguments(suite, cell)["trust_model"], RandomSeats) for cell in firsts] == seated
 
 

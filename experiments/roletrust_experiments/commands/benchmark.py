@@ -10,20 +10,16 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
-from roletrust_env.benchmarking.cells import attack_names, cells, model_names
-from roletrust_env.benchmarking.command_line import reproduction_command
-from roletrust_env.benchmarking.cost_estimate import estimate_cost
+from roletrust_env.benchmarking.cost import RemainingTime, estimate_cost
 from roletrust_env.benchmarking.known_attacks import check_records, read_known_attacks
+from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
-from roletrust_env.benchmarking.remaining_time import RemainingTime
-from roletrust_env.benchmarking.result import Leaderboard
 from roletrust_env.benchmarking.run import play_suite, with_names
-from roletrust_env.benchmarking.schema import CellResult
+from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_known
-from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.benchmarking.suite_types import AnySuite
+from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
@@ -197,7 +193,7 @@ def _real(data: Path | None, model: list[str] | None, others: Mapping[str, Any],
     real(data, model, out=out)
 
 
-def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
+def _play(suite: SuiteSchema, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
     """Play the suite with a progress bar that shows the cells and the remaining time."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
     with progress_bar(columns=columns) as progress:
@@ -249,12 +245,12 @@ def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
 
 
 def _asked(
-    suite: AnySuite,
+    suite: SuiteSchema,
     model: Sequence[str] | None,
     attack: Sequence[str] | None,
     learner: Sequence[str] | None,
     allow_code: bool,
-) -> AnySuite:
+) -> SuiteSchema:
     """Return the suite with the models, attacks or learners of the options, once all of them can be made.
 
     Raises:
@@ -272,7 +268,7 @@ def _asked(
         check_installed(attackers, suite.attacks)
         check_installed(search_methods, suite.searches)
     everything = suite.model_copy(update={"models": "all", "attacks": "all"})
-    return with_names(suite, _expanded(model, model_names(everything)), _expanded(attack, attack_names(everything)))
+    return with_names(suite, _expanded(model, everything.model_names), _expanded(attack, everything.attack_names))
 
 
 def _with_known(suite: Suite, files: Sequence[Path]) -> Suite:
@@ -289,11 +285,11 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
     return [part for name in names or [] for part in (everything if name == "all" else [name])]
 
 
-def _tell_cost(suite: AnySuite, workers: int | None) -> None:
+def _tell_cost(suite: SuiteSchema, workers: int | None) -> None:
     if isinstance(suite, LearnersSuite):
         tell_learners_cost(suite)
         return
-    found = estimate_cost(suite, cells(suite))
+    found = estimate_cost(suite, suite.cells())
     told = "rounds: at the most; time: of one core, estimated from a short trial, too long on a busy machine"
     table = number_table(f"{suite.name}, estimated", told, "cells", "rounds", "time")
     for name, cost in found.items():

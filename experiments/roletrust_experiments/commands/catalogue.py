@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
-from roletrust_env.benchmarking.learners.search_methods import search_names
+from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers

@@ -6,7 +6,7 @@ import typer
 
 from roletrust_env import make_scenario
 from roletrust_env.benchmarking.learners.learner import registry as learner_registry
-from roletrust_env.benchmarking.learners.search_methods import search_names
+from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.benchmarking.suite_files import suites as benchmark_suites
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.search import search_methods

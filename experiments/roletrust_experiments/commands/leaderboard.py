@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmarking.result import Leaderboard, row_texts
+from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_experiments.commands.console import number_table, short

@@ -6,20 +6,20 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmarking.command_line import reproduction_command
-from roletrust_env.benchmarking.learners.leaderboard import learner_results, title
-from roletrust_env.benchmarking.learners.learner import registry
-from roletrust_env.benchmarking.learners.optimum_share import (
+from roletrust_env.benchmarking.learners.learner import is_search, make_search_method, registry
+from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
     LearnerResult,
     Scale,
+    learner_results,
     ranking,
     table_rows,
+    title,
 )
-from roletrust_env.benchmarking.learners.search_methods import is_search, make_search_method
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import write_csv, write_text

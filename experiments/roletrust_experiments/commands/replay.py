@@ -7,11 +7,10 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from roletrust_env.benchmarking.cells import Cell, model_names
-from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import Store
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.search import search_methods
@@ -128,7 +127,7 @@ def _choose(
     if not isinstance(suite, Suite):
         raise ValueError(f"{path} has a suite for {suite.kind}; only attacks on trust models can be played again")
     if not allow_code:
-        check_installed(trust_models, model_names(suite))
+        check_installed(trust_models, suite.model_names)
         check_installed(attackers, suite.attacks)
         check_installed(search_methods, suite.searches)
     played = {one.cell.key: one for one in stored if one.result.rows}

@@ -11,17 +11,19 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from roletrust_env.benchmarking.agreement import Check, check_bias, check_cell, check_fresh
-from roletrust_env.benchmarking.attack_entries import make_entries
 from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.schema import AnyCell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import CellClaim, make_submission
+from roletrust_env.benchmarking.submission import CellClaim, make_entries, make_submission
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import suites
-from roletrust_env.benchmarking.suite_types import AnyCell
 from roletrust_env.benchmarking.verification import (
     LONGEST_S,
+    Check,
+    check_bias,
+    check_cell,
     check_claims,
+    check_fresh,
     check_names,
     check_scores,
     is_same_platform,

@@ -6,9 +6,8 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.cells import Cell
-from roletrust_env.benchmarking.run_cell import FoundAttack, find_attack
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.cells import FoundAttack, find_attack
+from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.envs.task_batch import one_game
 from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS, LearnerResult, Scale, ranking
+from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, Scale, ranking
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
 
 _COLUMNS = 4
@@ -23,7 +23,7 @@ def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[
 
     Args:
         about: Title.
-        found: Results of the learners, see `roletrust_env.benchmarking.learners.optimum_share.aggregate`.
+        found: Results of the learners, see `roletrust_env.benchmarking.learners.results.aggregate`.
         scales: Scales of the tasks.
     """
     names = ranking(found)

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from roletrust_env.benchmarking.cells import model_names
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import check_installed
@@ -54,6 +53,6 @@ def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
             content = content._replace(learners=Learners.of(suite, kept, software, path))
         else:
             if not allow_code:
-                check_installed(trust_models, model_names(suite))
+                check_installed(trust_models, suite.model_names)
             content = content._replace(robustness=Robustness.of(suite, kept, software, path))
     return content

@@ -6,8 +6,8 @@ import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from roletrust_env.benchmarking.cells import Cell
 from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.storage.files import replacing
 
 _CHOSEN = ("utility", "blind")

@@ -2,7 +2,7 @@
 
 import re
 
-from roletrust_env.benchmarking.result import Leaderboard, row_texts
+from roletrust_env.benchmarking.leaderboard import Leaderboard, row_texts
 
 _SPECIAL = str.maketrans(
     {

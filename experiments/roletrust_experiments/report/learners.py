@@ -4,18 +4,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.benchmarking.command_line import reproduction_command
-from roletrust_env.benchmarking.learners.leaderboard import learner_results
-from roletrust_env.benchmarking.learners.optimum_share import (
+from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
     LearnerResult,
     Scale,
+    learner_results,
     ranking,
     table_rows,
 )
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.report.table import Table
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from roletrust_env.benchmarking.learners.leaderboard import title
+from roletrust_env.benchmarking.learners.results import title
 from roletrust_experiments.plots.learners import learners_figure
 from roletrust_experiments.plots.style import INK
 from roletrust_experiments.report.content import Content

@@ -7,11 +7,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.benchmarking.command_line import reproduction_command
-from roletrust_env.benchmarking.leaderboard import HEADER
-from roletrust_env.benchmarking.result import Leaderboard
+from roletrust_env.benchmarking.leaderboard import HEADER, Leaderboard
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Scale, Suite
+from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.benchmarking.worst_case import (
     AttackScores,
     Condition,

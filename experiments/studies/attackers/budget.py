@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from pydantic import NonNegativeInt, model_validator
 
-from roletrust_env.benchmarking.attackers import make_search, scripted_batches
+from roletrust_env.benchmarking.cells import make_search, scripted_batches
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError, search_methods

@@ -3,9 +3,8 @@
 import math
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.benchmarking.cells import Cell, attacked_scenario, task_arguments
-from roletrust_env.benchmarking.run_cell import cell_kinds
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.cells import cell_kinds, task_arguments
+from roletrust_env.benchmarking.suite import Cell, Suite, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attack_space import AttackKind

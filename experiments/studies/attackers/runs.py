@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES
-from roletrust_env.benchmarking.processes import WorkerPool
+from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES, WorkerPool
 from roletrust_env.benchmarking.schema import reason
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.storage.files import write_json

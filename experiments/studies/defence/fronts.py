@@ -8,7 +8,7 @@ import numpy as np
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.training.defence import Floats
 from roletrust_agents.training.universal import universal_coalitions
-from roletrust_env.benchmarking.attackers import known_batches, scripted_batches
+from roletrust_env.benchmarking.cells import known_batches, scripted_batches
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Attacker, Scripted

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_env.benchmarking.cells import model_names
 from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
@@ -52,7 +51,7 @@ def answer(effort: Effort) -> Finding:
     kept = play_suite(effort, suite, "liars")
     cases = worst_cases(attack_scores(suite, kept))
     left: dict[str, dict[float, Estimate]] = {}
-    for model in model_names(suite):
+    for model in suite.model_names:
         by_share = {where.share: case for (name, where), case in cases.items() if name == model}
         if set(by_share) == {0.0, *suite.tracks["liars"].shares}:
             left[model] = {share: _over_half(case, by_share[0.0]) for share, case in sorted(by_share.items())}
@@ -131,4 +130,4 @@ def _suite(effort: Effort) -> Suite:
         seeds=(effort.seed,),
         limit_s=PATIENCE_S,
     )
-    return suite.model_copy(update={"models": effort.some(model_names(suite))})
+    return suite.model_copy(update={"models": effort.some(suite.model_names)})

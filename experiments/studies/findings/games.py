@@ -6,7 +6,6 @@ from typing import Any, NamedTuple, TypeVar
 from rich.progress import Progress
 
 from roletrust_env import Policy, Scenario, metrics
-from roletrust_env.benchmarking.cells import cells
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
@@ -90,7 +89,7 @@ def play_suite(effort: Effort, suite: Suite, label: str) -> list[StoredCell]:
     Returns:
         The cells in their order, including failed ones.
     """
-    every = cells(suite)
+    every = suite.cells()
     played = effort.progress.track(LocalPool().play(suite, every), total=len(every), description=label)
     done = dict(played)
     return [StoredCell(cell, done[cell]) for cell in every]

@@ -11,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from roletrust_env.benchmarking.processes import WorkerPool
+from roletrust_env.benchmarking.pool import WorkerPool
 from roletrust_env.evaluation.resources import in_time
 from studies.timing.threads import torch_threads
 

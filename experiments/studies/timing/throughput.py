@@ -5,9 +5,8 @@ from time import process_time
 from typing import NamedTuple
 
 from roletrust_env import Game, JointPolicy
-from roletrust_env.benchmarking.cells import Cell, attacked_scenario, cells
-from roletrust_env.benchmarking.run_cell import play_cell
-from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.cells import play_cell
+from roletrust_env.benchmarking.suite import Cell, Suite, attacked_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.rollout import rollout
 
@@ -33,7 +32,7 @@ def throughput(suite: Suite, models: tuple[str, ...] = ("role-trust", "mean"), t
         turns: of each of the two; the fastest counts, which other work on the machine disturbed least.
     """
     chosen: dict[tuple[str, str], Cell] = {}
-    for cell in cells(suite.model_copy(update={"models": models, "methods": ("scripted",)})):
+    for cell in suite.model_copy(update={"models": models, "methods": ("scripted",)}).cells():
         if suite.tracks[cell.track].roles:
             chosen.setdefault((cell.model, cell.track), cell)
     for cell in chosen.values():

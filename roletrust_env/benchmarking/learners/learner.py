@@ -1,4 +1,4 @@
-"""Interface of plug-in learners, and the attackers that they train.
+"""Plug-in learners: their interface, the attackers that they train, and search methods by name beside them.
 
 A learner is a class that implements `Learner`. Its spec is a registered name or `package.module:Class`.
 """
@@ -15,11 +15,20 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from roletrust_env.arrays import Array
 from roletrust_env.envs.attack_env import check_action
 from roletrust_env.envs.vector import AttackVectorEnv
+from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attacked_games import TaskArguments
-from roletrust_env.evaluation.search import Budget, SearchResult
+from roletrust_env.evaluation.search import Budget, HonestPlay, SearchMethod, SearchResult, search_methods
+from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.game.attack_task import AttackTask, TaskState
 from roletrust_env.randomness import Random
 from roletrust_env.registry import Registry
+
+HONEST_PLAY = "honest play"
+"""Name of the reference whose share of the optimum is 0."""
+
+BOUNDS = ("exact", "best known")
+"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
+
 
 GAMES = 32
 """Default number of parallel games of a learner."""
@@ -146,3 +155,36 @@ class LearnedAttacker:
         rows = np.ascontiguousarray(observations.reshape(len(observations), -1).T, np.float32)
         actions = check_action(self.play(rows), (len(rows), task.action_size))
         return actions.T.reshape(task.action_size, *batch).astype(observations.dtype), None
+
+
+def search_names() -> list[str]:
+    """Return the names of the search methods that learners are compared with: all registered ones but `BOUNDS`."""
+    return [name for name in search_methods.names() if name not in BOUNDS]
+
+
+def is_search(name: str) -> bool:
+    """Return whether the name of a learner is one of `search_names()`, with parameters or without."""
+    return name.partition(":")[0] in search_names()
+
+
+def make_search_method(name: str, task_id: str) -> SearchMethod:
+    """Return a search method for a task.
+
+    Args:
+        name: `HONEST_PLAY`, one of `BOUNDS`, that of a search method, or the name of a learner: an installed one, or
+            `package.module:Class`. Search methods and learners may have parameters, as in `NAME:key=value,...`.
+        task_id: Gymnasium id of the task, one of `TASKS`.
+
+    Raises:
+        ValueError: The name is unknown, or the learner cannot be created.
+    """
+    if name == HONEST_PLAY:
+        return HonestPlay()
+    if name in BOUNDS:
+        return search_methods.make(name)
+    if is_search(name):
+        return parse_named(search_methods, name)
+    if ":" not in name and name not in registry.names():
+        known = suggest(name, [*search_names(), *registry.names()])
+        raise ValueError(f"unknown learner {name!r}{known}, or your own package.module:Class")
+    return LearnerSearch(parse_named(registry, name), name, task_id)

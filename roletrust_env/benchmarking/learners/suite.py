@@ -1,22 +1,42 @@
 """Suites for learners and their trials. A trial is one learner on one task with one budget and one seed."""
 
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from collections.abc import Callable
+from time import perf_counter
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, PositiveInt, model_validator
 
-from roletrust_env.benchmarking.schema import Label, SuiteSchema, check_unique
+from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY, is_search, make_search_method, registry
+from roletrust_env.benchmarking.schema import AttackResult, CellResult, Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
 from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.search import UnsuitableError, find
+from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.world import make_scenario
 from roletrust_env.world.base_model import FrozenModel
 
-HONEST_PLAY = "honest play"
-"""Name of the reference whose share of the optimum is 0."""
 
-BOUNDS = ("exact", "best known")
-"""References whose share of the optimum is 1: the optimum and a proven bound. Each is known on some tasks only."""
+class Trial(NamedTuple):
+    """Smallest unit of a benchmark of learners, independent of all other trials.
+
+    Attributes:
+        task: Name of the task in the suite.
+        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have no budget.
+        budget: Budget in game rounds.
+        seed: Random seed.
+    """
+
+    task: str
+    learner: str
+    budget: int
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Unique key of the trial in its suite."""
+        return "|".join(map(str, self))
 
 
 class SuiteTask(FrozenModel):
@@ -63,6 +83,7 @@ class LearnersSuite(SuiteSchema):
     without exploration, in held-out games.
     """
 
+    cell_type: ClassVar = Trial
     kind: Literal["learners"] = "learners"
     """Type of the suite."""
     tasks: Annotated[dict[Label, SuiteTask], Field(min_length=1)]
@@ -81,40 +102,47 @@ class LearnersSuite(SuiteSchema):
             raise ValueError(f"learners must not contain {references.pop()!r}, which is always played")
         return self
 
+    def cells(self) -> list[Trial]:
+        """Return all trials. The longest come first, so that all workers end at about the same time."""
+        found = [
+            Trial(task, learner, budget, seed)
+            for budget in reversed(self.budgets)
+            for seed in self.seeds
+            for learner in self.learners
+            for task in self.tasks
+        ]
+        found += [Trial(task, HONEST_PLAY, 0, seed) for task in self.tasks for seed in self.seeds]
+        return found + [Trial(task, bound, 0, self.seeds[0]) for task in self.tasks for bound in BOUNDS]
 
-class Trial(NamedTuple):
-    """Smallest unit of a benchmark of learners, independent of all other trials.
+    def factories(self) -> dict[str, Callable[..., Any]]:
+        """Return the factories of the plug-in learners, by type and name."""
+        plugins = [name for name in self.learners if not is_search(name)]
+        return {f"learner {name}": named_factory(registry, name) for name in plugins}
 
-    Attributes:
-        task: Name of the task in the suite.
-        learner: Name of the learner in the suite, or `HONEST_PLAY` or one of `BOUNDS`, which have no budget.
-        budget: Budget in game rounds.
-        seed: Random seed.
-    """
-
-    task: str
-    learner: str
-    budget: int
-    seed: int
-
-    @property
-    def key(self) -> str:
-        """Unique key of the trial in its suite."""
-        return "|".join(map(str, self))
+    def rules(self, cell: Trial) -> "LearnersSuite":
+        """Return all fields that the result of a trial depends on: the whole suite."""
+        return self
 
 
-def trials(suite: LearnersSuite) -> list[Trial]:
-    """Return all trials of a suite. The longest come first, so that all workers end at about the same time.
+def play_trial(suite: LearnersSuite, trial: Trial) -> CellResult:
+    """Play a trial.
 
     Args:
-        suite: Suite of the trials.
+        suite: Suite of the trial.
+        trial: Trial to play.
+
+    Raises:
+        ValueError: The name of the learner is unknown, or the learner fails.
     """
-    result = [
-        Trial(task, learner, budget, seed)
-        for budget in reversed(suite.budgets)
-        for seed in suite.seeds
-        for learner in suite.learners
-        for task in suite.tasks
-    ]
-    result += [Trial(task, HONEST_PLAY, 0, seed) for task in suite.tasks for seed in suite.seeds]
-    return result + [Trial(task, bound, 0, suite.seeds[0]) for task in suite.tasks for bound in BOUNDS]
+    began, task = perf_counter(), suite.tasks[trial.task]
+    method, arguments = make_search_method(trial.learner, task.id), task.arguments()
+    try:
+        attempt = find(method, arguments, budget=trial.budget, seed=trial.seed, games=suite.games)
+    except UnsuitableError as error:
+        return CellResult((), perf_counter() - began, unsuitable=str(error))
+    measured: dict[str, list[float | None]] = {"score": attempt.scores.tolist()}
+    if attempt.bound is not None:
+        measured["bound"] = [attempt.bound]
+    row = AttackResult(trial.learner, attempt.description, attempt.rounds, {}, measured)
+    steps = attempt.rounds + suite.games * arguments["scenario"].max_cycles
+    return CellResult((row,), perf_counter() - began, env_steps=steps)

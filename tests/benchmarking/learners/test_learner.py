@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from roletrust_env.benchmarking.learners.learner import BudgetSpentError, CountedGames, LearnedAttacker, LearnerSearch
-from roletrust_env.benchmarking.learners.search_methods import make_search_method
+from roletrust_env.benchmarking.learners.learner import (
+    BudgetSpentError,
+    CountedGames,
+    LearnedAttacker,
+    LearnerSearch,
+    make_search_method,
+)
 from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.evaluation.search import Budget, find

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS, LearnerRun, aggregate, make_scale, ranking
+from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerRun, aggregate, make_scale, ranking
 from roletrust_env.metrics.confidence import interquartile_mean
 
 FLOATS = st.floats(-2, 2, allow_nan=False)

@@ -4,16 +4,14 @@ from collections import Counter
 
 import pytest
 
-from roletrust_env.benchmarking.cells import Cell, task_arguments
-from roletrust_env.benchmarking.learners.leaderboard import learner_results
-from roletrust_env.benchmarking.learners.optimum_share import ALL_TASKS
-from roletrust_env.benchmarking.learners.run_trial import play_trial
-from roletrust_env.benchmarking.learners.search_methods import make_search_method
-from roletrust_env.benchmarking.learners.suite import BOUNDS, HONEST_PLAY, LearnersSuite, Trial, trials
+from roletrust_env.benchmarking.cells import task_arguments
+from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY, make_search_method
+from roletrust_env.benchmarking.learners.results import ALL_TASKS, learner_results
+from roletrust_env.benchmarking.learners.suite import LearnersSuite, Trial, play_trial
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite
-from roletrust_env.benchmarking.suite_types import suite_type
 
 SHORT = {"max_cycles": 12, "noise": 0.0, "perturbations": []}
 
@@ -29,7 +27,7 @@ def small(**fields) -> LearnersSuite:
 
 def test_every_learner_has_every_task_budget_and_seed_once():
     suite = small(learners=["CMA-ES", "PPO"])
-    every = trials(suite)
+    every = suite.cells()
     assert len({trial.key for trial in every}) == len(every)
     assert Counter(trial.learner for trial in every) == {
         "CMA-ES": 8,
@@ -58,11 +56,11 @@ def test_a_trial_is_reproducible():
 def test_the_exact_optimum_is_share_1(tmp_path):
     suite = small(seeds=[3])
     with Store(tmp_path / "results.sqlite", suite) as store:
-        for trial in trials(suite):
+        for trial in suite.cells():
             store.add(trial, play_trial(suite, trial))
         stored = store.all()
-        assert store.finished_keys() == {trial.key for trial in trials(suite)}
-    assert {one.cell for one in stored} == set(trials(suite))
+        assert store.finished_keys() == {trial.key for trial in suite.cells()}
+    assert {one.cell for one in stored} == set(suite.cells())
     scales, results = learner_results(suite, stored)
     assert scales["provider"].description == "the exact optimum"
     assert scales["dual"].description.startswith("the best that was found, by CMA-ES with")
@@ -97,8 +95,8 @@ def test_without_honest_play_there_is_no_scale():
 def test_the_suites_of_the_project_can_be_played(name):
     suite = load_suite(name)
     assert isinstance(suite, LearnersSuite)
-    assert suite_type(suite).cells(suite) == trials(suite)
-    assert set(BOUNDS) < {trial.learner for trial in trials(suite)}
+    assert suite.cells() == suite.cells()
+    assert set(BOUNDS) < {trial.learner for trial in suite.cells()}
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ import pytest
 from command_line import run
 from small_suites import small
 
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.result import Leaderboard
-from roletrust_env.benchmarking.run_cell import find_attack, play_cell
+from roletrust_env.benchmarking.cells import find_attack, play_cell
+from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.measurement import watch
 from roletrust_experiments.playing.replay import Replay
@@ -29,7 +28,7 @@ PROVIDERS = {"providers": {"roles": ["SP"], "shares": [0.3]}}
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("replay") / "results.sqlite"
     with Store(path, SUITE) as store:
-        for cell in cells(SUITE):
+        for cell in SUITE.cells():
             store.add(cell, play_cell(SUITE, cell))
     return path
 
@@ -49,7 +48,7 @@ def test_every_attack_has_the_utility_of_the_file_again(file: Path) -> None:
 
 
 def test_the_states_are_those_of_the_game_that_was_measured() -> None:
-    cell = next(cell for cell in cells(SUITE) if cell.method == "random search" and cell.model == "role-trust")
+    cell = next(cell for cell in SUITE.cells() if cell.method == "random search" and cell.model == "role-trust")
     found = Replay.of(SUITE, cell, "random search")
     whole = watch(found.found.task, found.found.batch.attacker, cell.seed, (1, 2 * SUITE.games))
     for game in (0, SUITE.games - 1):
@@ -60,7 +59,7 @@ def test_the_states_are_those_of_the_game_that_was_measured() -> None:
 
 def test_believed_is_the_share_of_rounds_in_which_an_accomplice_is_on_top() -> None:
     suite = small(models=["constant"], attacks=["on-off"], methods=["scripted"], tracks=PROVIDERS)
-    (cell,) = cells(suite)
+    (cell,) = suite.cells()
     found = Replay.of(suite, cell, "on-off")
     roster = found.found.task.game.roster
     mine = sum(name in found.found.task.identities for name in roster.provider_names)
@@ -84,7 +83,7 @@ def test_names_are_neither_markup_nor_formulas(tmp_path: Path) -> None:
     track = "liars $_$ [red]"
     suite = small(models=["mean"], attacks=["bad-mouthing"], tracks={track: {"roles": ["SR"], "shares": [0.5]}})
     with Store(tmp_path / "results.sqlite", suite) as store:
-        for cell in cells(suite):
+        for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     out = tmp_path / "out [red]"
     made = run("replay", str(tmp_path / "results.sqlite"), "--out", str(out))
@@ -105,7 +104,7 @@ def test_a_file_with_other_numbers_is_reported(file: Path, tmp_path: Path) -> No
 
 
 def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> None:
-    scripted = next(cell for cell in cells(SUITE) if cell.method == "scripted")
+    scripted = next(cell for cell in SUITE.cells() if cell.method == "scripted")
     for arguments, words in (
         (["--model", "means"], "no attack on 'means'"),
         (["--cell", scripted.key.replace("scripted", "PPO")], "no played cell"),
@@ -116,7 +115,7 @@ def test_what_cannot_be_played_again_is_refused(file: Path, tmp_path: Path) -> N
         made = run("replay", str(file), *arguments, "--out", str(tmp_path))
         assert made.exit_code == 2
         assert words in made.output.replace("\n", " ")
-    honest = next(cell for cell in cells(SUITE) if cell.track == "honest")
+    honest = next(cell for cell in SUITE.cells() if cell.track == "honest")
     with pytest.raises(ValueError, match="everybody is honest there"):
         find_attack(SUITE, honest, "nobody")
     with pytest.raises(ValueError, match="has no attack 'nothing'"):

@@ -12,8 +12,7 @@ from command_line import run
 from report_run import SHOWN, SUITE, lines, mean
 from small_suites import small
 
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import is_own_model
 
@@ -21,7 +20,7 @@ from roletrust_env.evaluation.specs import is_own_model
 def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
     suite = small(models=["mean", "constant"], attacks=["bad-mouthing"], methods=["scripted"], score="skill")
     with Store(tmp_path / "results.sqlite", suite) as store:
-        for cell in cells(suite):
+        for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     made = run("report", str(tmp_path / "results.sqlite"), "--out", str(tmp_path / "out"))
     assert made.exit_code == 0, made.output
@@ -59,7 +58,7 @@ def test_files_hold_the_numbers_of_the_run(folder: Path) -> None:
 def test_worst_cases_are_the_lowest_scores_of_the_attacks_in_other_games(folder: Path) -> None:
     """One row for each model and condition, and the mean over the conditions with attackers is the headline."""
     rows = lines(folder, "worst_cases")
-    conditions = {(cell.model, cell.scenario, cell.track, str(cell.share)) for cell in cells(SUITE)}
+    conditions = {(cell.model, cell.scenario, cell.track, str(cell.share)) for cell in SUITE.cells()}
     found = [(row["model"], row["scenario"], row["track"], str(float(row["share"]))) for row in rows]
     assert len(found) == len(conditions)
     assert set(found) == conditions

@@ -12,8 +12,7 @@ from benchmark_cases import tiny
 from command_line import run
 
 from roletrust_env.benchmarking import verification
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.submission import ClaimedMetrics, fingerprint
 from roletrust_env.benchmarking.suite_files import load_suite
@@ -26,7 +25,7 @@ SUITE = tiny(methods=["scripted"])
 def played(folder: Path, suite: Any = SUITE) -> Path:
     """The file of a run that is over."""
     with Store(folder / "results.sqlite", suite) as store:
-        for cell in cells(suite):
+        for cell in suite.cells():
             store.add(cell, play_cell(suite, cell))
     return folder / "results.sqlite"
 
@@ -58,9 +57,9 @@ def verified(tmp_path: Path, text: str) -> Callable[..., tuple[int, str]]:
 def test_what_is_true_is_found_so(verified: Callable) -> None:
     code, told = verified(lambda said: None, "--cells", "100", "--workers", "1")
     assert code == 0, told
-    assert told.count("the same to the last bit") == len(cells(SUITE)) + 1
+    assert told.count("the same to the last bit") == len(SUITE.cells()) + 1
     assert "measured scores of role-trust" in told
-    assert f"{len(cells(SUITE))} of {len(cells(SUITE))} cells played again" in told
+    assert f"{len(SUITE.cells())} of {len(SUITE.cells())} cells played again" in told
 
 
 def test_games_with_a_new_seed_are_played_unless_left_out(verified: Callable) -> None:
@@ -76,7 +75,7 @@ def test_cells_in_any_order_come_to_the_same_scores(tmp_path: Path, text: str) -
     """Sums of floats depend on the order in their last bits."""
     (tmp_path / "true.json").write_text(text)
     found, suite = read_submission(tmp_path / "true.json")
-    kept = [StoredCell(cell, play_cell(suite, cell)) for cell in reversed(cells(suite))]
+    kept = [StoredCell(cell, play_cell(suite, cell)) for cell in reversed(suite.cells())]
     assert all(check.ok for check in verification.check_scores(found, suite, kept, same=True))
 
 

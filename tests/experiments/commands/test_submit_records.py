@@ -12,8 +12,7 @@ import pytest
 from benchmark_cases import tiny
 from command_line import run
 
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.resources import processor
 
@@ -23,7 +22,7 @@ def found_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A true submission of another machine, whose searches find other attackers than those here."""
     folder, suite = tmp_path_factory.mktemp("elsewhere"), tiny(methods=["random search"], budget=2000, models=["mean"])
     with Store(folder / "results.sqlite", suite) as store:
-        for cell in cells(suite):
+        for cell in suite.cells():
             other = play_cell(suite, cell._replace(seed=99)).rows[0].record
             store.add(cell, play_cell(suite, cell, other))
     made = run("submit", str(folder / "results.sqlite"), "--out", str(folder / "theirs.json"))
@@ -92,12 +91,11 @@ PLAY = """
 from pathlib import Path
 from benchmark_cases import tiny
 from command_line import run
-from roletrust_env.benchmarking.cells import cells
-from roletrust_env.benchmarking.run_cell import play_cell
+from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 suite = tiny(methods=["scripted", "evolution strategy"], budget=20_000, models=["role-trust", "travos"])
 with Store(Path("results.sqlite"), suite) as store:
-    for cell in cells(suite):
+    for cell in suite.cells():
         store.add(cell, play_cell(suite, cell))
 made = run("submit", "results.sqlite", "--out", "theirs.json")
 assert made.exit_code == 0, made.output
