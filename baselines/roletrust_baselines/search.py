@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.evaluation.attack_space import AttackKind
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, is_certain, mean_rewards
-from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.composite import side_by_side
-from roletrust_env.evaluation.scripts import Scripts, describe, paper_attacks, with_paper
+from roletrust_env.evaluation.attackers import Scripted, side_by_side
+from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, is_certain, mean_rewards
+from roletrust_env.evaluation.scripts import AttackKind, Scripts, describe_attack, paper_attacks, with_paper
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task
@@ -92,7 +90,7 @@ class ScriptTrial:
         if self._again:
             leading = leading[np.argsort(-self.scores([attacks[k] for k in leading], self._again))]
         attack = attacks[leading[0]]
-        return SearchResult(Scripted(attack), self._budget.spent, describe(attack))
+        return SearchResult(Scripted(attack), self._budget.spent, describe_attack(attack))
 
 
 Attacks = tuple[AttackKind, ...] | None
@@ -115,7 +113,7 @@ class PaperAttacks:
     def search(self, arguments: TaskArguments, budget: Budget, seed: int) -> SearchResult:
         """See `SearchMethod.search`."""
         attack = Scripts.of(make_task(**arguments), self.attacks).default
-        return SearchResult(Scripted(attack), 0, describe(attack))
+        return SearchResult(Scripted(attack), 0, describe_attack(attack))
 
 
 @refuse_unknown
@@ -221,7 +219,7 @@ def check_parameters(scripts: Scripts) -> None:
         UnsuitableError: The attacks have no parameters.
     """
     if not scripts.size:
-        raise UnsuitableError(f"{describe(scripts.default)} has no parameters to search")
+        raise UnsuitableError(f"{describe_attack(scripts.default)} has no parameters to search")
 
 
 def _begin(size: int, spread: float, random: np.random.Generator) -> Any:

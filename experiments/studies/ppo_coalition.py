@@ -20,8 +20,7 @@ from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
 from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
-from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
 from roletrust_env.game.coalition_features import FEATURES
 
 VALIDATED, MEASURED = 54_321, 12_345

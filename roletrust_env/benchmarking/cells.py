@@ -15,14 +15,26 @@ from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
 from roletrust_env.benchmarking.suite import HONEST, PLANNER, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attack_space import AttackKind
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
-from roletrust_env.evaluation.attackers import Attacker, Scripted, Stackable
-from roletrust_env.evaluation.composite import SideBySide, side_by_side
+from roletrust_env.evaluation.attackers import (
+    Attacker,
+    Scripted,
+    SideBySide,
+    Stackable,
+    read_record,
+    record_of,
+    side_by_side,
+)
 from roletrust_env.evaluation.isolated import IsolatedModel
-from roletrust_env.evaluation.measurement import GameRecord, SplitScores, measure, measure_honest, watch_honest
-from roletrust_env.evaluation.records import read_record, record_of
-from roletrust_env.evaluation.scripts import Scripts, with_paper
+from roletrust_env.evaluation.measurement import (
+    GameRecord,
+    SplitScores,
+    TaskArguments,
+    exact_task,
+    measure,
+    measure_honest,
+    watch_honest,
+)
+from roletrust_env.evaluation.scripts import AttackKind, Scripts, with_paper
 from roletrust_env.evaluation.search import Budget, Progress, SearchMethod, UnsuitableError, search_methods
 from roletrust_env.evaluation.specs import is_own_model, parse_kinds, parse_named, parse_trust_model
 from roletrust_env.game.attack_task import AttackTask, Objective

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Self
 from roletrust_env.benchmarking.cells import make_search, task_arguments
 from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import HONEST, WITHOUT_SEARCH, Cell, Suite, attacked_scenario
-from roletrust_env.evaluation.attacked_games import HELD_OUT, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model_checks import needs_watching

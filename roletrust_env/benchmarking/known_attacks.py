@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from roletrust_env.benchmarking.schema import Label, Name
-from roletrust_env.evaluation.records import MAX_RECORD, read_record
+from roletrust_env.evaluation.attackers import MAX_RECORD, read_record
 from roletrust_env.storage.untrusted import UntrustedModel, read_untrusted
 
 MAX_BYTES = 64_000_000
@@ -29,7 +29,7 @@ class KnownAttack(UntrustedModel):
     finder: Annotated[str, Field(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")] = ""
     """Who found the attack. Empty for the project."""
     record: Annotated[str, Field(min_length=1, max_length=MAX_RECORD)]
-    """Record of the attacker, see `roletrust_env.evaluation.records`."""
+    """Record of the attacker, see `roletrust_env.evaluation.attackers`."""
 
     @property
     def words(self) -> str:

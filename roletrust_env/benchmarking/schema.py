@@ -94,7 +94,7 @@ class AttackResult(NamedTuple):
         chosen: Scores by name in the games for choosing the worst case. Empty if nothing is chosen.
         measured: Scores by name in the games for measuring.
         by_round: Mean utility over the games for measuring in each round from the second on. None is undefined.
-        record: Record of the attacker that a search found, see `roletrust_env.evaluation.records`. Empty for attacks
+        record: Record of the attacker that a search found, see `roletrust_env.evaluation.attackers`. Empty for attacks
             that need no search, and for attackers that cannot be recorded.
         progress: Course of the search, see `roletrust_env.evaluation.search.Progress`.
     """

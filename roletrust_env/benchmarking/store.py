@@ -18,7 +18,7 @@ from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult,
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.benchmarking.suite_files import read_suite
 from roletrust_env.errors import explain
-from roletrust_env.evaluation.records import MAX_RECORD
+from roletrust_env.evaluation.attackers import MAX_RECORD
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import check_file
 

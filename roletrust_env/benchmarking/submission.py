@@ -19,8 +19,7 @@ from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Cell, Stage, Suite
 from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least_mean, worst_cases
 from roletrust_env.errors import explain, suggest
-from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.records import MAX_RECORD, record_of
+from roletrust_env.evaluation.attackers import MAX_RECORD, Scripted, record_of
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed, named_factory

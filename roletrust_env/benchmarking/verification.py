@@ -125,8 +125,8 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
             known = np.array([one for one in values if one == one])
             z = float(known.sum() / max(1.0, np.sqrt(known.size)))
             if known.size and z > most:
-                over = f"{z:.1f} standard errors over {known.size} cells"
-                most, message = z, f"claims for {group} exceed those here by {over}; {limit:.1f} may be"
+                excess = f"{z:.1f} standard errors over {known.size} cells"
+                most, message = z, f"claims for {group} exceed those here by {excess}; {limit:.1f} may be"
         checks.append(Check(f"bias of {name}", most <= limit, message))
     return checks
 
@@ -227,7 +227,7 @@ def read_submission(path: Path) -> tuple[Submission, Suite]:
         raise ValueError(f"submission {path}: {error}") from None
 
 
-def check_names(suite: Suite) -> None:
+def check_installed_names(suite: Suite) -> None:
     """Check that the models, attacks and search methods of a suite are installed.
 
     Args:

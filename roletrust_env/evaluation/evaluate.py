@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.measurement import exact_task, score
 from roletrust_env.evaluation.scripts import RATING_CHANNELS, SERVING_CHANNELS
 from roletrust_env.evaluation.specs import named_factory, parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel, Policy

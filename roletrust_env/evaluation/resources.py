@@ -32,7 +32,7 @@ class Cost(NamedTuple):
     seconds: float
 
 
-def some(game: Game) -> int:
+def trial_size(game: Game) -> int:
     """Return a number of games for a trial: large enough that what grows with it prevails, small enough to be quick."""
     return 2 if game.scenario.service == "hog" else max(2, _CELLS // pairs(game))
 
@@ -47,7 +47,7 @@ def try_out(rounds: Callable[[int], Iterator[object]], many: int) -> Cost:
 
     Args:
         rounds: Function from a number of games to their rounds.
-        many: Number of games, see `some`.
+        many: Number of games, see `trial_size`.
     """
     _trace(rounds, 1)  # what is loaded and made but once
     (few_memory, few_seconds), (memory, seconds) = (_trace(rounds, games) for games in (many // 2, many))

@@ -1,15 +1,270 @@
-"""Scripted attacks of a task as a search space: defaults, a grid, and a cube of all parameters."""
+"""Scripted attacks of a task as a search space: defaults, a grid, and a cube of all parameters.
+
+The class of an attack declares the space on its fields. A field whose type has a range (`Share`,
+`Annotated[PositiveInt, SearchRange(1, 12)]`), the choices of a `Literal`, the places of `Victims` and the number of
+`Identities` are coordinates, in the order of the class's signature. A field marked `NotSearched`, and every other
+field, keeps its default. The exceptions are facts of the game: `Accomplices` and `GameLength`.
+"""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, fields, is_dataclass
+from functools import partial
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+
+from pydantic import ValidationError
 
 from roletrust_env.arrays import Array
-from roletrust_env.evaluation.attack_space import HONEST, AttackKind, Mixture, Space, as_spec
-from roletrust_env.evaluation.composite import Both
+from roletrust_env.errors import explain
+from roletrust_env.evaluation.attackers import HONEST_POLICY, Both
 from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.policy import Channel, Policy, policy_name
 from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.ranges import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
+
+AttackKind = Callable[..., Policy]
+"""Class of a policy, or a `functools.partial` of it that fixes some parameters."""
+
+ParameterRange = SearchRange | Victims | Identities | tuple[Any, ...]
+"""Range of a parameter in a search: an interval, victims, identities, or the options of a `Literal`."""
+
+
+class Coordinate(NamedTuple):
+    """One coordinate of a search space.
+
+    Attributes:
+        name: Name of the parameter.
+        at: Value of the parameter at a place in [0, 1].
+        grid: Values for a grid.
+    """
+
+    name: str
+    at: Callable[[float], Any]
+    grid: tuple[Any, ...]
+
+
+class Space:
+    """The attacks of one kind, as a cube and as a grid.
+
+    Args:
+        kind: Kind of attack.
+        victims: Indices of the honest providers on the provider axis.
+        accomplices: Indices of the attacker's own providers.
+        length: Number of rounds of the game.
+        reserve: Number of identities that the attacker has in reserve.
+
+    Raises:
+        ValueError: A parameter without a range and without a fixed value has no default, or the fields of the class
+            cannot be read.
+
+    Attributes:
+        default: Attack with the default parameters.
+        channels: Channels of that attack.
+    """
+
+    def __init__(
+        self, kind: AttackKind, victims: tuple[int, ...], accomplices: tuple[int, ...], length: int, reserve: int = 0
+    ) -> None:
+        self._make: Any
+        self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
+        self._fixed = {**game_facts(self._make, accomplices, length), **given}
+        hints = _hints(self._make)
+        free = [name for name in hints if name not in self._fixed]
+        self.default = self._policy()
+        self.channels: frozenset[Channel] = self.default.attacks
+        axes = (_axis(name, hints[name], getattr(self.default, name, None), victims, reserve) for name in free)
+        self._axes = [axis for axis in axes if axis is not None]
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self._axes)
+
+    @property
+    def grid(self) -> list[Policy]:
+        """All combinations of a few values of each parameter."""
+        names = [axis.name for axis in self._axes]
+        rows = itertools.product(*(axis.grid for axis in self._axes))
+        return [self._policy(**dict(zip(names, row, strict=True))) for row in rows]
+
+    def decode(self, point: Sequence[float] | Array) -> Policy:
+        """Return the attack at a point of the cube [0, 1] ** size; further coordinates are ignored."""
+        return self._policy(**{axis.name: axis.at(float(point[k])) for k, axis in enumerate(self._axes)})
+
+    def _policy(self, **parameters: Any) -> Policy:
+        given = {**self._fixed, **parameters}
+        try:
+            policy = self._make(**given)
+        except (ValidationError, TypeError, ValueError) as error:
+            why = explain(error) if isinstance(error, ValidationError) else error
+            raise ValueError(f"attack {self._make.__name__} cannot be searched, it refuses {given}: {why}") from None
+        if not isinstance(policy, Policy):
+            raise ValueError(f"attack {self._make.__name__} cannot be searched, it makes {policy!r}, no Policy")
+        return policy
+
+
+class Mixture:
+    """A mixture of kinds of attack: the first coordinate picks the kind, the others are its parameters.
+
+    A single kind needs no such coordinate. All kinds read the same coordinates, so the cube grows with the largest kind
+    and not with their number. A mixture of no kinds is honest play.
+
+    Args:
+        spaces: Search spaces of the kinds.
+    """
+
+    def __init__(self, spaces: Sequence[Space]) -> None:
+        self._spaces = tuple(spaces)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return max((space.size for space in self._spaces), default=0) + (len(self._spaces) > 1)
+
+    @property
+    def default(self) -> Policy:
+        """Default of the first kind."""
+        return self._spaces[0].default if self._spaces else HONEST_POLICY
+
+    @property
+    def grid(self) -> list[Policy]:
+        """Grids of all kinds, one after the other."""
+        return [policy for space in self._spaces for policy in space.grid]
+
+    def decode(self, point: Sequence[float] | Array) -> Policy:
+        """Return the attack at a point of the cube [0, 1] ** size."""
+        if not self._spaces:
+            return HONEST_POLICY
+        if len(self._spaces) == 1:
+            return self._spaces[0].decode(point)
+        return self._spaces[_part(float(point[0]), len(self._spaces))].decode(point[1:])
+
+
+def game_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
+    """Return the facts of the game that a kind of attack declares as parameters, by the parameter's name.
+
+    Args:
+        kind: Class of the attack.
+        accomplices: Indices of the attacker's own providers on the provider axis; an empty tuple is left out.
+        length: Number of rounds of the game.
+    """
+    known = ((Accomplices, accomplices), (GameLength, length))
+    hints = _hints(kind).items()
+    return {name: fact for name, hint in hints for mark, fact in known if fact and _mark(hint, mark)}
+
+
+def declared_ranges(kind: Any) -> dict[str, ParameterRange]:
+    """Return the search ranges that a kind of attack declares, by the parameter's name.
+
+    Args:
+        kind: Class of the attack.
+    """
+    ranges = {name: _declared(hint) for name, hint in _hints(kind).items()}
+    return {name: range for name, range in ranges.items() if range is not None}
+
+
+def as_spec(policy: Policy) -> str:
+    """Return the spec of a policy, as `--attack` takes it: its name and its parameters with a range or another value.
+
+    Numbers are rounded, and of many indices only the first and the last are shown.
+    """
+    parts = []
+    usual = {field.name: field.default for field in _fields(type(policy))}
+    for name, hint in _hints(type(policy)).items():
+        value = getattr(policy, name)
+        if value is not None and (_declared(hint) or value != usual[name]):
+            parts.append(f"{name}={_short(value)}")
+    return f"{policy_name(policy)}:{','.join(parts)}" if parts else policy_name(policy)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.2g}"
+    if isinstance(value, tuple):
+        items = [str(item) for item in value]
+        return f"[{','.join(items if len(items) <= 4 else [items[0], '...', items[-1]])}]"
+    return str(value)
+
+
+def _axis(name: str, hint: Any, usual: Any, victims: tuple[int, ...], reserve: int) -> Coordinate | None:
+    """Return the coordinate that a field declares; None without a range."""
+    declared = _declared(hint)
+    tried: tuple[Any, ...]
+    if declared is None:
+        return None
+    if isinstance(declared, Victims):
+        at, tried = _first_of(victims), (usual, victims[:1]) if len(victims) > 1 else (usual,)
+    elif isinstance(declared, Identities):
+        at, tried = _whole(1, max(1, reserve)), tuple({1, max(1, reserve)})
+    elif isinstance(declared, SearchRange):
+        low, high = declared.low, declared.high
+        at = _whole(int(low), int(high)) if _bare(hint) is int else _between(low, high)
+        tried = tuple(dict.fromkeys(at(x) for x in (0.0, 0.5, 1.0)))
+    else:
+        at, tried = _one_of(declared), declared
+    chosen = _mark(hint, GridValues)
+    return Coordinate(name, at, chosen.values if chosen else tried)
+
+
+def _declared(hint: Any) -> ParameterRange | None:
+    """Return the search range of a type; None without one."""
+    if _mark(hint, NotSearched):
+        return None
+    options = get_args(_bare(hint)) if get_origin(_bare(hint)) is Literal else None
+    found: ParameterRange | None = (
+        _mark(hint, Victims) or _mark(hint, Identities) or options or _mark(hint, SearchRange)
+    )
+    return found
+
+
+def _bare(hint: Any) -> Any:
+    """Return a type without its annotations."""
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
+
+
+def _fields(kind: Any) -> list[Field[Any]]:
+    """Return the fields of a dataclass in the order of its signature; other classes have none."""
+    known = fields(kind) if isinstance(kind, type) and is_dataclass(kind) else ()
+    return sorted((field for field in known if field.init), key=lambda field: bool(field.kw_only))
+
+
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields with their annotations."""
+    names = [field.name for field in _fields(kind)]
+    try:
+        known = get_type_hints(kind, include_extras=True) if names else {}
+    except NameError as error:
+        raise ValueError(f"attack {kind.__name__} cannot be searched: the types of its fields say {error}") from None
+    return {name: known[name] for name in names}
+
+
+def _mark(hint: Any, kind: type[Any]) -> Any:
+    """Return the last annotation of a class on a type; None without one."""
+    marks = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, kind)]
+    return marks[-1] if marks else None
+
+
+def _part(x: float, parts: int) -> int:
+    """Return the index of the part of [0, 1] that holds x, of some equal parts."""
+    return min(int(x * parts), parts - 1)
+
+
+def _between(low: float, high: float) -> Callable[[float], Any]:
+    return lambda x: low + x * (high - low)
+
+
+def _whole(low: int, high: int) -> Callable[[float], Any]:
+    return lambda x: low + _part(x, high - low + 1)
+
+
+def _one_of(options: tuple[Any, ...]) -> Callable[[float], Any]:
+    return lambda x: options[_part(x, len(options))]
+
+
+def _first_of(places: tuple[int, ...]) -> Callable[[float], Any]:
+    """Return a function from [0, 1] to the first of some indices, at least one; to None where there are none."""
+    return lambda x: places[: 1 + _part(x, len(places))] or None
+
 
 _PAPER_ATTACKS = ("on-off", "bad-mouthing")
 
@@ -105,9 +360,10 @@ class Scripts:
         Where both roles attack, the grid also has attacks in which one of them plays honestly.
         """
         serves, rates = self.roles
-        serving, rating = self.serving.grid if serves else [HONEST], self.rating.grid if rates else [HONEST]
+        serving = self.serving.grid if serves else [HONEST_POLICY]
+        rating = self.rating.grid if rates else [HONEST_POLICY]
         if serves and rates:
-            serving, rating = [*serving, HONEST], [*rating, HONEST]
+            serving, rating = [*serving, HONEST_POLICY], [*rating, HONEST_POLICY]
         return [self._all(*pair) for pair in itertools.product(serving, rating)]
 
     def decode(self, point: Sequence[float] | Array) -> dict[str, Policy]:
@@ -121,13 +377,13 @@ class Scripts:
                 if attacks:
                     roles.append(mixture.decode(point[at : at + mixture.size]))
                     at += mixture.size
-            policies[name] = Both(*roles) if len(roles) == 2 else roles[0] if roles else HONEST
+            policies[name] = Both(*roles) if len(roles) == 2 else roles[0] if roles else HONEST_POLICY
         return policies
 
     def _all(self, serving: Policy, rating: Policy) -> dict[str, Policy]:
         both = Both(serving, rating)
         return {
-            name: both if serves and rates else serving if serves else rating if rates else HONEST
+            name: both if serves and rates else serving if serves else rating if rates else HONEST_POLICY
             for name, serves, rates in self.agents
         }
 
@@ -143,7 +399,7 @@ def with_paper(task: AttackTask, kind: AttackKind) -> tuple[AttackKind, ...]:
     return (kind, *(paper for paper, compromised, covered in roles if compromised and not covered))
 
 
-def describe(attack: Mapping[str, Policy]) -> str:
+def describe_attack(attack: Mapping[str, Policy]) -> str:
     """Return an attack in a few words. Agents with the same policy stand together."""
     agents: dict[str, list[str]] = {}
     for name, policy in attack.items():

@@ -11,8 +11,8 @@ from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from roletrust_env.arrays import Array
-from roletrust_env.evaluation.attacked_games import HELD_OUT, TaskArguments, exact_task, mean_rewards
 from roletrust_env.evaluation.attackers import Attacker, Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, TaskArguments, exact_task, mean_rewards
 from roletrust_env.registry import Registry
 
 

@@ -10,8 +10,8 @@ from itertools import islice
 from typing import Any
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.evaluation.attacked_games import SEARCHED, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.measurement import SEARCHED, judged_rollout, random_sources
 from roletrust_env.evaluation.resources import check_memory, pairs
 from roletrust_env.evaluation.search import UnsuitableError
 from roletrust_env.game.attack_task import AttackTask

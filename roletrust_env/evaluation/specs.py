@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attack_space import AttackKind, game_facts
+from roletrust_env.evaluation.scripts import AttackKind, game_facts
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.parameters import unknown_parameter

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from roletrust_env.arrays import Array
-from roletrust_env.evaluation.attack_space import Space
+from roletrust_env.evaluation.scripts import Space
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Channel, Policy

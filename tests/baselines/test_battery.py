@@ -9,7 +9,7 @@ import torch
 from typer.testing import CliRunner
 
 from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, record
-from roletrust_env.evaluation.attack_space import Space
+from roletrust_env.evaluation.scripts import Space
 from roletrust_env.game.policy import policy_name
 from roletrust_env.game.policy_registry import registry
 from roletrust_env.testing import check_attack

@@ -12,8 +12,8 @@ from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.submission import CellClaim, make_claim
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import check_bias, check_fresh
-from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, exact_task, random_sources
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, attacked_rollout, exact_task, random_sources
 from roletrust_env.trust import register_trust_model
 
 PUBLIC = 0

@@ -24,7 +24,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.submission import make_entries
 from roletrust_env.benchmarking.suite import with_known
 from roletrust_env.benchmarking.worst_case import worst_cases
-from roletrust_env.evaluation.records import record_of
+from roletrust_env.evaluation.attackers import record_of
 
 SUITE = tiny(methods=["scripted", "random search"], budget=2000)
 

@@ -13,8 +13,8 @@ from roletrust_env.benchmarking.cells import objective, play_cell
 from roletrust_env.benchmarking.suite import Cell, Track, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite, suites
 from roletrust_env.evaluation import Budget, SearchResult, register_search_method
-from roletrust_env.evaluation.attacked_games import TaskArguments
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.trust import trust_models
 
 

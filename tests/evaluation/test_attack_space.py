@@ -10,7 +10,8 @@ from pydantic.dataclasses import dataclass as checked
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy
-from roletrust_env.evaluation.attack_space import HONEST, Mixture, Space, as_spec
+from roletrust_env.evaluation.attackers import HONEST_POLICY
+from roletrust_env.evaluation.scripts import Mixture, Space, as_spec
 from roletrust_env.ranges import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims
 
 
@@ -73,14 +74,14 @@ def test_a_mixture_picks_a_kind_and_its_parameters():
     assert mixture.decode([0.49, 0.0, 0.1, 0.2, 0.3]) == OnOff(period=1, duty=0.1, bad=0.2, good=0.3)
     assert mixture.decode([0.5, 0.0, 0.1, 0.2, 0.3]) == BadMouthing(level=0.1)
     assert Mixture(spaces[1:]).size == 3
-    assert (Mixture([]).size, Mixture([]).default) == (0, HONEST)
+    assert (Mixture([]).size, Mixture([]).default) == (0, HONEST_POLICY)
 
 
 def test_words_are_those_of_the_command_line():
     assert as_spec(BadMouthing(level=1 / 3, start=4)) == "bad-mouthing:start=4,lie=constant,level=0.33"
     assert as_spec(OnOff(switching="random", duty=0.25)) == "on-off:period=2,duty=0.25,bad=0,good=1,switching=random"
     assert as_spec(BadMouthing(targets=tuple(range(7)))) == "bad-mouthing:lie=constant,level=0.5,targets=[0,...,6]"
-    assert as_spec(HONEST) == "honest"
+    assert as_spec(HONEST_POLICY) == "honest"
 
 
 @checked(frozen=True)

@@ -9,9 +9,9 @@ from roletrust_agents.planning.planner import Planner
 from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.search_method import ppo
-from roletrust_env.evaluation import attacked_games, resources, smooth
-from roletrust_env.evaluation.attacked_games import HELD_OUT, SEARCHED, exact_task, mean_rewards
+from roletrust_env.evaluation import measurement, resources, smooth
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, find
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import make_trust_model
@@ -24,7 +24,7 @@ def _small_machine(monkeypatch):
 
 @pytest.fixture
 def everything_is_tried(monkeypatch):
-    monkeypatch.setattr(attacked_games, "_ANYWHERE", 0)
+    monkeypatch.setattr(measurement, "_ANYWHERE", 0)
 
 
 def test_games_that_do_not_fit_are_refused_and_fewer_are_not(everything_is_tried):

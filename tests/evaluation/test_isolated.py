@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.isolated import IsolatedModel
-from roletrust_env.evaluation.measurement import Scores, measure
+from roletrust_env.evaluation.measurement import Scores, exact_task, measure
 from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_trust_model
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model_checks import needs_watching

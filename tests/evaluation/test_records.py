@@ -10,11 +10,16 @@ from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, rand
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import Policy
 from roletrust_env.arrays import Array
-from roletrust_env.evaluation.attack_space import HONEST
-from roletrust_env.evaluation.attackers import OpenLoop, Scripted
-from roletrust_env.evaluation.composite import Both
+from roletrust_env.evaluation.attackers import (
+    HONEST_POLICY,
+    MAX_RECORD,
+    Both,
+    OpenLoop,
+    Scripted,
+    read_record,
+    record_of,
+)
 from roletrust_env.evaluation.measurement import watch
-from roletrust_env.evaluation.records import MAX_RECORD, read_record, record_of
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy_registry import make_attacker
@@ -42,7 +47,7 @@ def _accepted(name: str, offered: dict[str, object]) -> dict[str, object]:
 
 @pytest.mark.parametrize("policy", every_policy(), ids=repr)
 def test_every_script_is_the_same_after_its_record(policy: Policy) -> None:
-    attack = {"sr_0": policy, "sp_0": Both(policy, HONEST)}
+    attack = {"sr_0": policy, "sp_0": Both(policy, HONEST_POLICY)}
     again = read_record(record_of(Scripted(attack)))
     assert isinstance(again, Scripted)
     assert again.policies == attack

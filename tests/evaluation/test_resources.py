@@ -12,7 +12,7 @@ from roletrust_agents.learned.saved import ZOO
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.evaluation import resources
-from roletrust_env.evaluation.attacked_games import task_memory
+from roletrust_env.evaluation.measurement import task_memory
 from roletrust_env.metrics.confidence import over_games, student_quantile
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
@@ -76,7 +76,6 @@ def test_measured_attackers_take_what_was_foreseen():
             "roletrust_experiments.commands.play.play_games",
         ),
         (["zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.zoo.measure"),
-        (["ladder", "RaterAttack"], "--games ", "--games", "studies.ladder.__main__.climb"),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",
@@ -90,7 +89,7 @@ def test_measured_attackers_take_what_was_foreseen():
             "roletrust_agents.training.coalition_loop.train",
         ),
     ],
-    ids=["play", "zoo", "ladder", "train", "train evolution"],
+    ids=["play", "zoo", "train", "train evolution"],
 )
 def test_what_is_too_large_is_refused_and_what_fits_is_not(tmp_path, monkeypatch, command, option, name, work):
     class BegunError(ValueError):

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
 from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.coalition import IDENTITY_FEATURES, Coalition
 from roletrust_env.game.coalition_features import FEATURES, REACH
 from roletrust_env.game.coalition_task import CoalitionTask

@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.evaluation.attacked_games import exact_task
-from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.measurement import exact_task, score
 from roletrust_env.evaluation.search import Budget, search_methods
 from roletrust_env.evaluation.specs import parse_kinds
 from studies.attackers import budget as searches

@@ -10,9 +10,8 @@ pytest.importorskip("safetensors")
 from attackers_suite import SUITE
 
 from roletrust_agents.training.defence import Climb
-from roletrust_env.evaluation.attacked_games import exact_task
-from roletrust_env.evaluation.measurement import measure
-from roletrust_env.evaluation.records import read_record
+from roletrust_env.evaluation.attackers import read_record
+from roletrust_env.evaluation.measurement import exact_task, measure
 from roletrust_env.metrics.confidence import estimate
 from roletrust_env.metrics.consumers import skill
 from studies.defence.comparison import Comparison, leads, rows

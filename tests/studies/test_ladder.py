@@ -14,7 +14,7 @@ from roletrust_agents.learned.saved import ZOO, load_attacker, save_attacker
 from roletrust_agents.training.runs import write_bytes
 from roletrust_baselines.search import PaperAttacks
 from roletrust_env import make_scenario
-from roletrust_env.evaluation.attacked_games import exact_task
+from roletrust_env.evaluation.measurement import exact_task
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.trust import Traits, make_trust_model
 from roletrust_experiments.commands.options import find_task

@@ -62,7 +62,7 @@ class CoalitionAttacker:
         return type(self)(DeepSet.unflatten(self.network.architecture, self.network.flatten()[k]))
 
     def record(self) -> dict[str, Any]:
-        """Return the kind and the weights. See `roletrust_env.evaluation.records.Recordable`."""
+        """Return the kind and the weights. See `roletrust_env.evaluation.attackers.Recordable`."""
         weights = b64encode(weights_bytes(self.network)).decode()
         return {"kind": "coalition", "units": self.network.architecture.units, "weights": weights}
 

@@ -9,7 +9,7 @@ from roletrust_agents.learned.coalition_attacker import attacker_for
 from roletrust_agents.learned.network import Network
 from roletrust_agents.learned.network_attacker import with_knowledge
 from roletrust_env.envs.attack_env import task_spaces
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
+from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.parameters import refuse_unknown

@@ -10,8 +10,8 @@ from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.learned.network import Decider, Network
 from roletrust_agents.learned.saved import SavedAttacker, load_attacker
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.evaluation.attacked_games import judged
 from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
+from roletrust_env.evaluation.measurement import judged
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.rollout import rollout

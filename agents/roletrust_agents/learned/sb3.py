@@ -58,7 +58,7 @@ def attacker_of(model: Any, task: AttackTask) -> Attacker:
 
     Example:
         >>> from roletrust_env import AttackVecEnv, make_task
-        >>> from roletrust_env.evaluation.attacked_games import HELD_OUT, mean_rewards
+        >>> from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
         >>> from stable_baselines3 import PPO
         >>> task = make_task("crowd-10x10", ("sr_8", "sr_9", "sp_9"), max_cycles=20)
         >>> model = PPO("MlpPolicy", AttackVecEnv(task, 8), n_steps=25, batch_size=200).learn(200)

@@ -7,8 +7,8 @@ import numpy as np
 
 from roletrust_agents.planning.bracket import Bracket, bracket_rater
 from roletrust_agents.planning.exact import Optimum, optimal_provider
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import OpenLoop
+from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.parameters import refuse_unknown

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.evaluation.attacked_games import (
+from roletrust_env.evaluation.attackers import OpenLoop
+from roletrust_env.evaluation.measurement import (
     SEARCHED,
     TaskArguments,
     is_certain,
@@ -20,7 +21,6 @@ from roletrust_env.evaluation.attacked_games import (
     mean_rewards,
     random_sources,
 )
-from roletrust_env.evaluation.attackers import OpenLoop
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.evaluation.smooth import check_graph, check_service, one_thread, smooth_model
 from roletrust_env.game.attack_task import AttackTask

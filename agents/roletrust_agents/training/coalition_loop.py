@@ -22,7 +22,7 @@ from roletrust_agents.training.settings import (
     make_settings,
 )
 from roletrust_agents.training.universal import known_starts
-from roletrust_env.evaluation.attacked_games import check_batch
+from roletrust_env.evaluation.measurement import check_games_memory
 from roletrust_env.game.make_task import Observation
 
 _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
@@ -59,10 +59,10 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
 
 
 def check_games(run: Run) -> None:
-    """Refuse a run whose games do not fit into the memory, see `check_batch`."""
+    """Refuse a run whose games do not fit into the memory, see `check_games_memory`."""
     settings = _settings(run)
     for model in (run.trust_model, *run.further_models):
-        check_batch(task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation))
+        check_games_memory(task_from_card(run.task, model, run.scenario), max(settings.games, settings.validation))
 
 
 def _settings(run: Run) -> CoalitionSettings:

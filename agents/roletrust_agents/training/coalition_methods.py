@@ -19,7 +19,7 @@ from roletrust_agents.training.settings import (
     settings_of,
 )
 from roletrust_agents.training.universal import known_starts
-from roletrust_env.evaluation.attacked_games import TaskArguments, is_certain
+from roletrust_env.evaluation.measurement import TaskArguments, is_certain
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.make_task import make_task
 from roletrust_env.parameters import refuse_unknown

@@ -12,7 +12,7 @@ from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_agents.training.coalition_training import CoalitionTraining, Floats
 from roletrust_agents.training.settings import CoalitionPPOSettings, Start, settings_of
 from roletrust_agents.training.universal import best_universal, choice_rounds, universal_coalitions
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, check_batch, mean_rewards
+from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, check_games_memory, mean_rewards
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.coalition_task import CoalitionTask
@@ -56,7 +56,7 @@ def make_ppo(
     from roletrust_agents.training.coalition_policy import CoalitionPolicy, begin_with, policy_arguments
     from roletrust_agents.training.experience import WholeGames, update_memory
 
-    check_batch(task, settings.games)
+    check_games_memory(task, settings.games)
     rounds, spread = task.game.scenario.max_cycles, float(np.log(settings.first_spread))
     if settings.games * rounds < 2:
         raise UnsuitableError("a rollout of one round is too short for PPO; give more games")

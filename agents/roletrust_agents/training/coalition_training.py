@@ -10,7 +10,7 @@ import numpy.typing as npt
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_agents.training.settings import CoalitionSettingsT
-from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
+from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.metrics.confidence import GameMean, over_games
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from roletrust_agents.training.adam import Adam
 from roletrust_agents.training.evolution_strategy import falling_rate, slope_of
 from roletrust_env.benchmarking.known_attacks import KnownAttack
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
-from roletrust_env.evaluation.records import read_record
+from roletrust_env.evaluation.attackers import read_record
+from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trust import TrustModel
 

@@ -24,7 +24,7 @@ from roletrust_agents.training.learners import (
 from roletrust_agents.training.run import GAMES, OnReport, Point, Report, Run, finish, score_of
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
-from roletrust_env.evaluation.resources import some, try_out
+from roletrust_env.evaluation.resources import trial_size, try_out
 from roletrust_env.game.attack_task import AttackTask
 
 _EVALUATIONS = 20
@@ -81,7 +81,7 @@ def game_memory(run: Run) -> float:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # batches that do not fit so few games
         model = make_model(run.algo, settings, StaggeredGames(task, _FEW), run.seed)
-    return try_out(played, some(task.game)).memory + update_memory(model) / _FEW
+    return try_out(played, trial_size(task.game)).memory + update_memory(model) / _FEW
 
 
 class _Watch(BaseCallback):

@@ -7,7 +7,7 @@ import numpy as np
 
 from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.training.settings import Algo
-from roletrust_env.evaluation.attacked_games import TaskArguments, check_batch
+from roletrust_env.evaluation.measurement import TaskArguments, check_games_memory
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.make_task import make_task
 
@@ -39,7 +39,7 @@ class Learner:
         task = make_task(**arguments, like=np.zeros((), np.float32))
         settings = learner_settings("", self.algo, {})
         settings = settings.model_copy(update={"games": min(settings.games, _GAMES)})
-        check_batch(task, settings.games)
+        check_games_memory(task, settings.games)
         budget.spend(normalising_rounds(task))
         model: BaseAlgorithm = make_model(self.algo, settings, StaggeredGames(task, settings.games), seed)
         options: Any = settings

@@ -11,8 +11,8 @@ from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.saved import load_attacker, zoo
 from roletrust_agents.training.coalition_training import Floats
 from roletrust_agents.training.settings import Start
-from roletrust_env.evaluation.attacked_games import SEARCHED, TaskArguments, mean_rewards
-from roletrust_env.evaluation.records import read_record
+from roletrust_env.evaluation.attackers import read_record
+from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.make_task import make_task

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, get_type_hints
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.benchmarking.learners.learner import search_names
-from roletrust_env.evaluation.attack_space import as_spec, declared_ranges, game_facts
+from roletrust_env.evaluation.scripts import as_spec, declared_ranges, game_facts
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.ranges import Identities, SearchRange, allowed

@@ -24,7 +24,7 @@ from roletrust_env.benchmarking.verification import (
     check_cell,
     check_claims,
     check_fresh,
-    check_names,
+    check_installed_names,
     check_scores,
     is_same_platform,
     read_submission,
@@ -111,7 +111,7 @@ def _submit_attacks(results: Path, out: Path, models: Sequence[str], finder: str
     if not isinstance(suite, Suite):
         raise ValueError(f"{results} has a suite for {suite.kind}; only attacks on trust models can be submitted")
     if not allow_code:
-        check_names(suite)
+        check_installed_names(suite)
     found, lost = make_entries(suite, stored, models, finder)
     write_json(out, found.model_dump(mode="json"))
     for line in lost:
@@ -170,7 +170,7 @@ def verify(
     require("verifying", "train", "scipy", "cma", "torch", "stable_baselines3")
     found, suite = read_submission(file)
     if not allow_code:
-        check_names(suite)
+        check_installed_names(suite)
     checks = check_claims(found, suite, own_suite=own_suite)
     seed = secrets.randbelow(2**32) if seed is None else seed
     claims, same = sample_claims(found, number, seed), is_same_platform(found)

@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attacked_games import task_memory
+from roletrust_env.evaluation.measurement import task_memory
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.presets import scenarios

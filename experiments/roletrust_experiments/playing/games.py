@@ -7,7 +7,7 @@ from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Policy
 from roletrust_env.evaluation.curves import Curves, curve_bytes
-from roletrust_env.evaluation.resources import Cost, some, try_out
+from roletrust_env.evaluation.resources import Cost, trial_size, try_out
 from roletrust_env.game.rollout import rollout
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_experiments.playing.group_measures import Group, damage, measure, measured_since, under_attack
@@ -53,7 +53,9 @@ def foresee(joint_policies: Sequence[JointPolicy], attackers: Mapping[str, Polic
     the last games are recorded, the rows of their curves.
     """
     game, twin = joint_policies[0].game, has_twin(joint_policies[0].game, attackers)
-    trial = try_out(lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), some(game))
+    trial = try_out(
+        lambda games: rollout(joint_policies[0], game.random(0), game.random(0), (games,)), trial_size(game)
+    )
     memory = all_curve_bytes(joint_policies, attackers) + trial.memory
     return Cost(memory, trial.seconds * game.scenario.max_cycles * len(joint_policies) * (1 + twin))
 

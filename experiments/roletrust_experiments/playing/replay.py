@@ -9,9 +9,8 @@ import numpy.typing as npt
 from roletrust_env.benchmarking.cells import FoundAttack, find_attack
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.envs.task_batch import one_game
-from roletrust_env.evaluation.attacked_games import HELD_OUT, attacked_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import GameRecord, watch
+from roletrust_env.evaluation.measurement import HELD_OUT, GameRecord, attacked_rollout, random_sources, watch
 from roletrust_env.game.consumer import buy
 from roletrust_env.game.state import State
 from roletrust_env.metrics import share_of_best

@@ -9,7 +9,7 @@ from pydantic import NonNegativeInt, model_validator
 
 from roletrust_env.benchmarking.cells import make_search, scripted_batches
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
+from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError, search_methods
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.untrusted import UntrustedModel

@@ -7,10 +7,9 @@ from roletrust_env.benchmarking.cells import cell_kinds, task_arguments
 from roletrust_env.benchmarking.suite import Cell, Suite, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attack_space import AttackKind
-from roletrust_env.evaluation.attacked_games import TaskArguments, exact_task
 from roletrust_env.evaluation.attackers import Attacker
-from roletrust_env.evaluation.measurement import score
+from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
+from roletrust_env.evaluation.scripts import AttackKind
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers

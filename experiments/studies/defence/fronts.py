@@ -10,10 +10,8 @@ from roletrust_agents.training.defence import Floats
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.benchmarking.cells import known_batches, scripted_batches
 from roletrust_env.benchmarking.known_attacks import KnownAttack
-from roletrust_env.evaluation.attacked_games import exact_task
-from roletrust_env.evaluation.attackers import Attacker, Scripted
-from roletrust_env.evaluation.measurement import measure, measure_honest
-from roletrust_env.evaluation.records import record_of
+from roletrust_env.evaluation.attackers import Attacker, Scripted, record_of
+from roletrust_env.evaluation.measurement import exact_task, measure, measure_honest
 from roletrust_env.metrics.consumers import skill
 from studies.attackers.condition import Condition
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, metrics, record
-from roletrust_env.evaluation.composite import Both
+from roletrust_env.evaluation.attackers import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
 from studies.findings.finding import Finding, in_words, verdict

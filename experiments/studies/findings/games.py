@@ -10,9 +10,8 @@ from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.evaluation.attacked_games import exact_task
 from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.measurement import Floats, GameRecord, watch
+from roletrust_env.evaluation.measurement import Floats, GameRecord, exact_task, watch
 from roletrust_env.game.consumer import Bought
 from roletrust_env.storage.provenance import describe_policies
 from roletrust_env.world.group import Role

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.evaluation.attacked_games import HELD_OUT, TaskArguments, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, TaskArguments, exact_task, judged_rollout, random_sources
 from roletrust_env.evaluation.search import MeasuredSearch
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.state import Actions

@@ -7,14 +7,14 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from roletrust_env.evaluation.attacked_games import (
+from roletrust_env.evaluation.attackers import Attacker
+from roletrust_env.evaluation.measurement import (
     HELD_OUT,
     TaskArguments,
     attacked_rollout,
     exact_task,
     random_sources,
 )
-from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.game.attacker_side import places
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, tidy
 

@@ -16,7 +16,7 @@ from roletrust_env.arrays import Array
 from roletrust_env.envs.attack_env import check_action
 from roletrust_env.envs.vector import AttackVectorEnv
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.search import Budget, HonestPlay, SearchMethod, SearchResult, search_methods
 from roletrust_env.evaluation.specs import parse_named
 from roletrust_env.game.attack_task import AttackTask, TaskState

@@ -9,7 +9,7 @@ from pydantic import Field, PositiveInt, model_validator
 from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY, is_search, make_search_method, registry
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, Label, SuiteSchema, check_unique
 from roletrust_env.envs.tasks import TASKS
-from roletrust_env.evaluation.attacked_games import TaskArguments
+from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Objective

@@ -9,8 +9,8 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.coalition_member import CoalitionSize, member_of
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_env import Game, JointPolicy, Policy, make_scenario, make_task, record
-from roletrust_env.evaluation.attacked_games import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.attackers import AttackedPlayers, Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.rollout import rollout
 from roletrust_env.game.views import view_of

@@ -11,8 +11,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from roletrust_agents.learned import attacker_of, policy_of
 from roletrust_env import AttackVecEnv, Game, JointPolicy, Player, Policy, make_task, parallel_env, record
-from roletrust_env.evaluation.attacked_games import HELD_OUT, mean_rewards
 from roletrust_env.evaluation.attackers import Scripted
+from roletrust_env.evaluation.measurement import HELD_OUT, mean_rewards
 
 SHORT = {"max_cycles": 25, "noise": 0.0}
 BATCH = {"n_steps": 25, "batch_size": 100}

@@ -9,7 +9,8 @@ import torch
 from roletrust_agents.planning.optimum import BestKnown, Exact
 from roletrust_agents.planning.planner import Planner
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env.evaluation.attacked_games import (
+from roletrust_env.evaluation.attackers import OpenLoop, Scripted
+from roletrust_env.evaluation.measurement import (
     HELD_OUT,
     SEARCHED,
     exact_task,
@@ -18,7 +19,6 @@ from roletrust_env.evaluation.attacked_games import (
     mean_rewards,
     random_sources,
 )
-from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
 from roletrust_env.evaluation.smooth import SOFT, SmoothRoleTrust
 from roletrust_env.game.make_task import make_task

@@ -18,7 +18,7 @@ from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.experience import AfterUpdates, WholeGames
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_task
-from roletrust_env.evaluation.attacked_games import SEARCHED, mean_rewards
+from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError
 from roletrust_env.game.coalition_features import FEATURES
 

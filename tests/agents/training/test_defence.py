@@ -13,8 +13,7 @@ from roletrust_agents.training.settings import StrategySettings
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_scenario
 from roletrust_env.benchmarking.known_attacks import KnownAttack
-from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.records import record_of
+from roletrust_env.evaluation.attackers import Scripted, record_of
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy_registry import registry as attackers

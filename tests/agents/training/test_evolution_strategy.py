@@ -8,7 +8,7 @@ from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strat
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy, slope_of
 from roletrust_agents.training.settings import StrategySettings
-from roletrust_env.evaluation.records import record_of
+from roletrust_env.evaluation.attackers import record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
 from roletrust_env.game.make_task import make_task
 

@@ -5,7 +5,7 @@ import pytest
 
 from roletrust_baselines import Sybil, SybilRing, Whitewashing, WhitewashingRing
 from roletrust_env import Game, JointPolicy, Scenario, record
-from roletrust_env.evaluation.attack_space import Space
+from roletrust_env.evaluation.scripts import Space
 from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.testing import check_attack
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from roletrust_baselines import OnOff, Whitewashing
 from roletrust_env import Game, JointPolicy, Policy, Scenario, make_attacker, record
-from roletrust_env.evaluation.attack_space import Space
+from roletrust_env.evaluation.scripts import Space
 from roletrust_env.game.rollout import History
 
 GAME = Game(

@@ -9,7 +9,8 @@ import pytest
 from roletrust_baselines import BadMouthing, Conflicting, OnOff, Silent, Sybil, Whitewashing
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import JointPolicy, record
-from roletrust_env.evaluation.attacked_games import (
+from roletrust_env.evaluation.attackers import Both, OpenLoop, Scripted, side_by_side
+from roletrust_env.evaluation.measurement import (
     HELD_OUT,
     SEARCHED,
     exact_task,
@@ -17,8 +18,6 @@ from roletrust_env.evaluation.attacked_games import (
     mean_rewards,
     random_sources,
 )
-from roletrust_env.evaluation.attackers import OpenLoop, Scripted
-from roletrust_env.evaluation.composite import Both, side_by_side
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.evaluation.search import MeasuredSearch, find
 from roletrust_env.world.presence import LEFT, PRESENT

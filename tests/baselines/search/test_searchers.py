@@ -11,11 +11,9 @@ import pytest
 from roletrust_baselines import BadMouthing, OnOff, RankLies, ThresholdSurfing, Whitewashing
 from roletrust_baselines.search import AgreedCmaEs, CmaEs, GridSearch, PaperAttacks, RandomSearch, ScriptTrial, _leaders
 from roletrust_env import Policy
-from roletrust_env.evaluation.attack_space import HONEST
-from roletrust_env.evaluation.attacked_games import SEARCHED, exact_task, mean_rewards
-from roletrust_env.evaluation.attackers import Scripted
-from roletrust_env.evaluation.composite import Both, SideBySide, side_by_side
-from roletrust_env.evaluation.scripts import Scripts, describe, with_paper
+from roletrust_env.evaluation.attackers import HONEST_POLICY, Both, Scripted, SideBySide, side_by_side
+from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
+from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
 from roletrust_env.ranges import SearchRange
@@ -90,7 +88,9 @@ def test_the_default_grid_and_cube_are_what_they_have_always_been():
     ]
     lies = [BadMouthing(level=level, targets=t) for level, t in product((0.0, 0.25, 0.5, 0.75), (None, (0,)))]
     assert [attack["sp_2"] for attack in scripts(PROVIDER).grid] == cycles
-    assert [(attack["sp_9"], attack["sr_8"]) for attack in space.grid] == [*product([*cycles, HONEST], [*lies, HONEST])]
+    assert [(attack["sp_9"], attack["sr_8"]) for attack in space.grid] == [
+        *product([*cycles, HONEST_POLICY], [*lies, HONEST_POLICY])
+    ]
 
 
 def test_a_mixture_is_searched_and_its_best_kind_is_found():
@@ -108,7 +108,7 @@ def test_a_mixture_is_searched_and_its_best_kind_is_found():
 def test_who_has_no_attack_plays_honestly_and_an_attack_that_nobody_can_play_is_refused():
     space = Scripts.of(make_task(**CROWD), (OnOff,))
     assert space.size == 4
-    assert [attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))] == [HONEST] * 3
+    assert [attack["sr_8"] for attack in (space.default, space.grid[0], space.decode([0.0] * 4))] == [HONEST_POLICY] * 3
     with pytest.raises(ValueError, match=r"bad-mouthing.*attacks by ratings, on which no compromised agent.*sp_2"):
         Scripts.of(make_task(**PROVIDER), (OnOff, BadMouthing))
 
@@ -130,7 +130,7 @@ def test_an_agent_with_both_roles_attacks_on_both_channels():
     policy = scripts(DUAL).default["srsp_5"]
     assert policy == Both(OnOff(), BadMouthing())
     assert (
-        describe({"srsp_5": policy})
+        describe_attack({"srsp_5": policy})
         == "srsp_5: on-off:period=2,duty=0.5,bad=0,good=1 and bad-mouthing:lie=constant,level=0.5"
     )
 
