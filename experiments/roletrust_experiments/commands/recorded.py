@@ -7,13 +7,13 @@ from pathlib import Path
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.identification.journal_curves import curves_from_rounds
 from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console
 from roletrust_experiments.commands.live.options import require_live
 from roletrust_experiments.paper.figures import Attack, paper_of
+from roletrust_experiments.paper.live_curves import curves_from_rounds
 from roletrust_experiments.plots.figure_files import write_figure
 
 

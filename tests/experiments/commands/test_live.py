@@ -7,11 +7,11 @@ import pytest
 from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
 from typer.testing import CliRunner
 
-from roletrust_env.identification.journal_curves import curves_from_rounds, latencies_ms
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
 from roletrust_experiments.cli import app
+from roletrust_experiments.paper.live_curves import curves_from_rounds, latencies_ms
 
 
 def run(*arguments):

@@ -14,12 +14,12 @@ from recorded_games import PERIOD, spoken
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import make_scenario
-from roletrust_env.identification.scenario_files import write_scenario
 from roletrust_env.live.nodes.manager_node import replay_recording
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import Signer, make_keys
 from roletrust_env.live.wire.recording import RecordedMessage, Recorder
+from roletrust_env.storage.scenario_files import write_scenario
 from roletrust_env.world.presets import scenarios
 
 

@@ -11,7 +11,6 @@ import typer
 
 from roletrust_env import Game, JointPolicy
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.identification.journal_curves import curves_from_rounds, latencies_ms
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_experiments.commands.console import claims_table, console, progress_bar
@@ -19,6 +18,7 @@ from roletrust_experiments.commands.live.options import Browser, Port, Speed, re
 from roletrust_experiments.commands.live.team import DemoPlan, DemoRun, run_team
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.paper.figures import Attack
+from roletrust_experiments.paper.live_curves import curves_from_rounds, latencies_ms
 from roletrust_experiments.playing.tracked import track_curves
 
 _NICENESS = 19  # the simulation gives way to the robots

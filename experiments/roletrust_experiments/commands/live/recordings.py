@@ -8,9 +8,9 @@ from rich.markup import escape
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.identification.scenario_files import printable
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import replacing
+from roletrust_env.storage.scenario_files import printable
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.commands.console import console, number_table
 from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
@@ -114,11 +114,10 @@ def scenario(
     [cyan]roletrust train RaterAttack --scenario team.toml[/]
     """
     require_live()
-    from roletrust_env.identification.scenario_files import write_scenario
-    from roletrust_env.identification.scenario_inference import infer_scenario
-    from roletrust_env.identification.team_observation import observe_team
+    from roletrust_env.live.recorded_team import infer_scenario, observe_team
     from roletrust_env.live.wire.keys import PublicKeys
     from roletrust_env.live.wire.recording import read_recording
+    from roletrust_env.storage.scenario_files import write_scenario
 
     if out.suffix != ".toml":
         raise ValueError(f"{out}: the name of the scenario must end in .toml")

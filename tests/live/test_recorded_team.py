@@ -6,9 +6,8 @@ from recorded_games import PERIOD, spoken
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Scenario, make_scenario
-from roletrust_env.identification.perception_estimates import estimate_perception
-from roletrust_env.identification.scenario_inference import infer_scenario
-from roletrust_env.identification.team_observation import observe_team
+from roletrust_env.live.perception_estimates import estimate_perception
+from roletrust_env.live.recorded_team import infer_scenario, observe_team
 
 TEAM = Scenario(
     agents=[

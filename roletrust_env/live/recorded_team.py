@@ -1,17 +1,29 @@
-"""Inference of a scenario from the observation of a team, as far as a scenario can express it."""
+"""The scenario of a recorded team, as far as a scenario can express it: agents, presence, losses, disturbances."""
 
 import math
+import statistics
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_env.identification.perception_estimates import PerceptionEstimates, estimate_perception
-from roletrust_env.identification.team_observation import Floats, Mask, TeamObservation
+from roletrust_env.live.manager import Manager
+from roletrust_env.live.nodes.manager_node import replay_recording
+from roletrust_env.live.perception_estimates import Floats, Mask, PerceptionEstimates, estimate_perception
+from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.validation import Envelope, Keyring, is_genuine
+from roletrust_env.live.wire import messages
+from roletrust_env.live.wire.recording import RecordedMessage
+from roletrust_env.live.wire.topics import IMAGES, RATINGS, owner
 from roletrust_env.metrics.confidence import Interval, over_games
-from roletrust_env.world import Scenario
-from roletrust_env.world.scenario import read_scenario
+from roletrust_env.trust import make_trust_model
+from roletrust_env.world.scenario import Scenario, read_scenario
 
 _MIN_SILENCE = 3  # rounds; silences up to this length never count as an absence
 _UNLIKELY = 1e-3  # a silence that is less likely by loss alone counts as an absence
@@ -19,6 +31,135 @@ _MIN_DROP = 0.1  # smallest relative drop of quality that counts as a disturbanc
 _MIN_DROP_DEVIATIONS = 4.0  # the same in standard deviations
 
 Spans = list[tuple[int, int] | None]
+
+
+@dataclass(frozen=True, eq=False)
+class TeamObservation:
+    """R rounds of a team.
+
+    Attributes:
+        team: Agents of the team, in the order of the axes.
+        period: Time between rounds, nanoseconds.
+        ratings: Ratings that counted, by the round of the service, NaN elsewhere, (R, S, P).
+        sent: Mask of the ratings that were sent, in time or late, (R, S, P).
+        serves: Mask of the rounds in which a provider sent a picture or was rated, (R, P).
+    """
+
+    team: Team
+    period: int
+    ratings: Floats
+    sent: Mask
+    serves: Mask
+
+
+class _Ratings(NamedTuple):
+    """A message of a rater: its time of arrival, its stamp, and the rated providers."""
+
+    rater: str
+    time: int
+    stamp: int
+    providers: tuple[str, ...]
+
+
+def observe_team(recording: Iterable[RecordedMessage], keyring: Keyring | None = None) -> TeamObservation:
+    """Observe a team in a recording. The manager decides which ratings counted.
+
+    Args:
+        recording: Messages in order of arrival.
+        keyring: Agents that may take part; None accepts every agent.
+
+    Raises:
+        ValueError: The recording has less than two rounds of ratings.
+    """
+    of_team: list[RecordedMessage] = []
+    authentic: list[_Ratings] = []
+    pictures: dict[str, list[int]] = {}
+    for message in recording:
+        if camera := owner(message.topic, IMAGES):
+            if keyring is None or _origin(message, camera, keyring) is not None:
+                pictures.setdefault(camera, []).append(message.time)
+                of_team.append(message._replace(raw=b"") if message.kind == messages.IMAGE else message)
+        elif rater := owner(message.topic, RATINGS):
+            of_team.append(message)
+            if message.kind == messages.RATINGS and (origin := _origin(message, rater, keyring)) is not None:
+                providers = tuple(messages.read_ratings(message.raw).providers)
+                authentic.append(_Ratings(rater, message.time, origin.stamp, providers))
+    period = _period(authentic)
+    timely = [one for one in authentic if abs(one.stamp - one.time) <= RoundTiming(period).tolerance]
+    if not any(one.providers for one in timely):
+        raise ValueError("the recording has no rating whose stamp is near the time of its arrival")
+    team = Team(
+        _sorted_names(one.rater for one in timely),
+        _sorted_names([*pictures, *(name for one in timely for name in one.providers)]),
+    )
+    i = {name: index for index, name in enumerate(team.raters)}
+    j = {name: index for index, name in enumerate(team.providers)}
+    start = min(one.stamp for one in timely)
+    count = 1 + round((max(one.stamp for one in timely) - start) / period)
+
+    def round_of(moment: int) -> int:
+        """Return the round of a stamp, or of a moment shortly after it."""
+        return min(max(0, round((moment - start) / period)), count - 1)
+
+    ratings = np.full((count, len(team.raters), len(team.providers)), np.nan)
+    for stamp, rater, provider, value in _counted(of_team, team, period, keyring):
+        ratings[round_of(stamp), i[rater], j[provider]] = value
+    sent = ~np.isnan(ratings)
+    for one in timely:
+        for provider in one.providers:
+            sent[round_of(one.stamp), i[one.rater], j[provider]] = True
+    serves = sent.any(axis=1)
+    for camera, moments in pictures.items():
+        serves[[round_of(moment) for moment in moments], j[camera]] = True
+    return TeamObservation(team, period, ratings, sent, serves)
+
+
+def _origin(message: RecordedMessage, name: str, keyring: Keyring | None) -> Envelope | None:
+    """Return the origin of a picture or of ratings; None if it is not from the agent of its topic."""
+    try:
+        if owner(message.topic, IMAGES):
+            envelope = messages.read_picture(message.raw, name).envelope
+        else:
+            envelope = messages.read_ratings(message.raw).envelope
+    except ValueError:
+        return None
+    return envelope if envelope.sender == name and is_genuine(envelope, keyring) else None
+
+
+def _period(ratings: Iterable[_Ratings]) -> int:
+    """Return the time between rounds: the median time between two messages of a rater, nanoseconds."""
+    stamps: dict[str, list[int]] = {}
+    for one in ratings:
+        stamps.setdefault(one.rater, []).append(one.stamp)
+    gaps = [b - a for own in stamps.values() for a, b in pairwise(sorted(own)) if b > a]
+    if not gaps:
+        raise ValueError("the recording has less than two rounds of ratings")
+    return round(statistics.median(gaps))
+
+
+def _counted(
+    recording: Iterable[RecordedMessage], team: Team, period: int, keyring: Keyring | None
+) -> Iterable[tuple[int, str, str, float]]:
+    """Iterate over the ratings that reach the trust model, as (stamp, rater, provider, rating); any model will do."""
+    with tempfile.TemporaryDirectory() as folder:
+        journal = Path(folder) / "journal"
+        manager = Manager(make_trust_model("constant"), journal, timing=RoundTiming(period), team=team, keyring=keyring)
+        for entry in replay_recording(recording, manager, period):
+            for rater, row in entry.ratings.items():
+                for provider, value in zip(entry.team.providers, row, strict=False):
+                    if value is not None:
+                        yield entry.stamp, rater, provider, value
+        manager.close()
+
+
+def _sorted_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the distinct names in natural order: `sr_10` after `sr_2`."""
+
+    def key(name: str) -> tuple[str, int, str]:
+        head, _, number = name.rpartition("_")
+        return (head, int(number), "") if number.isdecimal() else (name, -1, name)
+
+    return tuple(sorted(set(names), key=key))
 
 
 class InferredScenario(NamedTuple):
@@ -81,9 +222,9 @@ def infer_scenario(observation: TeamObservation, name: str) -> InferredScenario:
         "period_s": round(observation.period / 1e9, 6),
     }
     away = [
-        one
+        name
         for names, spans, here in ((team.raters, rating, present[0]), (team.providers, serving, present[1]))
-        for k, one in enumerate(names)
+        for k, name in enumerate(names)
         if (span := spans[k]) is not None and not here[span[0] : span[1], k].all()
     ]
     scenario, names = read_scenario(data, "the recording"), tuple(_ordered_names(observation))
@@ -171,9 +312,9 @@ def _presence(active: Mask, spans: Spans, silence: int) -> Mask:
 
 def _lost(due: Mask, ratings: Floats) -> Interval:
     """Return the share of the due ratings that did not count, with an interval over rounds, since losses cluster."""
-    some = due.any(axis=(1, 2))
-    counts = due[some].sum(axis=(1, 2))
-    missing = (due & np.isnan(ratings))[some].sum(axis=(1, 2))
+    expected = due.any(axis=(1, 2))
+    counts = due[expected].sum(axis=(1, 2))
+    missing = (due & np.isnan(ratings))[expected].sum(axis=(1, 2))
     mean = over_games(missing / counts)
     value, half = float(mean.mean), float(mean.half)
     return Interval(value, max(0.0, value - half), min(1.0, value + half))
@@ -200,7 +341,7 @@ def _disturbances(relative: Floats, worse: Mask) -> list[tuple[int, int, float]]
 
 def _median(values: npt.NDArray[Any], axis: int) -> Floats:
     """Return the median without NaN entries; NaN where all entries are."""
-    some = (~np.isnan(values)).any(axis=axis)
+    known = (~np.isnan(values)).any(axis=axis)
     medians: Floats = np.full(np.delete(np.array(values.shape), axis), np.nan)
-    medians[some] = np.nanmedian(np.moveaxis(values, axis, -1)[some], axis=-1)
+    medians[known] = np.nanmedian(np.moveaxis(values, axis, -1)[known], axis=-1)
     return medians

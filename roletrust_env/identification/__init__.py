@@ -1,1 +1,0 @@
-"""Identification of a scenario from the recording of a real team."""
