@@ -34,7 +34,7 @@ def launch(monkeypatch):
 def parse(command):
     """Parse a command of `roletrust` without running it."""
     assert command[:2] == ["roletrust", "live"]
-    group = typer.main.get_command(app).commands["live"]
+    group = typer.main.get_command(app).commands["live"].loaded
     single = group.commands[command[2]]
     single.make_context(command[2], command[3:])
 
@@ -43,8 +43,8 @@ def test_the_nodes_of_the_paper_start_by_default(launch):
     commands = launch()
     assert [command[2:4] for command in commands] == [
         ["manager", "team.journal"],
-        *(["cam", f"sp_{k}"] for k in range(3)),
-        *(["assess", f"sr_{k}"] for k in range(3)),
+        *(["agent", f"sp_{k}"] for k in range(3)),
+        *(["agent", f"sr_{k}"] for k in range(3)),
     ]
     for command in commands:
         parse(command)
@@ -53,5 +53,5 @@ def test_the_nodes_of_the_paper_start_by_default(launch):
 def test_parameters_reach_the_nodes(launch):
     commands = launch(keys="keys", journal="", cameras="", raters="sr_0", model="travos", speed="2.0", network="true")
     shared = ["--scenario", "paper-3x3", "--speed", "2.0", "--keys", "keys", "--network"]
-    assert commands == [["roletrust", "live", "assess", "sr_0", *shared]]
+    assert commands == [["roletrust", "live", "agent", "sr_0", "--role", "rater", *shared]]
     parse(commands[0])

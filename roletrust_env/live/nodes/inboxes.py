@@ -368,7 +368,10 @@ def rating_inbox(
     depth: int = 10,
 ) -> AgentInbox[RatingMessage]:
     """Return an inbox of the ratings of all raters; for the arguments, see `AgentInbox`."""
-    read = lambda raw, rater: messages.read_ratings(raw)  # noqa: E731
+
+    def read(raw: bytes, rater: str) -> RatingMessage:
+        return messages.read_ratings(raw)
+
     return AgentInbox(
         node, RATINGS, messages.RATINGS, read, validator, known, strangers=strangers, timing=timing, depth=depth
     )

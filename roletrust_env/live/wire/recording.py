@@ -90,7 +90,7 @@ def read_recording(folder: Path) -> Iterator[RecordedMessage]:
     """
     if not folder.is_dir():
         raise ValueError(
-            f"{folder} cannot be read: it is no folder; `roletrust live recover` turns an MCAP file into one"
+            f"{folder} cannot be read: it is no folder; `roletrust live record --recover` makes one of an MCAP file"
         )
     with _one_line_errors(folder):
         reader = Reader(folder)
@@ -124,7 +124,7 @@ def _one_line_errors(folder: Path) -> Iterator[None]:
         TypeError,
     ) as error:
         why = " ".join(str(error).split()) or "out of memory"
-        raise ValueError(f"{folder} cannot be read: {why}; `roletrust live recover` may help") from None
+        raise ValueError(f"{folder} cannot be read: {why}; `roletrust live record --recover` may help") from None
 
 
 def recover_recording(damaged: Path, folder: Path) -> int:

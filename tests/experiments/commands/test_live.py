@@ -46,16 +46,18 @@ def test_a_public_key_is_replaced_on_demand_only(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["cam", "sp_9"], "there is no provider 'sp_9'; the scenario has sp_0, sp_1, sp_2"),
-        (["cam", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
-        (["cam", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
-        (["cam", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
-        (["assess", "sr_9"], "there is no rater 'sr_9'"),
-        (["assess", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),
-        (["assess", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
+        (["agent", "sp_9"], "there is no agent 'sp_9'; the scenario has sr_0, sr_1, sr_2, sp_0, sp_1, sp_2"),
+        (["agent", "sp_0", "--role", "rater"], "there is no rater 'sp_0'; the scenario has sr_0, sr_1, sr_2"),
+        (["agent", "srsp_0", "--scenario", "robots-that-move"], "srsp_0 has both roles"),
+        (["agent", "sp_0", "--frames", "no.mp4"], "frames 'no.mp4' do not exist"),
+        (["agent", "sr_0", "--frames", "no.mp4"], "--frames are the pictures of a provider, and sr_0 plays a rater"),
+        (["agent", "sp_0", "--attack", "bad-mouthing"], "cannot play bad-mouthing: that attacks by ratings"),
+        (["agent", "sp_0", "--attack", "conflicting"], "cannot play conflicting: that attacks by treatment"),
+        (["agent", "sr_0", "--keys", "nowhere"], "there is no public key in nowhere"),
+        (["agent", "sr_0", "--attack", "nonsense"], "unknown attacker 'nonsense'"),
         (["manager", "j", "--keys", "nowhere"], "there is no public key in nowhere"),
         (["manager", "j", "--model", "nonsense"], "unknown trust model 'nonsense'"),
-        (["recover", "nowhere", "saved"], "nowhere is no recording"),
+        (["record", "saved", "--recover", "nowhere"], "nowhere is no recording"),
         (["keys", "keys", "../sr_0"], "is no name of an agent"),
     ],
 )
@@ -87,11 +89,11 @@ def test_a_replay_writes_the_rounds_of_a_recording(tmp_path):
                 row = {p: notes[r, i, j] for j, p in enumerate(TEAM.providers) if mask[r, i, j]}
                 raw = messages.encode(messages.ratings_message(name, PERIOD * (r + 1), row))
                 recorder.write(RecordedMessage(PERIOD * (r + 1) + i, f"/{name}/ratings", messages.RATINGS, raw))
-    done = run("replay", tmp_path / "bag", tmp_path / "journal", "--model", "mean")
+    done = run("manager", tmp_path / "journal", "--recording", tmp_path / "bag", "--model", "mean")
     assert done.exit_code == 0, done.output
     direct = feed(manager(tmp_path / "direct", model="mean"), notes, mask)
     assert [entry.trust for entry in read_journal(tmp_path / "journal")] == [entry.trust for entry in direct]
-    assert run("replay", tmp_path / "bag", tmp_path / "journal").exit_code == 2
+    assert run("manager", tmp_path / "journal", "--recording", tmp_path / "bag").exit_code == 2
 
 
 def test_the_curves_of_a_journal(tmp_path):

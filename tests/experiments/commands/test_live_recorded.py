@@ -187,7 +187,7 @@ def test_trust_that_cannot_be_read_is_in_no_figure(tmp_path):
 
 
 def test_a_replay_of_nothing_leaves_nothing(tmp_path):
-    done = run("live", "replay", str(tmp_path / "nowhere"), str(tmp_path / "journal"))
+    done = run("live", "manager", str(tmp_path / "journal"), "--recording", str(tmp_path / "nowhere"))
     assert done.exit_code == 2
     assert list(tmp_path.iterdir()) == []
 

@@ -47,7 +47,7 @@ def test_all_flushed_messages_of_a_killed_recorder_are_recovered(cut, tmp_path):
     write(tmp_path / "bag", SOME, closed=False)
     (path,) = (tmp_path / "bag").glob("*.mcap")
     path.write_bytes(path.read_bytes()[: path.stat().st_size - cut])
-    with pytest.raises(ValueError, match=r"cannot be read.*live recover"):
+    with pytest.raises(ValueError, match=r"cannot be read.*live record --recover"):
         list(read_recording(tmp_path / "bag"))
     count = recover_recording(tmp_path / "bag", tmp_path / "saved")
     assert list(read_recording(tmp_path / "saved")) == SOME[:count]

@@ -9,13 +9,10 @@ _HERE = "roletrust_experiments.commands.live"
     {
         "demo": f"{_HERE}.demo:demo",
         "view": f"{_HERE}.view:view",
-        "cam": f"{_HERE}.nodes:cam",
-        "assess": f"{_HERE}.nodes:assess",
+        "agent": f"{_HERE}.nodes:agent",
         "manager": f"{_HERE}.nodes:manager",
         "keys": f"{_HERE}.nodes:keys",
         "record": f"{_HERE}.recordings:record",
-        "replay": f"{_HERE}.recordings:replay",
-        "recover": f"{_HERE}.recordings:recover",
         "scenario": f"{_HERE}.recordings:scenario",
     },
     add_completion=False,
@@ -30,6 +27,6 @@ def live() -> None:
 
     [dim]# the same, with each node in its own terminal[/]
     [cyan]roletrust live manager team.jsonl[/]
-    [cyan]roletrust live cam sp_0[/]
-    [cyan]roletrust live assess sr_0[/]
+    [cyan]roletrust live agent sp_0[/]
+    [cyan]roletrust live agent sr_0[/]
     """

@@ -1,7 +1,7 @@
-"""`roletrust live cam`, `assess`, `manager` and `keys`: single nodes of a team, and their keys."""
+"""`roletrust live agent`, `manager` and `keys`: single nodes of a team, and their keys."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -9,110 +9,107 @@ from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env import Scenario as Rules
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel
-from roletrust_env.world.roster import Roster
+from roletrust_env.live.trust_tracker import Team
+from roletrust_env.storage.files import replacing
+from roletrust_env.storage.scenario_files import printable
+from roletrust_env.trust import TrustModel
 from roletrust_experiments.commands.console import console, errors
-from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, Start, period_ns, require_live
-
-if TYPE_CHECKING:
-    from roletrust_env.live.nodes.run_loop import Timeline
+from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
 
 _PAPER = "paper-3x3"
 _UNSUPPORTED = {"treatment", "presence"}  # all readers of a topic get the same message, and a process has one name
 
-Attack = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME[:key=value,...]",
-        help="Attack to play instead of honest play; see `roletrust list`.",
-        show_default=False,
-    ),
-]
+Role = Literal["rater", "provider"]
 
 
-def cam(
-    name: Annotated[str, typer.Argument(help="Name of the provider, such as sp_0.")],
+def agent(
+    name: Annotated[str, typer.Argument(help="Name of an agent of the scenario, such as sp_0 or sr_0.")],
     scenario: Scenario = _PAPER,
-    attack: Attack = None,
+    role: Annotated[
+        Role | None, typer.Option(help="Role to play; needed for an agent that has both.", show_default=False)
+    ] = None,
+    attack: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME[:key=value,...]",
+            help="Attack to play instead of honest play; see `roletrust list`.",
+            show_default=False,
+        ),
+    ] = None,
     frames: Annotated[
         str | None,
         typer.Option(
-            metavar="PATH_OR_NUMBER", help="Video, image folder or camera number.", show_default="rendered scene"
+            metavar="PATH_OR_NUMBER",
+            help="Video, image folder or camera number of a provider.",
+            show_default="rendered scene",
         ),
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start --frames again at their end.")] = False,
     keys: Keys = None,
     speed: Speed = 1.0,
-    start: Start = None,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the sensor noise of bad service.")] = 0,
+    start: Annotated[
+        int | None,
+        typer.Option(
+            help="Start of round 0, from which attacks count, ns since 1970; the next whole period by default.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed of the noise of bad service, or of the noise on a rater's links.")
+    ] = 0,
     network: Network = False,
 ) -> None:
-    """Run a [bold]camera[/], which publishes one picture a round on [green]/NAME/image_raw/compressed[/].
+    """Run an [bold]agent[/] of a team: a camera for a provider, and an assessor of pictures for a rater.
 
-    With --keys, the pictures are signed. Raters that have keys ignore all others.
+    A provider is the node [green]/NAME/cam[/], which publishes one picture a round on
+    [green]/NAME/image_raw/compressed[/]. A rater is the node [green]/NAME/assess[/], which looks for a person in every
+    picture: its rating of a camera, on [green]/NAME/ratings[/], is the probability that the picture shows one.
+
+    With --keys, pictures and ratings are signed, and agents that have keys ignore what is not. What a rater refuses is
+    published on [green]/diagnostics[/].
 
     [bold]Examples[/]
 
-    [dim]# the first camera of the paper, on the rendered scene[/]
-    [cyan]roletrust live cam sp_0 --keys keys[/]
-
-    [dim]# a camera that sends ten rounds of good pictures and ten of bad ones, in turn[/]
-    [cyan]roletrust live cam sp_2 --attack on-off:period=20[/]
+    [dim]# the first camera of the paper, on the rendered scene, and an honest rater[/]
+    [cyan]roletrust live agent sp_0 --keys keys[/]
+    [cyan]roletrust live agent sr_0 --keys keys[/]
 
     [dim]# a real camera, on the whole network[/]
-    [cyan]roletrust live cam sp_1 --frames 0 --network[/]
+    [cyan]roletrust live agent sp_1 --frames 0 --network[/]
+
+    [dim]# a camera with ten rounds of good pictures and ten of bad ones, in turn; a rater that always rates 0.2[/]
+    [cyan]roletrust live agent sp_2 --attack on-off:period=20[/]
+    [cyan]roletrust live agent sr_2 --attack bad-mouthing:level=0.2[/]
+
+    [dim]# trained attackers, see `roletrust list`; of the coalition, this rater is a member[/]
+    [cyan]roletrust live agent sr_2 --attack learned:path=rater-3x3[/]
+    [cyan]roletrust live agent sr_2 --attack learned:path=universal-raters[/]
     """
     require_live()
-    from roletrust_env.live.nodes.agent_nodes import run_camera_node
+    from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
+    from roletrust_env.live.nodes.run_loop import Timeline
 
     rules = make_scenario(scenario)
-    timeline = _timeline(rules, speed, start)
-    policy = _policy(rules, name, attack, "quality")
-    run_camera_node(
-        name,
-        rules,
-        timeline=timeline,
-        policy=policy,
-        frames=frames,
-        loop=loop,
-        keys=keys,
-        seed=seed,
-        network=network,
-    )
-
-
-def assess(
-    name: Annotated[str, typer.Argument(help="Name of the rater, such as sr_0.")],
-    scenario: Scenario = _PAPER,
-    attack: Attack = None,
-    keys: Keys = None,
-    speed: Speed = 1.0,
-    start: Start = None,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the noise on the rater's links.")] = 0,
-    network: Network = False,
-) -> None:
-    """Run a [bold]rater[/], which looks for a person in every picture and publishes on [green]/NAME/ratings[/].
-
-    Its rating of a camera is the probability that the picture shows a person. With --keys, ratings are signed, and
-    pictures and trust count only if they are signed. What it refuses is published on [green]/diagnostics[/].
-
-    [bold]Examples[/]
-
-    [dim]# an honest rater with signed ratings[/]
-    [cyan]roletrust live assess sr_0 --keys keys[/]
-
-    [dim]# a rater that always rates 0.2[/]
-    [cyan]roletrust live assess sr_2 --attack bad-mouthing:level=0.2[/]
-
-    [dim]# trained attackers, see `roletrust zoo`; of the coalition, this rater is a member[/]
-    [cyan]roletrust live assess sr_2 --attack learned:path=rater-3x3[/]
-    [cyan]roletrust live assess sr_2 --attack learned:path=universal-raters[/]
-    """
-    require_live()
-    from roletrust_env.live.nodes.agent_nodes import run_rater_node
-
-    rules = make_scenario(scenario)
-    timeline, policy = _timeline(rules, speed, start), _policy(rules, name, attack, "ratings", "silence")
-    run_rater_node(name, rules, timeline=timeline, policy=policy, keys=keys, seed=seed, network=network)
+    period, played = period_ns(rules.period_s, speed), _role(Team.of(rules), name, role)
+    timeline = Timeline.aligned(period) if start is None else Timeline(start, period)
+    if played == "provider":
+        policy = _policy(rules, name, attack, "quality")
+        run_camera_node(
+            name,
+            rules,
+            timeline=timeline,
+            policy=policy,
+            frames=frames,
+            loop=loop,
+            keys=keys,
+            seed=seed,
+            network=network,
+        )
+    else:
+        if frames is not None:
+            raise ValueError(f"--frames are the pictures of a provider, and {name} plays a rater")
+        policy = _policy(rules, name, attack, "ratings", "silence")
+        run_rater_node(name, rules, timeline=timeline, policy=policy, keys=keys, seed=seed, network=network)
 
 
 def manager(
@@ -124,12 +121,23 @@ def manager(
     keys: Keys = None,
     speed: Speed = 1.0,
     network: Network = False,
+    recording: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Recording to play through the manager in place of the network, into a new journal.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Run the [bold]manager[/], which matches ratings and publishes [green]/trust, /NAME/tor, /NAME/top[/].
 
     It expects the agents of the scenario from the start, and others from their first message on. With --keys, a rating
     counts only if the rater that it names has signed it, and all agents with a key may join. Without keys, only a few
     may join that the scenario does not name. Refusals are published on [green]/diagnostics[/].
+
+    With --recording, it does the same with recorded messages: with the same model and keys, the trust is the same to
+    the last bit.
 
     [bold]Examples[/]
 
@@ -138,22 +146,48 @@ def manager(
 
     [dim]# another trust model[/]
     [cyan]roletrust live manager results/travos.journal --model travos[/]
+
+    [dim]# the trust that TRAVOS would have published[/]
+    [cyan]roletrust live manager results/travos.jsonl --model travos --recording results/bag[/]
     """
     require_live()
     from roletrust_env.live.nodes.manager_node import run_manager_node
-    from roletrust_env.live.trust_tracker import Team
 
     rules = make_scenario(scenario)
-    roster = Roster.of(rules)
+    model, period, team = parse_trust_model(trust_model, rules), period_ns(rules.period_s, speed), Team.of(rules)
+    if recording is not None:
+        _replay(recording, journal, model, period, team, keys)
+        return
     run_manager_node(
-        parse_trust_model(trust_model, rules),
+        model,
         journal,
-        period=period_ns(rules.period_s, speed),
-        team=Team(roster.rater_names, roster.provider_names),
+        period=period,
+        team=team,
         keys=keys,
         network=network,
         report=lambda line: errors.print(line, markup=False, soft_wrap=True),
     )
+
+
+def _replay(recording: Path, journal: Path, model: TrustModel[Any], period: int, team: Team, keys: Path | None) -> None:
+    """Play a recording through a manager, and print what came of it."""
+    from roletrust_env.live.manager import Manager
+    from roletrust_env.live.nodes.manager_node import replay_recording
+    from roletrust_env.live.rounds import RoundTiming
+    from roletrust_env.live.wire.keys import PublicKeys
+    from roletrust_env.live.wire.recording import read_recording
+
+    if journal.exists():
+        raise ValueError(f"{journal} exists already; a recording needs a new journal")
+    with replacing(journal) as path:
+        keyring = None if keys is None else PublicKeys(keys)
+        manager = Manager(model, path, timing=RoundTiming(period), team=team, keyring=keyring)
+        rounds = sum(1 for _ in replay_recording(read_recording(recording), manager, period))
+        manager.close()
+    counts = manager.validator.refusals.items()
+    refusals = ", ".join(f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts)
+    summary = f"{rounds} rounds, written to {journal}; refused: {refusals or 'nothing'}"
+    console.print(summary, markup=False, soft_wrap=True)
 
 
 def keys(
@@ -181,8 +215,8 @@ def keys(
     from roletrust_env.live.validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
 
-    roster = Roster.of(make_scenario(_PAPER))
-    names = names or [MANAGER, *roster.rater_names, *roster.provider_names]
+    team = Team.of(make_scenario(_PAPER))
+    names = names or [MANAGER, *team.raters, *team.providers]
     new = make_keys(folder, names, replace=replace)
     old = [name for name in names if name not in new]
     console.print(f"Made in {folder}: {', '.join(new) or 'none'}", soft_wrap=True)
@@ -190,11 +224,21 @@ def keys(
         console.print(f"Unchanged: {', '.join(old)}", soft_wrap=True)
 
 
-def _timeline(rules: Rules, speed: float, start: int | None) -> "Timeline":
-    from roletrust_env.live.nodes.run_loop import Timeline
+def _role(team: Team, name: str, wanted: Role | None) -> Role:
+    """Return the role that an agent plays.
 
-    period = period_ns(rules.period_s, speed)
-    return Timeline.aligned(period) if start is None else Timeline(start, period)
+    Raises:
+        ValueError: The scenario has no such agent, or it has not that role, or has both.
+    """
+    names: dict[Role, tuple[str, ...]] = {"rater": team.raters, "provider": team.providers}
+    roles = [role for role in names if name in names[role]]
+    if not roles:
+        raise ValueError(f"there is no agent {name!r}; the scenario has {', '.join((*team.raters, *team.providers))}")
+    if wanted is None and len(roles) > 1:
+        raise ValueError(f"{name} has both roles, each a process of its own: choose one with --role")
+    if wanted is not None and wanted not in roles:
+        raise ValueError(f"there is no {wanted} {name!r}; the scenario has {', '.join(names[wanted])}")
+    return wanted or roles[0]
 
 
 def _policy(rules: Rules, name: str, attack: str | None, *channels: Channel) -> Policy | None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 from roletrust_env.live.nodes.run_loop import end_with_parent
 
-_NODES = [f"roletrust_env.live.nodes.{name}_node" for name in ("camera", "manager", "rater", "recorder")]
+_NODES = [f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")]
 _READY_S = 120.0  # time for a process to start, even on a busy machine
 _STOP_S = 5.0
 

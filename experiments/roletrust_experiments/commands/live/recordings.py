@@ -1,4 +1,4 @@
-"""`roletrust live record`, `replay`, `recover` and `scenario`: recordings and their use."""
+"""`roletrust live record` and `scenario`: recordings of a team and their use."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,92 +6,47 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from roletrust_env import make_scenario
-from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.storage.files import replacing
-from roletrust_env.storage.scenario_files import printable
-from roletrust_env.world.roster import Roster
+from roletrust_env.storage.scenario_files import printable, write_scenario
 from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
-
-NewFolder = Annotated[Path, typer.Argument(help="New folder.")]
+from roletrust_experiments.commands.live.options import Keys, Network, require_live
 
 
 def record(
-    folder: NewFolder,
+    folder: Annotated[Path, typer.Argument(help="New folder.")],
     images: Annotated[bool, typer.Option("--images/--no-images", help="Whether to record the pictures.")] = True,
     network: Network = False,
+    recover: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Folder or file of a damaged recording, whose readable messages are saved; nothing new is recorded.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Record [bold]all messages[/] until Ctrl-C, as MCAP in the format of `ros2 bag`.
+
+    A recording whose process was killed lacks its index, and ordinary readers refuse it. With --recover, its readable
+    messages are written to a new folder.
 
     [bold]Examples[/]
 
     [cyan]roletrust live record results/bag[/]
+
+    [dim]# what is left of a recording whose process was killed[/]
+    [cyan]roletrust live record results/recovered --recover results/bag[/]
     """
     require_live()
-    from roletrust_env.live.nodes.recorder_node import run_recorder_node
+    if recover is not None:
+        from roletrust_env.live.wire.recording import recover_recording
 
-    count = run_recorder_node(folder, images=images, network=network)
-    console.print(f"Recorded {count} messages in {folder}", soft_wrap=True)
+        count, done = recover_recording(recover, folder), "Recovered"
+    else:
+        from roletrust_env.live.nodes.recorder_node import run_recorder_node
 
-
-def replay(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording.")],
-    journal: Annotated[Path, typer.Argument(help="New journal file for the rounds.")],
-    scenario: Scenario = "paper-3x3",
-    trust_model: Annotated[
-        str, typer.Option("--model", metavar="NAME[:key=value,...]", help="Trust model; see `roletrust list`.")
-    ] = "role-trust",
-    keys: Keys = None,
-    speed: Speed = 1.0,
-) -> None:
-    """Replay a recording [bold]through the manager[/], with the same trust model or another.
-
-    With the same model and keys, the trust is the same to the last bit.
-
-    [bold]Examples[/]
-
-    [dim]# the trust that TRAVOS would have published[/]
-    [cyan]roletrust live replay results/bag results/travos.jsonl --model travos[/]
-    """
-    require_live()
-    from roletrust_env.live.manager import Manager
-    from roletrust_env.live.nodes import manager_node
-    from roletrust_env.live.rounds import RoundTiming
-    from roletrust_env.live.trust_tracker import Team
-    from roletrust_env.live.wire.keys import PublicKeys
-    from roletrust_env.live.wire.recording import read_recording
-
-    if journal.exists():
-        raise ValueError(f"{journal} exists already; a replay needs a new file")
-    rules = make_scenario(scenario)
-    roster, period = Roster.of(rules), period_ns(rules.period_s, speed)
-    keyring = None if keys is None else PublicKeys(keys)
-    team = Team(roster.rater_names, roster.provider_names)
-    model = parse_trust_model(trust_model, rules)
-    with replacing(journal) as path:
-        manager = Manager(model, path, timing=RoundTiming(period), team=team, keyring=keyring)
-        entries = list(manager_node.replay_recording(read_recording(recording), manager, period))
-        manager.close()
-    counts = manager.validator.refusals.items()
-    refusals = ", ".join(f"{printable(rater) or 'unknown'} {reason}: {n}" for (rater, reason), n in counts)
-    summary = f"{len(entries)} rounds, written to {journal}; refused: {refusals or 'nothing'}"
-    console.print(summary, markup=False, soft_wrap=True)
-
-
-def recover(damaged: Annotated[Path, typer.Argument(help="Folder or file of a recording.")], folder: NewFolder) -> None:
-    """Recover the readable messages of a [bold]damaged recording[/], such as that of a killed process.
-
-    [bold]Examples[/]
-
-    [cyan]roletrust live recover results/bag results/bag-recovered[/]
-    """
-    require_live()
-    from roletrust_env.live.wire import recording
-
-    count = recording.recover_recording(damaged, folder)
-    console.print(f"Recovered {count} messages in {folder}", soft_wrap=True)
+        count, done = run_recorder_node(folder, images=images, network=network), "Recorded"
+    console.print(f"{done} {count} messages in {folder}", soft_wrap=True)
 
 
 def scenario(
@@ -117,7 +72,6 @@ def scenario(
     from roletrust_env.live.recorded_team import infer_scenario, observe_team
     from roletrust_env.live.wire.keys import PublicKeys
     from roletrust_env.live.wire.recording import read_recording
-    from roletrust_env.storage.scenario_files import write_scenario
 
     if out.suffix != ".toml":
         raise ValueError(f"{out}: the name of the scenario must end in .toml")

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from roletrust_env import make_scenario
-from roletrust_env.world.roster import Roster
 from roletrust_experiments.commands.console import console, errors
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed, require_live
@@ -40,13 +39,12 @@ def view(
             server.io_loop.add_callback(server.show, "/")
 
     rules = make_scenario(scenario)
-    roster = Roster.of(rules)
     if keys is None:
         errors.print("view: WITHOUT KEYS: everybody on this network can forge what the page shows", soft_wrap=True)
     run_view_server(
         port,
         rules.period_s / speed,
-        team=Team(roster.rater_names, roster.provider_names),
+        team=Team.of(rules),
         keys=keys,
         speed=speed,
         network=network,

@@ -35,8 +35,8 @@ def nodes(context):
     shared += ["--keys", given["keys"]] if given["keys"] else []
     shared += ["--network"] if given["network"] == "true" else []
     commands = [["manager", given["journal"], "--model", given["model"]]] if given["journal"] else []
-    commands += [["cam", name] for name in given["cameras"].split(",") if name]
-    commands += [["assess", name] for name in given["raters"].split(",") if name]
+    commands += [["agent", name, "--role", "provider"] for name in given["cameras"].split(",") if name]
+    commands += [["agent", name, "--role", "rater"] for name in given["raters"].split(",") if name]
     return [
         ExecuteProcess(cmd=["roletrust", "live", *command, *shared], name=command[1].replace("/", "_"), output="screen")
         for command in commands
