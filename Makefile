@@ -95,25 +95,18 @@ scale: setup
 	$(BIN)/python -m studies.scale --seeds 20 --out $(OUT)/scale
 	cp $(OUT)/scale/scale.md $(OUT)/scale/scale-harm.csv $(OUT)/scale/scale-costs.csv docs/
 
-# The leaderboard and its report, of which the README has the table; an hour and a half on two cores.
+# The leaderboard and its report, of which the README has the table; an hour and a half on two cores. Git ignores the raw
+# results beside the tables; `make archive` packs them.
 benchmark: setup
-	$(BIN)/roletrust benchmark --suite standard-5 --out $(OUT)/standard-5
-	$(BIN)/roletrust report $(OUT)/standard-5/results.sqlite --pages ../../reference/models \
-		--out docs/leaderboards/standard-5
+	$(BIN)/roletrust benchmark --suite standard --out $(OUT)/standard
+	$(BIN)/roletrust report $(OUT)/standard/results.sqlite --pages ../../reference/models \
+		--out docs/leaderboards/standard
 
-# The attacks that the suites from standard-3 on know: the worst one that is found on each trust model. Each search
-# starts from the attacks of the one before. Three hours on two cores.
+# Worse attacks than those that the suite standard knows; an hour on two cores.
+SUITES := roletrust_env/benchmarking/suites
 known-attacks: setup
-	$(BIN)/roletrust benchmark --suite standard-3-search --out $(OUT)/standard-3-search
-	$(BIN)/roletrust submit $(OUT)/standard-3-search/results.sqlite --attacks \
-		--out roletrust_env/benchmarking/suites/standard-3-known.json
-	$(BIN)/roletrust benchmark --suite standard-4-search --out $(OUT)/standard-4-search
-	$(BIN)/roletrust submit $(OUT)/standard-4-search/results.sqlite --attacks \
-		--out roletrust_env/benchmarking/suites/standard-4-known.json
-	$(BIN)/roletrust benchmark --suite experiments/studies/suites/known-attacks.toml --known roletrust_env/benchmarking/suites/standard-4-known.json \
-		--out $(OUT)/standard-5-search
-	$(BIN)/roletrust submit $(OUT)/standard-5-search/results.sqlite --attacks \
-		--out roletrust_env/benchmarking/suites/standard-5-known.json
+	$(BIN)/roletrust benchmark --suite experiments/studies/suites/known-attacks.toml --known $(SUITES)/standard-known.json --out $(OUT)/known-attacks
+	$(BIN)/roletrust submit $(OUT)/known-attacks/results.sqlite --attacks --out $(OUT)/known-attacks/known.json
 
 # Whether runs with other seeds agree as often as they promise, and whether the places of agents matter; some 20 minutes on
 # two cores.
@@ -167,9 +160,9 @@ leave-one-out-logs: setup
 	cp $(OUT)/real-30/real.csv docs/leave-one-out-30.csv
 	cp $(OUT)/real-7/real.csv docs/leave-one-out-7.csv
 
-# The game that the suite standard-5 has played; a minute, once `make benchmark` has run.
+# The game that the suite standard has played; a minute, once `make benchmark` has run.
 equilibrium: setup
-	$(BIN)/python -m studies.equilibrium $(OUT)/standard-5/results.sqlite --out $(OUT)/equilibrium
+	$(BIN)/python -m studies.equilibrium $(OUT)/standard/results.sqlite --out $(OUT)/equilibrium
 	mkdir -p docs/equilibrium
 	cp $(OUT)/equilibrium/equilibrium.* $(OUT)/equilibrium/attacks.csv docs/equilibrium/
 
@@ -243,7 +236,7 @@ ladder: setup
 	cp $(OUT)/ladder/ladder.png docs/ladder.png
 
 # Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve, in the crowd and in
-# the market of the standard suite, trained against five trust models in turn; some minutes on two cores with
+# the market of the suite two-worlds, trained against five trust models in turn; some minutes on two cores with
 # `make -j 2`. What is in $(OUT)/universal is not trained again.
 FIVE := --model wary-role-trust --model beta --model role-trust --model qor --model median
 EVOLVE := $(BIN)/roletrust train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead $(FIVE)
@@ -285,8 +278,10 @@ zoo: setup universal
 report: setup
 	$(BIN)/python -m roletrust_experiments.article docs build/report
 
-# The source and the published results of the last commit, with checksums; the same bytes for the same commit.
+# The assets of a release, with checksums: the source and the tables of the last commit, the same bytes for the same commit,
+# and the raw results beside the tables, as `make benchmark` and `make attackers` have written them.
 ARCHIVE := build/archive
+RESULTS := docs/leaderboards/standard docs/attackers
 archive:
 	rm -rf $(ARCHIVE)
 	mkdir -p $(ARCHIVE)
@@ -295,7 +290,11 @@ archive:
 	cd $(ARCHIVE) && find roletrust -type f -print0 | LC_ALL=C sort -z | xargs -0 sha256sum > SHA256SUMS
 	gzip -n -9 $(ARCHIVE)/roletrust.tar
 	rm -rf $(ARCHIVE)/roletrust
-	cd $(ARCHIVE) && sha256sum roletrust.tar.gz SHA256SUMS | tee roletrust.sha256
+	git ls-files -z --others --ignored --exclude-standard $(RESULTS) | LC_ALL=C sort -z > $(ARCHIVE)/raw
+	[ -s $(ARCHIVE)/raw ] || echo 'There are no raw results: make benchmark and make attackers write them.'
+	tar --null --files-from=$(ARCHIVE)/raw --mtime=@0 --owner=0 --group=0 --numeric-owner -c | gzip -n -9 > $(ARCHIVE)/roletrust-results.tar.gz
+	rm $(ARCHIVE)/raw
+	cd $(ARCHIVE) && sha256sum *.tar.gz SHA256SUMS | tee roletrust.sha256
 
 format: setup
 	$(BIN)/ruff check --fix .

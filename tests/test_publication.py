@@ -74,11 +74,12 @@ def test_the_same_commit_gives_the_same_archive(tmp_path):
     assert sums[0] == sums[1]
     assert sums[0] in (tmp_path / "one" / "roletrust.sha256").read_text()
     listed = dict(reversed(line.split("  ")) for line in (tmp_path / "one" / "SHA256SUMS").read_text().splitlines())
-    board = "docs/leaderboards/standard-5/leaderboard.csv"
+    board = "docs/leaderboards/standard/leaderboard.csv"
     stored = subprocess.run(["git", "show", f"HEAD:{board}"], cwd=HOUSE, check=True, capture_output=True).stdout
     assert listed[f"roletrust/{board}"] == hashlib.sha256(stored).hexdigest()
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
         "SHA256SUMS",
+        "roletrust-results.tar.gz",
         "roletrust.sha256",
         "roletrust.tar.gz",
     ]

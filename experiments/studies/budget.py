@@ -79,7 +79,7 @@ def budget(
             show_default=False,
         ),
     ] = None,
-    suite: ConditionSuite = "standard-2",
+    suite: ConditionSuite = "two-worlds",
     stage: ConditionScenario = "crowd",
     track: ConditionTrack = "coalition",
     share: ConditionShare = 0.3,
@@ -139,7 +139,7 @@ def budget(
     _print(found)
     console.print(escape(caption), soft_wrap=True)
     console.print(f"Written to {out}: budget.png, budget.md, budget.csv, budget.json", soft_wrap=True)
-    chosen = [*option("--suite", suite, "standard-2"), *option("--scenario", stage, "crowd")]
+    chosen = [*option("--suite", suite, "two-worlds"), *option("--scenario", stage, "crowd")]
     print_next("transfer", option("--model", model), chosen)
     if failed:
         raise typer.Exit(1)

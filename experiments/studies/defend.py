@@ -55,7 +55,7 @@ def defend(
             show_default=False,
         ),
     ] = None,
-    suite: ConditionSuite = "standard-4",
+    suite: ConditionSuite = "standard",
     front: Annotated[
         list[str] | None,
         typer.Option(

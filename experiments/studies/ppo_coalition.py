@@ -1,6 +1,6 @@
 """PPO (Schulman et al., 2017) for a coalition in one file: `python -m studies.ppo_coalition`.
 
-Half of ten raters lie together, in the world `crowd` of the benchmark `standard`. The file prints the reward during the
+Half of ten raters lie together, in the world `crowd` of the suite `two-worlds`. The file prints the reward during the
 training and the utility of consumers in fresh games at the end: 1 if they always got the best service. The actor is a
 `DeepSet` in torch, and its noise is held over each episode: noise drawn anew in each round would cancel in smoothed
 trust. Copy the file to try other algorithms; `CoalitionPpo` does the same with Stable-Baselines3.
@@ -22,6 +22,7 @@ from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
 from roletrust_env.game.coalition_features import FEATURES
+from studies import SUITES
 
 VALIDATED, MEASURED = 54_321, 12_345
 """Random seeds of the games that choose an agent, and of those at the end."""
@@ -240,7 +241,7 @@ def update(agent: Agent, optimiser: torch.optim.Optimizer, rollout: Rollout, set
 def condition(settings: Settings) -> TaskArguments:
     """Return the arguments of the task: the condition of the benchmark with the coalition as one mind."""
     cell = Cell(settings.model, "crowd", settings.track, settings.share, "scripted", settings.seed)
-    suite = load_suite("standard")
+    suite = load_suite(SUITES / "two-worlds.toml")
     assert isinstance(suite, Suite)  # not one for learners
     return {**task_arguments(suite, cell), "observation": "coalition"}
 

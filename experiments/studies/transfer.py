@@ -53,7 +53,7 @@ def transfer(
         ),
     ] = None,
     budget: Annotated[int, typer.Option(min=1, help="Rounds x games that each training may play.")] = 300_000,
-    suite: ConditionSuite = "standard-2",
+    suite: ConditionSuite = "two-worlds",
     stage: ConditionScenario = "crowd",
     track: ConditionTrack = "raters",
     share: ConditionShare = 0.5,

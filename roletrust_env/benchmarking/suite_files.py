@@ -32,15 +32,11 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
         ValueError: The name is unknown, or the file cannot be read or does not contain a valid suite.
     """
     path = Path(suite)
-    if path.suffix == ".toml":
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"suite {path} cannot be read: {error}") from None
-        return read_suite({"name": path.stem, **_parse(text, path, path.parent)}, f"suite {path}")
-    if str(suite) not in (names := _names()):
-        raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
-    return read_suite({"name": str(suite), **_parse(_text(str(suite)), suite)}, f"suite {suite}")
+    if path.suffix != ".toml":
+        if str(suite) not in (names := _names()):
+            raise ValueError(f"unknown suite {str(suite)!r}{suggest(suite, names)}, or the path of a .toml file")
+        path = _FOLDER / f"{suite}.toml"
+    return read_suite({"name": path.stem, **_fields(path)}, f"suite {suite}")
 
 
 def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
@@ -65,40 +61,43 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
 
 
 _TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
-_SEARCHED = "standard-3-search", "standard-3", "standard-4-search", "standard-4", "standard-5"
-_EXTENDABLE = ("quick", "standard", "standard-2", *_SEARCHED, "full")
+_EXTENDABLE = "quick", "standard", "full"
 
 
 def _names() -> list[str]:
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 
-def _text(name: str) -> str:
-    return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
-
-
-def _parse(text: str, source: str | Path, folder: Path = _FOLDER) -> dict[str, Any]:
-    """Return the fields in a text, and those of the suite that it extends where it has none of its own.
+def _fields(path: Path, *extending: Path) -> dict[str, Any]:
+    """Return the fields of a suite in a file, and those of the suite that it extends where it has none of its own.
 
     Args:
-        text: Content of a TOML file.
-        source: Name of the suite or path of the file, for error messages.
-        folder: Folder of the file, which also has the known attacks.
+        path: Path of a TOML file. Known attacks and a file that it extends lie beside it.
+        *extending: Files that extend this one.
+
+    Raises:
+        ValueError: A file cannot be read, is not valid TOML or extends what it must not.
     """
+    if path in extending:
+        raise ValueError(f"suite {path} extends itself")
     try:
-        data = tomllib.loads(text)
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"suite {source} is not valid TOML: {error}") from None
+        raise ValueError(f"suite {path} is not valid TOML: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"suite {path} cannot be read: {error}") from None
     if isinstance(names := data.get("known"), str):
         names = [names]
     if isinstance(names, list):
-        data["known"] = joined(*(read_known_attacks(folder / str(name)) for name in names))
+        data["known"] = joined(*(read_known_attacks(path.parent / str(name)) for name in names))
     if "extends" not in data:
         return data
-    base = data.pop("extends")
-    if base not in _EXTENDABLE:
-        raise ValueError(f"suite {source}: extends is {base!r}; it must be one of {', '.join(_EXTENDABLE)}")
-    return {**_parse(_text(base), base), **data}
+    base = str(data.pop("extends"))
+    if base not in _EXTENDABLE and not base.endswith(".toml"):
+        allowed = ", ".join(_EXTENDABLE)
+        raise ValueError(f"suite {path}: extends is {base!r}; it must be one of {allowed}, or a .toml file beside it")
+    file = _FOLDER / f"{base}.toml" if base in _EXTENDABLE else path.parent / base
+    return {**_fields(file, path, *extending), **data}
 
 
 def reproduction_command(suite: SuiteSchema, path: Path) -> str:

@@ -37,9 +37,9 @@ def test_a_suite_of_the_project_is_given_by_its_name(suite, fields):
 
 
 def test_known_attacks_are_a_file():
-    known = [KnownAttack(name="mine", scenario="crowd", track="raters", share=0.5, record="{}")]
-    command = reproduction_command(with_known(load_suite("standard-2"), known), FILE)
-    assert command == "roletrust benchmark --suite standard-2 --known known.json --out 'results/my run'"
+    known = [KnownAttack(name="mine", scenario="crowd", track="raters", share=0.4, record="{}")]
+    command = reproduction_command(with_known(load_suite("standard"), known), FILE)
+    assert command == "roletrust benchmark --suite standard --known known.json --out 'results/my run'"
 
 
 def test_the_stored_suite_gives_the_command():

@@ -127,8 +127,8 @@ def test_two_games_are_enough_and_an_own_class_learns(tmp_path, name):
 
 
 def test_a_condition_that_the_suite_attacks_has_strangers():
-    assert Front.of("standard-4", "crowd/raters/0.4").has_strangers
-    assert not Front.of("standard-4", "crowd/raters/0.35").has_strangers
+    assert Front.of("standard", "crowd/raters/0.4").has_strangers
+    assert not Front.of("standard", "crowd/raters/0.35").has_strangers
 
 
 def test_a_repeat_says_the_same(played):

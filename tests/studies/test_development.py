@@ -34,8 +34,8 @@ def test_no_other_suite_has_its_seeds() -> None:
 
 def test_the_page_agrees_with_the_leaderboard() -> None:
     page = (DOCS / "better-model.md").read_text(encoding="utf-8")
-    section = page.partition("## In the suite standard-5")[2].partition("\n\nSome variants")[0]
-    with (DOCS / "leaderboards" / "standard-5" / "leaderboard.csv").open(encoding="utf-8") as file:
+    section = page.partition("## In the suite standard")[2].partition("\n\nSome variants")[0]
+    with (DOCS / "leaderboards" / "standard" / "leaderboard.csv").open(encoding="utf-8") as file:
         rows = {row["model"]: row for row in csv.DictReader(file)}
     numbers = re.findall(r"0\.\d{3} ± 0\.\d{3}", " ".join(section.split()))
     selected = [rows[model] for model in ("wary-role-trust", "role-trust", "qor")]

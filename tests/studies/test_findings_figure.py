@@ -7,7 +7,7 @@ from studies.plots.findings import Panel, Series, finding_figure
 
 pytestmark = pytest.mark.slow
 
-NOTE = "4 conditions of standard-4, 95% intervals over games"
+NOTE = "4 conditions of standard, 95% intervals over games"
 
 
 def panels(labels):

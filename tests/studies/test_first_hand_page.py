@@ -55,7 +55,7 @@ def test_it_is_alone_in_the_first_tier_and_not_by_its_published_trust() -> None:
 
 
 def test_its_number_in_the_leaderboard_stands_beside_those_of_others() -> None:
-    with (DOCS / "leaderboards" / "standard-5" / "leaderboard.csv").open(encoding="utf-8") as file:
+    with (DOCS / "leaderboards" / "standard" / "leaderboard.csv").open(encoding="utf-8") as file:
         board = {row["model"]: row for row in csv.DictReader(file)}
     section = " ".join(PAGE.partition("## In the leaderboard")[2].partition("## ")[0].split())
     for name in ("first-hand", "travos", "own-experience", "leave-one-out", "wary-role-trust"):

@@ -10,8 +10,8 @@ from typing import Any
 from markupsafe import Markup, escape
 
 FILES = {
-    "leaderboard": "leaderboards/standard-5/leaderboard.csv",
-    "conditions": "leaderboards/standard-5/conditions.csv",
+    "leaderboard": "leaderboards/standard/leaderboard.csv",
+    "conditions": "leaderboards/standard/conditions.csv",
     "transfer": "attackers/transfer.csv",
     "equilibrium": "equilibrium/equilibrium.csv",
     "parts": "leave-one-out.csv",

@@ -48,8 +48,7 @@ def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard-5, standard-4, full, learners, learners-quick, real, or the path of a "
-            ".toml file.",
+            help="Suite to play: quick, standard, full, learners, learners-quick, real, or the path of a .toml file.",
             autocompletion=completion.suites,
         ),
     ] = "quick",
@@ -142,7 +141,7 @@ def benchmark(
     [cyan]roletrust benchmark[/]
 
     [dim]# the time that the suite of the leaderboard takes[/]
-    [cyan]roletrust benchmark --suite standard-5 --dry-run[/]
+    [cyan]roletrust benchmark --suite standard --dry-run[/]
 
     [dim]# your own model beside two others[/]
     [cyan]roletrust benchmark --model mypackage.mymodel:MyModel --model role-trust --model median[/]

@@ -14,6 +14,7 @@ from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
 from roletrust_env.game.policy_registry import registry as attackers
 from roletrust_env.metrics.score import mean_or_nan
+from studies import SUITES
 
 _FRESH = 1_000_000  # added to the seed of a search: no search has seen the games that measure it
 
@@ -38,7 +39,7 @@ class Condition(NamedTuple):
         """Return a condition from the options of a command.
 
         Args:
-            suite: Name of a suite, or path of its TOML file.
+            suite: Name of a suite of the studies or of the benchmark, or path of a TOML file.
             scenario: Name of a scenario in the suite.
             track: Name of a track in the suite.
             share: Share of compromised agents.
@@ -46,7 +47,8 @@ class Condition(NamedTuple):
         Raises:
             ValueError: A name is unknown, the suite is for learners, or nobody is compromised on the track.
         """
-        loaded = load_suite(suite)
+        own = SUITES / f"{suite}.toml"
+        loaded = load_suite(own if own.is_file() else suite)
         if not isinstance(loaded, Suite):
             raise ValueError(f"the suite {loaded.name} is one for {loaded.kind}; choose one for trust models")
         check_installed(attackers, loaded.attacks)

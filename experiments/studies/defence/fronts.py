@@ -146,7 +146,9 @@ class Front(NamedTuple):
 
     def _known_there(self) -> list[KnownAttack]:
         where = self.condition
-        return where.suite.known_in((where.scenario, where.track, where.share))
+        known = where.suite.known_in((where.scenario, where.track, where.share))
+        # Those of the evolution strategy are no strangers: some were found against `first-hand` and `leave-one-out`.
+        return [one for one in known if not one.name.startswith("evolution strategy against ")]
 
     def _scripts(self) -> list[KnownAttack]:
         """Return the scripted attacks of the suite at their defaults."""

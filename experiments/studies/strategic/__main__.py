@@ -61,7 +61,7 @@ def strategic(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Scenario of the suite standard-4; repeat for more; crowd and market if left out.",
+            help="Scenario of the suite standard; repeat for more; crowd and market if left out.",
             show_default=False,
         ),
     ] = None,

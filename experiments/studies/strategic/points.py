@@ -29,7 +29,7 @@ SCENARIOS, COSTS = ("crowd", "market"), (0.1, 0.3)
 STARTS = ("nobody learns", "honest", "honest, shuffled", "random")
 """Starts of the learners. In the first everybody stays honest; in the third rewards are shuffled, see `learn`."""
 
-SUITE = "standard-4"
+SUITE = "standard"
 HONEST_WITHIN = 0.1
 """Departure from honest play up to which a strategy counts as honest."""
 

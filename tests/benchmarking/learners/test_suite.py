@@ -12,6 +12,7 @@ from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.suite_files import load_suite, read_suite
+from studies import SUITES
 
 SHORT = {"max_cycles": 12, "noise": 0.0, "perturbations": []}
 
@@ -109,7 +110,7 @@ def test_the_suites_of_the_project_can_be_played(name):
 )
 def test_the_coalitions_are_those_of_the_standard_suite(task, condition):
     arguments = load_suite("learners").tasks[task].arguments()
-    standard = task_arguments(load_suite("standard"), Cell("role-trust", *condition, "PPO", 0))
+    standard = task_arguments(load_suite(SUITES / "two-worlds.toml"), Cell("role-trust", *condition, "PPO", 0))
     assert {name: arguments[name] for name in ("scenario", "compromised", "objective")} == {
         name: standard[name] for name in ("scenario", "compromised", "objective")
     }

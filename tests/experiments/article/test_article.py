@@ -20,7 +20,7 @@ from roletrust_experiments.article.results import FILES, Results
 HOUSE = Path(__file__).parents[3]
 DOCS = HOUSE / "docs"
 MINUS = "\N{MINUS SIGN}"
-FREE = {"style", "title", "code"}  # names, such as `standard-5`
+FREE = {"style", "title", "code"}  # names, such as `standard`
 FREE_CLASSES = {"cite", "references", "version"}
 
 
@@ -187,7 +187,7 @@ def test_a_damaged_bibliography_is_named(tmp_path, content, message):
 def test_numbers_are_rounded_and_signed():
     results = Results(DOCS)
     assert results.mark("leaderboard", "-0.4004") == (
-        f'<data value="-0.4004" data-from="leaderboards/standard-5/leaderboard.csv">{MINUS}0.400</data>'
+        f'<data value="-0.4004" data-from="leaderboards/standard/leaderboard.csv">{MINUS}0.400</data>'
     )
     assert ">0.000<" in results.mark("leaderboard", "-0.0001")
     assert results.mark("leaderboard", "") == "\N{EN DASH}"

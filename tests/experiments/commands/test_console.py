@@ -29,7 +29,7 @@ def test_a_progress_bar_moves_or_is_not_there(where, shown):
 
 
 def test_options_with_their_defaults_are_left_out():
-    defaults = {"defence": None, "model": None, "suite": "standard-4", "iterations": 4, "explored": 0.25, "seed": 0}
+    defaults = {"defence": None, "model": None, "suite": "standard", "iterations": 4, "explored": 0.25, "seed": 0}
     assert changed_options(defend, **defaults) == []
     changes = {"defence": ["network"], "model": ["beta", "mean"], "explored": 0.5}
     words = ["--defence", "network", "--model", "beta", "--model", "mean", "--explored", "0.5"]
