@@ -14,7 +14,7 @@ from roletrust_env import metrics
 from roletrust_env.envs.aec import env
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
 from roletrust_env.envs.vector import register_tasks
-from roletrust_env.envs.wrappers import EachAgent, Everybody, Levels, Scaled
+from roletrust_env.envs.wrappers import DiscretizeLevels, FixedAgents, ParallelTransformAction, RescaleClipAction
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy, Player
@@ -45,19 +45,19 @@ __all__ = [
     "Actions",
     "AttackTask",
     "AttackVecEnv",
-    "EachAgent",
-    "Everybody",
+    "DiscretizeLevels",
+    "FixedAgents",
     "Game",
     "History",
     "JointPolicy",
-    "Levels",
     "Noise",
+    "ParallelTransformAction",
     "Player",
     "Policy",
     "Random",
+    "RescaleClipAction",
     "RoleTrustParallelEnv",
     "RoleVecEnv",
-    "Scaled",
     "Scenario",
     "SparseGame",
     "State",

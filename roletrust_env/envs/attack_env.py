@@ -40,7 +40,8 @@ class AttackEnv(gymnasium.Env[Vector, Vector]):
     ## Action Space
 
     `Box(0, 1, (A,), float32)`: for each compromised agent in turn its quality, if it provides, then its ratings of the
-    P providers, if it rates. The wrappers `Scaled` and `Levels` of `roletrust_env` change the action space.
+    P providers, if it rates. The wrappers `RescaleClipAction` and `DiscretizeLevels` of `roletrust_env` change the
+    action space.
 
     ## Observation Space
 

@@ -10,7 +10,7 @@ from roletrust_env.envs.arguments import check_number
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.envs.spectator import RenderMode
 from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.envs.vec_env_base import Flags, Floats, Slots, Step
+from roletrust_env.envs.vec_env_base import BatchVecEnv, Flags, Floats, Step
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
@@ -23,7 +23,7 @@ Role = Literal["sr", "sp", "srsp"]
 _ROLES = {prefix: role for role, prefix in PREFIXES.items()}
 
 
-class AttackVecEnv(Slots):
+class AttackVecEnv(BatchVecEnv):
     """An attack task for Stable-Baselines3: E games of the task, played as one batch.
 
     Spaces and rewards are those of the task's `AttackEnv`, except for the range of the actions. A game that ends is
@@ -103,7 +103,7 @@ class AttackVecEnv(Slots):
         self._spectator.follow(self._batch.games)
 
 
-class RoleVecEnv(Slots):
+class RoleVecEnv(BatchVecEnv):
     """All agents of one role, each a slot: one policy with shared parameters learns to play the role.
 
     The game is that of `RoleTrustParallelEnv`, E times. Each agent has its own observation, action and reward, those

@@ -32,7 +32,7 @@ class Step(NamedTuple):
     infos: list[dict[str, Any]]
 
 
-class Slots(VecEnv):
+class BatchVecEnv(VecEnv):
     """The part of `VecEnv` that is the same for a slot that is a game and for a slot that is an agent.
 
     The infos of a slot whose episode ends hold `terminal_observation`, `TimeLimit.truncated` and SB3's `episode`: `r`,

@@ -18,14 +18,14 @@ ByName = dict[str, Any]
 Answers = tuple[ByName, ByName, ByName, ByName, ByName]
 
 
-class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
+class RescaleClipAction(TransformAction[Any, Any, Any], RecordConstructorArgs):
     """Actions in [-1, 1], clipped, for learners with a Gaussian that is centred on 0 and leaves the space.
 
-    It wraps a task of Gymnasium, or the agents in `EachAgent`. The space stays bounded, which many libraries need;
-    Gymnasium's `ClipAction` makes it unbounded. NaN stays NaN, and the environment refuses it.
+    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. The space stays bounded, which many
+    libraries need; Gymnasium's `ClipAction` makes it unbounded. NaN stays NaN, and the environment refuses it.
 
     Example:
-        >>> env = Scaled(gymnasium.make("RoleTrust/RaterAttack-v0"))
+        >>> env = RescaleClipAction(gymnasium.make("RoleTrust/RaterAttack-v0"))
         >>> env.action_space
         Box(-1.0, 1.0, (3,), float32)
     """
@@ -42,11 +42,11 @@ class Scaled(TransformAction[Any, Any, Any], RecordConstructorArgs):
         return np.clip(numbers, -1.0, 1.0) * 0.5 + 0.5 if numbers.dtype.kind in "fiub" else action
 
 
-class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
+class DiscretizeLevels(TransformAction[Any, Any, Any], RecordConstructorArgs):
     """Discrete actions: each entry has one of several levels from 0 to 1, both ends included.
 
-    It wraps a task of Gymnasium, or the agents in `EachAgent`. Gymnasium's `DiscretizeAction` takes the middles of its
-    bins, so that no agent could choose exactly 0 or 1 with it.
+    It wraps a task of Gymnasium, or the agents in `ParallelTransformAction`. Gymnasium's `DiscretizeAction` takes the
+    middles of its bins, so that no agent could choose exactly 0 or 1 with it.
 
     Args:
         env: Environment with actions in [0, 1].
@@ -58,9 +58,9 @@ class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
         ValueError: There are fewer than 2 levels, or more than 2 ** 31 actions.
 
     Example:
-        >>> Levels(gymnasium.make("RoleTrust/ProviderAttack-v0"), 5).action_space
+        >>> DiscretizeLevels(gymnasium.make("RoleTrust/ProviderAttack-v0"), 5).action_space
         Discrete(5)
-        >>> Levels(gymnasium.make("RoleTrust/RaterAttack-v0"), 5, multidiscrete=True).action_space
+        >>> DiscretizeLevels(gymnasium.make("RoleTrust/RaterAttack-v0"), 5, multidiscrete=True).action_space
         MultiDiscrete([5 5 5])
     """
 
@@ -85,17 +85,18 @@ class Levels(TransformAction[Any, Any, Any], RecordConstructorArgs):
         return (each / (self._grid[0] - 1)).astype(np.float32)
 
 
-class EachAgent(BaseParallelWrapper[str, Any, Any]):
+class ParallelTransformAction(BaseParallelWrapper[str, Any, Any]):
     """A PettingZoo environment with an action wrapper of Gymnasium for each agent.
 
     Args:
         env: Parallel environment.
-        wrapper: Action wrapper without memory, such as `Scaled`, `Levels` or `gymnasium.wrappers.ClipAction`.
+        wrapper: Action wrapper without memory, such as `RescaleClipAction`, `DiscretizeLevels` or
+            `gymnasium.wrappers.ClipAction`.
         **arguments: Arguments of the wrapper.
 
     Example:
         >>> import roletrust_env
-        >>> env = EachAgent(roletrust_env.parallel_env(), Levels, levels=3)
+        >>> env = ParallelTransformAction(roletrust_env.parallel_env(), DiscretizeLevels, levels=3)
         >>> env.action_space("sp_0"), env.action_space("sr_0")
         (Discrete(3), Discrete(27))
     """
@@ -141,7 +142,7 @@ class _OneAgent(gymnasium.Env[Any, Any]):
         return action, 0.0, False, False, {}
 
 
-class Everybody(BaseParallelWrapper[str, Any, Any]):
+class FixedAgents(BaseParallelWrapper[str, Any, Any]):
     """All agents are in every dictionary from the first step to the last, for libraries with a fixed set of agents.
 
     All `possible_agents` act in every step. An absent agent observes zeros and has the reward 0, and its action is
@@ -150,7 +151,7 @@ class Everybody(BaseParallelWrapper[str, Any, Any]):
 
     Example:
         >>> import roletrust_env
-        >>> env = Everybody(roletrust_env.parallel_env("open-system"))
+        >>> env = FixedAgents(roletrust_env.parallel_env("open-system"))
         >>> observations, infos = env.reset(seed=0)
         >>> env.agents == env.possible_agents
         True

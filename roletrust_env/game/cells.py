@@ -1,8 +1,8 @@
 """The cells of a game: the pairs of a rater and a provider for which a round has numbers, and what is summed over them.
 
 The rules of a round are written once, in `Game.step`, for arrays whose first axis is the rater and whose second axis is
-its cells. On a `Grid` a rater has a cell for every provider. On `Slots` it has one for each provider that it meets in a
-round, so that time and memory grow with the services of a round, not with S times P.
+its cells. On a `GridCells` a rater has a cell for every provider. On `MetCells` it has one for each provider that it
+meets in a round, so that time and memory grow with the services of a round, not with S times P.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -88,7 +88,7 @@ class Cells(Protocol):
         ...
 
 
-class Grid:
+class GridCells:
     """Cells of all pairs: arrays of shape (S, P, ...), for any trust model and array library. See `Cells`.
 
     Attributes:
@@ -123,15 +123,15 @@ class Grid:
 
     def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
         """See `Cells.nobody`."""
-        return None, over(self.not_self & False, shape)
+        return None, for_batch(self.not_self & False, shape)
 
     def meet(self, shape: tuple[int, ...], noise: Array | None) -> tuple[Met, Array]:
         """See `Cells.meet`."""
         if not isinstance(self._rule, Encounters):
-            return None, over(self.not_self, shape)
+            return None, for_batch(self.not_self, shape)
         batch = (1,) * (len(shape) - 2)
         own, places = self._own.reshape(-1, *batch), self._places.reshape(1, -1, *batch)
-        met, mask = meet(self._rule, own, self.width, noise), over(self.not_self & False, shape)
+        met, mask = meet(self._rule, own, self.width, noise), for_batch(self.not_self & False, shape)
         for n in range(self._rule.providers):
             mask = mask | (met[:, n : n + 1, ...] == places)
         return None, mask
@@ -162,7 +162,7 @@ class Grid:
         return flags.any(axis=0)
 
 
-class Standing(NamedTuple):
+class SparseTrust(NamedTuple):
     """Trust of a game on slots after a round. The ledger is shared and goes on, so a state is stepped from once.
 
     Attributes:
@@ -178,7 +178,7 @@ class Standing(NamedTuple):
     top: Floats
 
 
-class Slots:
+class MetCells:
     """Cells of the pairs that meet: arrays of shape (S, K), for one game with encounters on NumPy. See `Cells`.
 
     Attributes:
@@ -206,7 +206,7 @@ class Slots:
         ledger, first = Ledger(self._model), start_on_edges(self._model, self._shape)
         ledger.join(*self._shape)
         trust = self._model.rater_trust(first), self._model.provider_trust(first)
-        return Standing(ledger, 0, *trust), np.zeros(self._shape[1])
+        return SparseTrust(ledger, 0, *trust), np.zeros(self._shape[1])
 
     def nobody(self, shape: tuple[int, ...]) -> tuple[Met, Array]:
         """See `Cells.nobody`."""
@@ -217,8 +217,8 @@ class Slots:
         return meet(self._rule, self._own, self._shape[1], noise), np.ones(shape, bool)
 
     def update(
-        self, trust: Standing, met: Met, ratings: Array, rated: Array | None, round: Array
-    ) -> tuple[Standing, Array, Array]:
+        self, trust: SparseTrust, met: Met, ratings: Array, rated: Array | None, round: Array
+    ) -> tuple[SparseTrust, Array, Array]:
         """See `Cells.update`.
 
         Raises:
@@ -233,10 +233,10 @@ class Slots:
         where = np.flatnonzero(flags)
         trust.ledger.play(self._raters[where], met.reshape(-1)[where], ratings.reshape(-1)[where])
         ledger = trust.ledger
-        after = Standing(ledger, ledger.rounds, ledger.rater_trust, ledger.provider_trust)
+        after = SparseTrust(ledger, ledger.rounds, ledger.rater_trust, ledger.provider_trust)
         return after, *self.read(after)
 
-    def read(self, trust: Standing) -> tuple[Array, Array]:
+    def read(self, trust: SparseTrust) -> tuple[Array, Array]:
         """See `Cells.read`."""
         return trust.tor, trust.top
 
@@ -255,7 +255,7 @@ class Slots:
         return found
 
 
-def over(constant: Array, shape: tuple[int, ...]) -> Array:
+def for_batch(constant: Array, shape: tuple[int, ...]) -> Array:
     """Return a constant, such as one of shape (S, P), for every game of a batch.
 
     It is a view and not a copy: on the CPU, compiled torch takes as long to write booleans as for the trust model.

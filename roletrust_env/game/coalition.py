@@ -8,7 +8,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, cast, mean_or_zero, namespace
 from roletrust_env.game.attacker_side import places
-from roletrust_env.game.coalition_features import CoalitionMemory, provider_features, to_digits, told
+from roletrust_env.game.coalition_features import CoalitionMemory, lie_ratings, provider_features, to_digits
 from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions, State
 from roletrust_env.world.presence import PRESENT
@@ -120,14 +120,14 @@ class Coalition:
 
         Args:
             decision: Decision of shape (action_size, ...), in [0, 1]. If the coalition rates, the first P numbers are
-                its lie about each provider, which all its raters tell, see `told`. If it provides, the last P numbers
-                are the qualities of the providers, and those of providers of others are ignored.
+                its lie about each provider, which all its raters tell, see `lie_ratings`. If it provides, the last P
+                numbers are the qualities of the providers, and those of providers of others are ignored.
             memory: Memory after `remember`.
         """
         p = memory.total.shape[0]
         said = quality = 0 * memory.total + 1
         if self.rates:
-            said = told(memory, decision[:p, ...])
+            said = lie_ratings(memory, decision[:p, ...])
         if self.providers:
             quality = decision[-p:, ...]
         ratings = namespace(said).broadcast_to(said[None, ...], (self._game.roster.n_raters, *said.shape))

@@ -131,7 +131,7 @@ def provider_features(
     return xp.stack(rows)
 
 
-def told(memory: CoalitionMemory, lie: Array) -> Array:
+def lie_ratings(memory: CoalitionMemory, lie: Array) -> Array:
     """Return the ratings that tell a lie: the perceived quality plus `REACH` times (2 x - 1), cut to [0, 1].
 
     Args:

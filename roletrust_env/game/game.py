@@ -14,12 +14,12 @@ import numpy as np
 
 from roletrust_env.arrays import Array, cast, copy, mean_or_zero, namespace
 from roletrust_env.game.brief import game_facts
-from roletrust_env.game.cells import Cells, Grid, over
+from roletrust_env.game.cells import Cells, GridCells, for_batch
 from roletrust_env.game.noise import NoiseSource
 from roletrust_env.game.payoff import Payoff
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, intended
-from roletrust_env.game.views import Layout, ProviderView, RaterView, look
+from roletrust_env.game.views import Layout, ProviderView, RaterView, make_views
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import Traits
@@ -94,7 +94,7 @@ class Game:
 
     def _make_cells(self) -> Cells:
         """Return the pairs for which a round of this game has numbers."""
-        grid = Grid(self.scenario, self.roster, self.model, self.like)
+        grid = GridCells(self.scenario, self.roster, self.model, self.like)
         self._not_self = grid.not_self
         return grid
 
@@ -255,7 +255,7 @@ class Game:
         A rater has a view of its own under a personal model, and knows the published trust under any other.
         """
         shape, judge_trust = state.ratings.shape, getattr(self.model, "judge_trust", None)
-        own = over(self._not_self, shape)
+        own = for_batch(self._not_self, shape)
         known = self.published(state)[1][None, ...] if judge_trust is None else judge_trust(state.trust)
         return namespace(known).where(own, known, self._nowhere)
 
@@ -285,7 +285,7 @@ class Game:
 
     def views(self, state: State) -> tuple[ProviderView, RaterView]:
         """Return the views of all providers, with one further axis (P, ...), and of all raters, with one (S, ...)."""
-        return look(
+        return make_views(
             self._clock(state),
             *self.published(state),
             state.value,

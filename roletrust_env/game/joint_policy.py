@@ -199,10 +199,10 @@ class JointPolicy:
         """Return the view of all identities, with one further axis, (N, ...)."""
         assert state.population is not None  # somebody has a reserve
         trust, phase = self.game.agent_trust(state), state.population.phase
-        over = namespace(trust).broadcast_to
-        turn = over(self._turn.reshape(-1, *[1] * (trust.ndim - 1)), trust.shape)
+        broadcast = namespace(trust).broadcast_to
+        turn = broadcast(self._turn.reshape(-1, *[1] * (trust.ndim - 1)), trust.shape)
         return IdentityView(
-            over(state.round, trust.shape), trust, turn, phase == PRESENT, phase[self._before, ...] > PRESENT
+            broadcast(state.round, trust.shape), trust, turn, phase == PRESENT, phase[self._before, ...] > PRESENT
         )
 
     def _ask(

@@ -5,7 +5,7 @@ from typing import Any, cast
 import numpy as np
 
 from roletrust_env.arrays import Array
-from roletrust_env.game.cells import Cells, Slots
+from roletrust_env.game.cells import Cells, MetCells
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy, policy_name
@@ -62,7 +62,7 @@ class SparseGame(Game):
     def _make_cells(self) -> Cells:
         """Return the pairs that meet."""
         assert isinstance(self.scenario.access, Encounters)
-        return Slots(self.scenario.access, self.roster, self.model)
+        return MetCells(self.scenario.access, self.roster, self.model)
 
     def check_policy(self, policy: Policy, memory: Any) -> None:
         """Refuse a policy that remembers each provider, or that treats raters differently. See `Game.check_policy`.

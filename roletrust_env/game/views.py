@@ -126,7 +126,7 @@ class IdentityView(NamedTuple):
 View = TypeVar("View", ProviderView, RaterView)
 
 
-def look(
+def make_views(
     round: Array,
     tor: Array,
     top: Array,
@@ -150,15 +150,15 @@ def look(
         ratings: Ratings that arrived in the last round, shape (S, P, ...).
         rated: Whether a rating arrived, shape (S, P, ...).
     """
-    over = namespace(tor).broadcast_to
+    broadcast = namespace(tor).broadcast_to
     of_each_rater = (grid.swapaxes(0, 1) for grid in (service, awaiting, ratings, rated))
-    published = over(top[:, None, ...], (*top.shape[:1], *tor.shape))
-    provider = ProviderView(over(round, top.shape), top, value, quality, ratings, rated)
-    return provider, RaterView(over(round, tor.shape), tor, published, *of_each_rater)
+    published = broadcast(top[:, None, ...], (*top.shape[:1], *tor.shape))
+    provider = ProviderView(broadcast(round, top.shape), top, value, quality, ratings, rated)
+    return provider, RaterView(broadcast(round, tor.shape), tor, published, *of_each_rater)
 
 
 def view_of(views: View, place: int) -> View:
-    """Return the view of one agent from those of all agents of its role, see `look`."""
+    """Return the view of one agent from those of all agents of its role, see `make_views`."""
     at: tuple[Any, ...] = (..., place, *[slice(None)] * (views.trust.ndim - 1))
     return type(views)(*(field[at] for field in views))
 
@@ -206,7 +206,7 @@ class Layout:
         s, p = self.n_raters, self.n_providers
         sizes = (1, s, p, p, p, *[s * p] * 4)
         clock, tor, top, value, quality, *grids = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
-        provider, rater = look(clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids))
+        provider, rater = make_views(clock[0], tor, top, value, quality, *(grid.reshape(s, p) for grid in grids))
         # The place of the clock is 0, as a share of the game's length too.
         return self.flatten(rater).astype(np.intp), self.flatten(provider).astype(np.intp)
 

@@ -80,17 +80,17 @@ class Presence:
         return Population(self._join_and_leave(phase, round, noise, wanted), low)
 
     def _join_and_leave(self, phase: Array, round: Array, noise: Array, wanted: Array | None) -> Array:
-        def over(column: Array) -> Array:
+        def for_games(column: Array) -> Array:
             return column.reshape(column.shape + (1,) * (noise.ndim - 1))
 
         xp = namespace(noise)
-        joins = (phase == WAITING) & (round >= over(self._joins)) & (noise < over(self._join_rate))
-        leaves = (phase == PRESENT) & (noise < over(self._leave_rate))
+        joins = (phase == WAITING) & (round >= for_games(self._joins)) & (noise < for_games(self._join_rate))
+        leaves = (phase == PRESENT) & (noise < for_games(self._leave_rate))
         if self._reserves is not None:
-            has_reserve, in_reserve = map(over, self._reserves)
+            has_reserve, in_reserve = map(for_games, self._reserves)
             joins = joins & (~in_reserve if wanted is None else ~in_reserve | wanted)
             if wanted is not None:
                 leaves = leaves | (phase == PRESENT) & has_reserve & ~wanted
-        expired = (round >= over(self._leaves)) & (phase <= PRESENT)
+        expired = (round >= for_games(self._leaves)) & (phase <= PRESENT)
         phase = xp.where(joins, PRESENT, xp.where(leaves, LEFT, phase))
         return xp.where(expired, LEFT, phase)

@@ -79,7 +79,9 @@ NAMES = "sr_0, sr_1, sr_2, sp_0, sp_1, sp_2"
         lambda name: roletrust_env.env().action_space(name),
         lambda name: roletrust_env.env().observation_space(name),
         lambda name: begun(roletrust_env.env()).observe(name),
-        lambda name: roletrust_env.EachAgent(roletrust_env.parallel_env(), roletrust_env.Scaled).action_space(name),
+        lambda name: roletrust_env.ParallelTransformAction(
+            roletrust_env.parallel_env(), roletrust_env.RescaleClipAction
+        ).action_space(name),
     ],
 )
 def test_an_unknown_agent_is_refused_with_the_names_of_the_known(ask: Any, name: Any) -> None:
@@ -88,8 +90,14 @@ def test_an_unknown_agent_is_refused_with_the_names_of_the_known(ask: Any, name:
     assert str(error.value) == f"there is no agent {name!r}; there are {NAMES}"
 
 
-@pytest.mark.parametrize("wrap", [lambda env: env, lambda env: roletrust_env.EachAgent(env, roletrust_env.Scaled),
-                                  roletrust_env.Everybody])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        lambda env: env,
+        lambda env: roletrust_env.ParallelTransformAction(env, roletrust_env.RescaleClipAction),
+        roletrust_env.FixedAgents,
+    ],
+)
 @pytest.mark.parametrize("actions", [3, [0.5], None, np.zeros(3)], ids=str)
 def test_actions_that_are_no_dictionary_are_refused(wrap: Any, actions: Any) -> None:
     env = begun(wrap(roletrust_env.parallel_env()))

@@ -17,16 +17,16 @@ from gymnasium.wrappers.vector import VectorizeTransformAction
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 from task_cases import COLLUSION, PROVIDER, RATER, same
 
-from roletrust_env import EachAgent, Everybody, Levels, Scaled, parallel_env
+from roletrust_env import DiscretizeLevels, FixedAgents, ParallelTransformAction, RescaleClipAction, parallel_env
 
 COME_AND_GO = {
     "agents": [{"role": "SR", "count": 2}, {"role": "SP"}, {"role": "SP", "joins": 2}, {"role": "SR+SP", "leaves": 3}],
     "max_cycles": 5,
 }
 WRAPPED = [
-    pytest.param(Scaled, id="Scaled"),
-    pytest.param(lambda env: Levels(env, 3), id="Levels"),
-    pytest.param(lambda env: Levels(env, 3, multidiscrete=True), id="Levels, multidiscrete"),
+    pytest.param(RescaleClipAction, id="RescaleClipAction"),
+    pytest.param(lambda env: DiscretizeLevels(env, 3), id="DiscretizeLevels"),
+    pytest.param(lambda env: DiscretizeLevels(env, 3, multidiscrete=True), id="DiscretizeLevels, multidiscrete"),
 ]
 
 
@@ -58,7 +58,7 @@ def deed(env: gymnasium.Env, action: Any) -> list[float]:
 
 
 def test_scaled_actions_are_clipped() -> None:
-    env = Scaled(gymnasium.make(PROVIDER, noise=0.0))
+    env = RescaleClipAction(gymnasium.make(PROVIDER, noise=0.0))
     assert env.action_space == Box(-1, 1, (1,), np.float32)
     for number, quality in ((-1, 0), (0, 0.5), (0.5, 0.75), (1, 1), (-7.5, 0), (3, 1), (np.inf, 1)):
         assert deed(env, np.array([number], np.float32)) == quality
@@ -72,7 +72,7 @@ def test_scaled_actions_are_clipped() -> None:
     "action", [torch.zeros(3, requires_grad=True), [[0], [0, 1]], ["a", "b", "c"], None], ids=lambda a: type(a).__name__
 )
 def test_what_no_action_can_be_made_of_is_refused_by_name(action: Any) -> None:
-    one, each = Scaled(gymnasium.make(RATER)), EachAgent(parallel_env(), Scaled)
+    one, each = RescaleClipAction(gymnasium.make(RATER)), ParallelTransformAction(parallel_env(), RescaleClipAction)
     one.reset(seed=0)
     with pytest.raises(ValueError, match="action"):
         one.step(action)
@@ -82,7 +82,7 @@ def test_what_no_action_can_be_made_of_is_refused_by_name(action: Any) -> None:
 
 
 def test_truth_values_are_scaled_like_the_numbers_that_they_are() -> None:
-    both = [EachAgent(parallel_env(noise=0.0), Scaled) for _ in range(2)]
+    both = [ParallelTransformAction(parallel_env(noise=0.0), RescaleClipAction) for _ in range(2)]
     for env, kind in zip(both, (bool, float), strict=True):
         env.reset(seed=0)
         for _ in range(2):
@@ -91,7 +91,7 @@ def test_truth_values_are_scaled_like_the_numbers_that_they_are() -> None:
 
 
 def test_nothing_within_its_range_is_refused_for_rounding() -> None:
-    env = Scaled(gymnasium.make(PROVIDER))
+    env = RescaleClipAction(gymnasium.make(PROVIDER))
     near = np.nextafter(np.float32([-1, -1, 0, 1, 1]), np.float32([-2, 2, 1, -2, 2]))
     for dtype in (np.float16, np.float32, np.float64):
         for number in (*near, np.float32(0.1)):
@@ -99,7 +99,7 @@ def test_nothing_within_its_range_is_refused_for_rounding() -> None:
 
 
 def test_levels_include_both_ends() -> None:
-    env = Levels(gymnasium.make(PROVIDER, noise=0.0), 5)
+    env = DiscretizeLevels(gymnasium.make(PROVIDER, noise=0.0), 5)
     assert env.action_space == Discrete(5)
     assert [deed(env, level) for level in range(5)] == [0, 0.25, 0.5, 0.75, 1]
     for same_level in (np.int64(3), np.array(3), np.array([3]), [3], torch.tensor(3), torch.tensor([3])):
@@ -108,7 +108,7 @@ def test_levels_include_both_ends() -> None:
 
 def test_one_number_for_many_entries() -> None:
     """Every combination of levels, once."""
-    one, many = (Levels(gymnasium.make(RATER), 3, multidiscrete) for multidiscrete in (False, True))
+    one, many = (DiscretizeLevels(gymnasium.make(RATER), 3, multidiscrete) for multidiscrete in (False, True))
     assert one.action_space == Discrete(27)
     assert many.action_space == MultiDiscrete([3, 3, 3])
     assert many.action(np.array([0, 1, 2])).tolist() == [0, 0.5, 1]
@@ -118,7 +118,10 @@ def test_one_number_for_many_entries() -> None:
 
 @pytest.mark.parametrize("action", [5, -1, 1.0, 2.5, np.nan, "2", None, [1, 2], np.array([0.0])], ids=repr)
 def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
-    env, twin = Levels(gymnasium.make(PROVIDER, noise=0.1), 5), Levels(gymnasium.make(PROVIDER, noise=0.1), 5)
+    env, twin = (
+        DiscretizeLevels(gymnasium.make(PROVIDER, noise=0.1), 5),
+        DiscretizeLevels(gymnasium.make(PROVIDER, noise=0.1), 5),
+    )
     for one in (env, twin):
         one.reset(seed=0)
     with pytest.raises(ValueError, match=r"action.*Discrete\(5\)"):
@@ -132,19 +135,21 @@ def test_what_is_no_level_is_refused_and_changes_nothing(action: Any) -> None:
 )
 def test_levels_that_cannot_be_are_refused(task_id: str, levels: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        Levels(gymnasium.make(task_id), levels)
-    Levels(gymnasium.make(COLLUSION), 5, multidiscrete=True)
+        DiscretizeLevels(gymnasium.make(task_id), levels)
+    DiscretizeLevels(gymnasium.make(COLLUSION), 5, multidiscrete=True)
 
 
-@pytest.mark.parametrize("wrap", [Scaled, lambda env: Levels(env, 3)], ids=["Scaled", "Levels"])
+@pytest.mark.parametrize(
+    "wrap", [RescaleClipAction, lambda env: DiscretizeLevels(env, 3)], ids=["RescaleClipAction", "DiscretizeLevels"]
+)
 def test_actions_that_are_not_ours_are_refused(wrap: Callable) -> None:
     with pytest.raises(ValueError, match=r"\[0, 1\]"):
         wrap(gymnasium.make("Pendulum-v1"))
 
 
 def test_a_batch_can_be_wrapped_by_gymnasiums_own_vectoriser() -> None:
-    batch = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), Levels, levels=3)
-    scaled = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), Scaled)
+    batch = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), DiscretizeLevels, levels=3)
+    scaled = VectorizeTransformAction(gymnasium.make_vec(RATER, num_envs=2, noise=0.0), RescaleClipAction)
     assert batch.action_space == MultiDiscrete([27, 27])
     batch.reset(seed=0)
     scaled.reset(seed=0)
@@ -153,7 +158,7 @@ def test_a_batch_can_be_wrapped_by_gymnasiums_own_vectoriser() -> None:
 
 def test_dqn_learns_by_levels() -> None:
     sb3 = pytest.importorskip("stable_baselines3")
-    env = Levels(gymnasium.make(PROVIDER, max_cycles=10), 3)
+    env = DiscretizeLevels(gymnasium.make(PROVIDER, max_cycles=10), 3)
     model = sb3.DQN("MlpPolicy", env, learning_starts=20, train_freq=10, seed=0, device="cpu").learn(60)
     action, _ = model.predict(env.reset(seed=0)[0])
     env.step(action)
@@ -162,9 +167,12 @@ def test_dqn_learns_by_levels() -> None:
 # --- actions of many agents -------------------------------------------------------------------------
 
 
-def each(scenario: str = "paper-3x3", **changes: Any) -> list[EachAgent]:
-    wrappers: list[tuple[Any, dict]] = [(Scaled, {}), (Levels, {"levels": 2}), (ClipAction, {})]
-    return [EachAgent(parallel_env(scenario, **changes), wrapper, **arguments) for wrapper, arguments in wrappers]
+def each(scenario: str = "paper-3x3", **changes: Any) -> list[ParallelTransformAction]:
+    wrappers: list[tuple[Any, dict]] = [(RescaleClipAction, {}), (DiscretizeLevels, {"levels": 2}), (ClipAction, {})]
+    return [
+        ParallelTransformAction(parallel_env(scenario, **changes), wrapper, **arguments)
+        for wrapper, arguments in wrappers
+    ]
 
 
 @pytest.mark.parametrize("scenario", ["paper-3x3", "open-system", "peers"])
@@ -199,7 +207,7 @@ def test_each_agent_acts_through_its_own_wrapper() -> None:
     ids=str,
 )
 def test_a_bad_action_of_an_agent_is_refused_by_name(spoil: dict, words: str) -> None:
-    env = EachAgent(parallel_env(), Levels, levels=3)
+    env = ParallelTransformAction(parallel_env(), DiscretizeLevels, levels=3)
     env.reset(seed=0)
     before = env.state()
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
@@ -221,12 +229,12 @@ def sampled(env: Any) -> dict[str, np.ndarray]:
 @pytest.mark.filterwarnings("ignore:Agents have different", "ignore:Observations are different")
 def test_pettingzoo_finds_nothing_wrong_with_everybody() -> None:
     for changes in (COME_AND_GO, {}):
-        parallel_api_test(Everybody(parallel_env("open-system", **changes)), num_cycles=30)
-        parallel_seed_test(lambda changes=changes: Everybody(parallel_env("open-system", **changes)), num_cycles=10)
+        parallel_api_test(FixedAgents(parallel_env("open-system", **changes)), num_cycles=30)
+        parallel_seed_test(lambda changes=changes: FixedAgents(parallel_env("open-system", **changes)), num_cycles=10)
 
 
 def test_everybody_is_in_every_dictionary_with_what_they_have() -> None:
-    plain, env = parallel_env("open-system", **COME_AND_GO), Everybody(parallel_env("open-system", **COME_AND_GO))
+    plain, env = parallel_env("open-system", **COME_AND_GO), FixedAgents(parallel_env("open-system", **COME_AND_GO))
     seen, _ = plain.reset(seed=1)
     observations, infos = env.reset(seed=1)
     here = [[agent for agent in infos if infos[agent]["present"]]]
@@ -251,7 +259,7 @@ def test_everybody_is_in_every_dictionary_with_what_they_have() -> None:
 
 
 def test_the_actions_of_absent_agents_are_ignored() -> None:
-    env, twin = (Everybody(parallel_env("open-system", **COME_AND_GO)) for _ in range(2))
+    env, twin = (FixedAgents(parallel_env("open-system", **COME_AND_GO)) for _ in range(2))
     env.reset(seed=0)
     twin.reset(seed=0)
     actions = sampled(env)
@@ -266,7 +274,7 @@ def test_the_actions_of_absent_agents_are_ignored() -> None:
 
 def test_it_ends_for_all_when_nobody_is_left() -> None:
     agents = [{"role": "SR", "leaves": 3}, {"role": "SP", "leaves": 2}, {"role": "SP", "joins": 8}]
-    env = Everybody(parallel_env(agents=agents, max_cycles=9))
+    env = FixedAgents(parallel_env(agents=agents, max_cycles=9))
     env.reset(seed=0)
     ends = []
     while env.agents:
@@ -283,7 +291,12 @@ DUPLICATES = [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))]
 
 @pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
 @pytest.mark.parametrize(
-    "wrap", [Everybody, lambda env: EachAgent(Everybody(env), Scaled), lambda env: EachAgent(env, Levels, levels=3)]
+    "wrap",
+    [
+        FixedAgents,
+        lambda env: ParallelTransformAction(FixedAgents(env), RescaleClipAction),
+        lambda env: ParallelTransformAction(env, DiscretizeLevels, levels=3),
+    ],
 )
 def test_a_copy_plays_on_alike(wrap: Callable, duplicate: Callable) -> None:
     env = wrap(parallel_env("open-system", **COME_AND_GO))

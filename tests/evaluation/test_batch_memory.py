@@ -6,7 +6,7 @@ import torch
 from small_market import TASK
 
 from roletrust_agents.planning.planner import Planner
-from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
+from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.search_method import ppo
 from roletrust_env.evaluation import measurement, resources, smooth
@@ -37,7 +37,9 @@ def test_games_that_do_not_fit_are_refused_and_fewer_are_not(everything_is_tried
 
 
 @pytest.mark.parametrize(
-    "method", [Evolve(), Strategy(), CoalitionPpo(start="random"), ppo()], ids=lambda method: method.name
+    "method",
+    [EvolutionSearch(), EvolutionStrategySearch(), CoalitionPpo(start="random"), ppo()],
+    ids=lambda method: method.name,
 )
 def test_a_search_in_a_world_that_is_too_large_is_refused(everything_is_tried, monkeypatch, method):
     monkeypatch.setattr(resources, "available", lambda: 1e4)
@@ -45,7 +47,7 @@ def test_a_search_in_a_world_that_is_too_large_is_refused(everything_is_tried, m
         find(method, {**TASK, "trust_model": "beta"}, budget=50_000, seed=0, games=1)
 
 
-@pytest.mark.parametrize("method", [Gradients(start="random"), Planner()], ids=lambda method: method.name)
+@pytest.mark.parametrize("method", [GradientSearch(start="random"), Planner()], ids=lambda method: method.name)
 def test_gradients_that_do_not_fit_are_refused(monkeypatch, method):
     monkeypatch.setattr(smooth, "_ANYWHERE", 0)
     with pytest.raises(ValueError, match=r"^games at once: .* of memory for gradients through 10 rounds; 0"):

@@ -127,8 +127,8 @@ def test_the_truth_has_less_noise_than_an_honest_rating():
     task = task_of(("sr_2", "sr_3"))
     *_, (state, _, _) = play(task, lambda rng, size, batch: np.full((size, *batch), 0.5), (200,))
     game, true = state.game, state.game.quality
-    told = task.coalition.actions(np.full((3, 200), 0.5), state.coalition).ratings[0]
-    assert abs(told - true).mean() < 0.7 * abs(game.service[0] - true).mean()
+    lie_ratings = task.coalition.actions(np.full((3, 200), 0.5), state.coalition).ratings[0]
+    assert abs(lie_ratings - true).mean() < 0.7 * abs(game.service[0] - true).mean()
 
 
 def test_every_game_of_a_batch_is_the_single_game():

@@ -169,7 +169,7 @@ def test_ten_newcomers_a_minute_delay_no_round(rounds, newcomers, tmp_path, monk
     """
     monkeypatch.setattr(journals.os, "fsync", lambda file: None)
     team = Team(tuple(f"sr_{k}" for k in range(10)), tuple(f"sp_{k}" for k in range(10)))
-    keeper = manager(tmp_path / "journal", team=team, keyring=Everybody())
+    keeper = manager(tmp_path / "journal", team=team, keyring=FixedAgents())
     random, spent, published, memory = np.random.default_rng(0), np.zeros(rounds), 0, []
     tracemalloc.start()
     for r in range(1, rounds + 1):
@@ -199,7 +199,7 @@ def test_ten_newcomers_a_minute_delay_no_round(rounds, newcomers, tmp_path, monk
     assert replay_journal(make_trust_model("role-trust"), tmp_path / "journal").trust == trust
 
 
-class Everybody:
+class FixedAgents:
     """A keyring with all names."""
 
     def __contains__(self, name):

@@ -4,7 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.game.coalition_features import CoalitionMemory, provider_features, to_digits, told
+from roletrust_env.game.coalition_features import CoalitionMemory, lie_ratings, provider_features, to_digits
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random
@@ -80,7 +80,7 @@ class CoalitionMember(Policy):
             served=cast(view.awaiting, published.dtype),
             accomplices=[place in self._accomplices for place in places],
         )
-        return told(known, decided[0]), memory._replace(rater=known)
+        return lie_ratings(known, decided[0]), memory._replace(rater=known)
 
     def quality(self, view: ProviderView, memory: _MemberMemory, random: Random) -> tuple[Array, Any]:
         """Return the quality that the network chooses. See `Policy.quality`."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roletrust_agents.planning.grid import Solution, solve
+from roletrust_agents.planning.grid import GridSolution, solve
 from roletrust_env.arrays import Array
 from roletrust_env.world.scenario import Everyone, Scenario
 
@@ -21,7 +21,7 @@ class Optimum:
 
     Attributes:
         score: Mean score per round of `actions` in the game, a lower bound of the optimum.
-        error: Estimate of the distance to the optimum, from refining the grid; see `Solution.error`.
+        error: Estimate of the distance to the optimum, from refining the grid; see `GridSolution.error`.
         values: Optimum according to the backward pass on grids with 1/4, 1/2 and all of the cells. It can be above or
             below the true optimum.
         actions: Quality or lie in each round, shape (T,).
@@ -237,7 +237,7 @@ def check_certain(scenario: Scenario) -> None:
         raise ValueError(f"scenario {scenario.name!r} has no exact optimum here: {', '.join(reasons)}")
 
 
-def _optimum(solution: Solution, scenario: Scenario, actions: Array) -> Optimum:
+def _optimum(solution: GridSolution, scenario: Scenario, actions: Array) -> Optimum:
     """Return the optimum of a solution, with means per round instead of sums."""
     rounds = scenario.max_cycles
     values = tuple(value / rounds for value in solution.values)

@@ -26,7 +26,7 @@ FINER = 8
 """Number of actions that the forward pass tries for each level of the backward pass."""
 
 
-class Task(Protocol):
+class GridTask(Protocol):
     """Deterministic control task. States and actions lie in [0, 1]. The first action is its own last action."""
 
     @property
@@ -53,7 +53,7 @@ class Task(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class GridSolution:
     """Best sequence of actions, with an estimate of its error.
 
     Attributes:
@@ -79,7 +79,7 @@ class Solution:
         return max(abs(self.values[-1] - self.values[-2]), abs(self.values[-1] - self.total))
 
 
-def solve(task: Task, *, levels: int, points: int) -> Solution:
+def solve(task: GridTask, *, levels: int, points: int) -> GridSolution:
     """Solve a task on a grid and on two coarser ones.
 
     Args:
@@ -101,10 +101,10 @@ def solve(task: Task, *, levels: int, points: int) -> Solution:
         table = backward(task, levels // coarser, points // coarser)
         values.append(start_value(task, table))
     actions = polish(partial(total, task), forward(task, table))
-    return Solution(float(total(task, actions)), actions, tuple(values), perf_counter() - start)
+    return GridSolution(float(total(task, actions)), actions, tuple(values), perf_counter() - start)
 
 
-def backward(task: Task, levels: int, points: int) -> Array:
+def backward(task: GridTask, levels: int, points: int) -> Array:
     """Return the table of V by decision, last action and state, shape (D + 1, levels + 1, points + 1)."""
     actions, states = np.linspace(0, 1, levels + 1), np.linspace(0, 1, points + 1)
     table = np.zeros((task.decisions + 1, levels + 1, points + 1))
@@ -117,7 +117,7 @@ def backward(task: Task, levels: int, points: int) -> Array:
     return table
 
 
-def forward(task: Task, table: Array, finer: int = FINER) -> Array:
+def forward(task: GridTask, table: Array, finer: int = FINER) -> Array:
     """Return the actions of greedy play by V with the exact dynamics, shape (D,).
 
     Args:
@@ -138,7 +138,7 @@ def forward(task: Task, table: Array, finer: int = FINER) -> Array:
     return played
 
 
-def start_value(task: Task, table: Array) -> float:
+def start_value(task: GridTask, table: Array) -> float:
     """Return the optimum according to the backward pass: V before the first decision, plus the constant."""
     levels, points = table.shape[1] - 1, table.shape[2] - 1
     if not task.decisions:
@@ -149,7 +149,7 @@ def start_value(task: Task, table: Array) -> float:
     return task.constant + float(np.max(reward + future))
 
 
-def total(task: Task, actions: Array) -> Array:
+def total(task: GridTask, actions: Array) -> Array:
     """Return the total scores, shape (...), of sequences of actions, shape (D, ...), under the exact dynamics."""
     score, state = task.constant + 0 * actions.sum(axis=0), task.start
     for t, action in enumerate(actions):

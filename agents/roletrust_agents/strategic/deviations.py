@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_agents.strategic.playing import DEVIATED, SEARCHED_BEST, mean_rewards, play
-from roletrust_agents.strategic.strategies import HONEST, Floats, Population, Side, uniform_population
+from roletrust_agents.strategic.strategies import HONEST, Floats, Side, StrategyProfile, uniform_population
 from roletrust_env.game.game import Game
 
 _FINE: dict[Side, tuple[tuple[float, ...], ...]] = {
@@ -31,7 +31,7 @@ class BestResponse(NamedTuple):
     parameters: Floats
 
 
-def best_response(game: Game, population: Population, side: Side, seed: int, games: int) -> BestResponse:
+def best_response(game: Game, population: StrategyProfile, side: Side, seed: int, games: int) -> BestResponse:
     """Search the best deviation of the first agent of a role from a population, while all others stay.
 
     All strategies of a grid, and its own, play the same games. The best one is chosen in G games, and its gain is
@@ -49,7 +49,7 @@ def best_response(game: Game, population: Population, side: Side, seed: int, gam
     runs, many = population.providers.shape[-1], len(grid) + 1
     parts = {name: np.repeat(getattr(population, name)[:, :, None, :, None], many, axis=2) for name in HONEST}
     parts[side][:, 0, 1:] = grid.T[:, :, None, None]
-    earned = mean_rewards(game, Population(**parts), (DEVIATED, seed), (runs, 2 * games), rows=many)
+    earned = mean_rewards(game, StrategyProfile(**parts), (DEVIATED, seed), (runs, 2 * games), rows=many)
     roster = game.roster
     own = (roster.providers(earned) if side == "providers" else roster.raters(earned))[0]  # (K + 1, R, 2 G)
     choosing, measuring = (half.mean(axis=-1) for half in np.split(own, 2, axis=-1))

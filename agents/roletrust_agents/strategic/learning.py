@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roletrust_agents.strategic.playing import LEARNED, mean_rewards
-from roletrust_agents.strategic.strategies import BOUNDS, Floats, Population, Side, departure
+from roletrust_agents.strategic.strategies import BOUNDS, Floats, Side, StrategyProfile, departure
 from roletrust_env.game.game import Game
 
 _MEAN, _SQUARE, _LEAST = 0.9, 0.99, 1e-8  # Adam
@@ -34,7 +34,7 @@ class LearningSettings(NamedTuple):
     rate: float = 0.05
 
 
-class Learned(NamedTuple):
+class LearnedProfile(NamedTuple):
     """What agents have learnt in R runs.
 
     Attributes:
@@ -42,19 +42,19 @@ class Learned(NamedTuple):
         course: Mean departure from honest play by step, shape (steps, 2, R): of the providers, then of the raters.
     """
 
-    population: Population
+    population: StrategyProfile
     course: Floats
 
 
 def learn(
     game: Game,
-    start: Population,
+    start: StrategyProfile,
     settings: LearningSettings,
     seed: int,
     *,
     shuffled: bool = False,
     advance: Callable[[], object] = lambda: None,
-) -> Learned:
+) -> LearnedProfile:
     """Let all agents learn at once, each for itself, in R runs side by side.
 
     Each agent has an evolution strategy of its own, after Salimans, Ho, Chen, Sidor and Sutskever (2017). In a step
@@ -86,7 +86,7 @@ def learn(
         moves = {side: rng.standard_normal((*part.shape, settings.pairs)) for side, part in weights.items()}
         left = 1 - (1 - _LAST) * step / settings.steps
         rate, spread = settings.rate * left, settings.spread * left
-        tried = Population(*(_tried(side, weights[side], moves[side], spread) for side in sides))
+        tried = StrategyProfile(*(_tried(side, weights[side], moves[side], spread) for side in sides))
         earned = mean_rewards(game, tried, (LEARNED, seed, step), (runs, settings.pairs), rows=2)
         lead = earned[:, 0] - earned[:, 1]
         if shuffled:
@@ -100,7 +100,7 @@ def learn(
             weights[side] = _within(side, weights[side] + rate * mean / (np.sqrt(square) + _LEAST))
         course[step] = [departure(side, weights[side]).mean(axis=0) for side in sides]
         advance()
-    return Learned(Population(*(weights[side] for side in sides)), course)
+    return LearnedProfile(StrategyProfile(*(weights[side] for side in sides)), course)
 
 
 def _tried(side: Side, weights: Floats, moves: Floats, spread: float) -> Floats:

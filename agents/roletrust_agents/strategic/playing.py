@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_agents.strategic.strategies import Floats, Population
+from roletrust_agents.strategic.strategies import Floats, StrategyProfile
 from roletrust_env.game.consumer import buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.rollout import rollout
@@ -30,7 +30,7 @@ class Played(NamedTuple):
 
 
 def mean_rewards(
-    game: Game, population: Population, seed: tuple[int, ...], batch: tuple[int, ...], rows: int
+    game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: tuple[int, ...], rows: int
 ) -> Floats:
     """Return the mean reward of each agent in each game, raters first, shape (N, K, *batch).
 
@@ -48,7 +48,7 @@ def mean_rewards(
     return np.asarray(total, np.float64) / game.scenario.max_cycles
 
 
-def play(game: Game, population: Population, seed: tuple[int, ...], batch: tuple[int, ...], rows: int) -> Played:
+def play(game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: tuple[int, ...], rows: int) -> Played:
     """Play games and measure them, arguments as for `mean_rewards`.
 
     Welfare is what consumers get, less what it costs:

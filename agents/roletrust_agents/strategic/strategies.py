@@ -77,7 +77,7 @@ class StrategicRater(Policy):
         return _unit(moved + self.following * (view.published - moved)), memory
 
 
-class Population(NamedTuple):
+class StrategyProfile(NamedTuple):
     """The parameters of all agents.
 
     Attributes:
@@ -106,7 +106,7 @@ class Population(NamedTuple):
         return JointPolicy(game, policies | dict.fromkeys(roster.rater_names, StrategicRater(*rater)))
 
 
-def honest_population(game: Game, batch: tuple[int, ...]) -> Population:
+def honest_population(game: Game, batch: tuple[int, ...]) -> StrategyProfile:
     """Return a population of honest agents.
 
     Args:
@@ -116,7 +116,7 @@ def honest_population(game: Game, batch: tuple[int, ...]) -> Population:
     return uniform_population(game, HONEST["providers"], HONEST["raters"], batch)
 
 
-def uniform_population(game: Game, provider: Any, rater: Any, batch: tuple[int, ...] = ()) -> Population:
+def uniform_population(game: Game, provider: Any, rater: Any, batch: tuple[int, ...] = ()) -> StrategyProfile:
     """Return a population in which the agents of a role play alike.
 
     Args:
@@ -131,10 +131,10 @@ def uniform_population(game: Game, provider: Any, rater: Any, batch: tuple[int, 
         one = one.reshape(2, 1, *one.shape[1:], *[1] * len(batch))
         return np.broadcast_to(one, (2, agents, *one.shape[2 : one.ndim - len(batch)], *batch)).copy()
 
-    return Population(spread(provider, game.roster.n_providers), spread(rater, game.roster.n_raters))
+    return StrategyProfile(spread(provider, game.roster.n_providers), spread(rater, game.roster.n_raters))
 
 
-def random_population(game: Game, batch: tuple[int, ...], seed: int) -> Population:
+def random_population(game: Game, batch: tuple[int, ...], seed: int) -> StrategyProfile:
     """Return a population whose parameters are uniform in their ranges.
 
     Args:
@@ -147,7 +147,7 @@ def random_population(game: Game, batch: tuple[int, ...], seed: int) -> Populati
     def draw(side: Side, agents: int) -> Floats:
         return np.stack([rng.uniform(*bounds, (agents, *batch)) for bounds in BOUNDS[side]])
 
-    return Population(draw("providers", game.roster.n_providers), draw("raters", game.roster.n_raters))
+    return StrategyProfile(draw("providers", game.roster.n_providers), draw("raters", game.roster.n_raters))
 
 
 def departure(side: Side, parameters: Floats) -> Floats:

@@ -11,7 +11,7 @@ from roletrust_agents.training.coalition_training import CoalitionTraining, Vali
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.gradients import GradientAscent
-from roletrust_agents.training.run import OnReport, Point, Report, Run, finish
+from roletrust_agents.training.run import CurvePoint, OnReport, Run, TrainingReport, finish
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import (
     CoalitionPPOSettings,
@@ -33,7 +33,7 @@ _KINDS: dict[type[CoalitionSettings], type[CoalitionTraining[Any]]] = {
 }
 
 
-def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[Point]]:
+def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[CurvePoint]]:
     """Train from the folder's last checkpoint, or from the beginning, to the end.
 
     Args:
@@ -52,9 +52,9 @@ def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttack
         if training.due() or training.rounds >= run.steps:
             score = training.validate()
             seconds = before + perf_counter() - began
-            curve.append(Point(training.rounds, seconds, float(score.mean), float(score.half)))
+            curve.append(CurvePoint(training.rounds, seconds, float(score.mean), float(score.half)))
             _save(training, curve, folder)
-        on_report(Report(min(training.rounds, run.steps), curve))
+        on_report(TrainingReport(min(training.rounds, run.steps), curve))
     return finish(run, training.tasks[0], training.network, curve, training.rounds), curve
 
 
@@ -82,14 +82,14 @@ def _training(run: Run) -> CoalitionTraining[Any]:
     return _KINDS[type(settings)](tasks, settings, run.seed, run.steps, known_starts(settings.start))
 
 
-def _save(training: CoalitionTraining[Any], curve: list[Point], folder: RunFolder) -> None:
+def _save(training: CoalitionTraining[Any], curve: list[CurvePoint], folder: RunFolder) -> None:
     assert training.best is not None  # it has just been validated
     files = {"state": training.state(), "best": training.best.weights.tobytes()}
     notes = {"best": training.best.score, "curve": [list(point) for point in curve]}
     folder.save(Checkpoint(training.rounds, files, notes))
 
 
-def _take_up(training: CoalitionTraining[Any], folder: RunFolder) -> list[Point]:
+def _take_up(training: CoalitionTraining[Any], folder: RunFolder) -> list[CurvePoint]:
     """Continue from the last checkpoint, if there is one, and return the learning curve so far."""
     last = folder.last()
     if last is None:
@@ -97,4 +97,4 @@ def _take_up(training: CoalitionTraining[Any], folder: RunFolder) -> list[Point]
     training.restore(last.files["state"])
     training.best = Validated(np.frombuffer(last.files["best"]), last.notes["best"])
     training.rounds = last.steps
-    return [Point(*row) for row in last.notes["curve"]]
+    return [CurvePoint(*row) for row in last.notes["curve"]]

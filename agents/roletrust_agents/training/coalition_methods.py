@@ -80,7 +80,7 @@ class CoalitionSearch(ABC):
 
 @refuse_unknown
 @dataclass(frozen=True)
-class Evolve(CoalitionSearch):
+class EvolutionSearch(CoalitionSearch):
     """Evolution of a coalition for one task, see `Evolution`.
 
     For the other attributes see `CoalitionSearch`.

@@ -23,7 +23,7 @@ _VALIDATION, _DRAW = 1_000_000_000, 1
 _AT_ONCE = 2  # conditions of a step
 
 
-class Learner(Protocol):
+class DefenceLearner(Protocol):
     """A family of trust models, one for each vector of numbers."""
 
     @property
@@ -49,7 +49,7 @@ class Learner(Protocol):
         ...
 
 
-class Front(NamedTuple):
+class AttackerMixture(NamedTuple):
     """A condition in which a defence is trained, and the mixture of attackers there.
 
     Attributes:
@@ -105,8 +105,8 @@ class Trained(NamedTuple):
 
 
 def train_defence(
-    learner: Learner,
-    fronts: Sequence[Front],
+    learner: DefenceLearner,
+    fronts: Sequence[AttackerMixture],
     start: Floats,
     climb: Climb,
     seed: int,
@@ -128,7 +128,7 @@ def train_defence(
     """
     adam, rounds = Adam(start), 0
 
-    def scores(places: Sequence[Front], vectors: Floats, games: int, place: int) -> Floats:
+    def scores(places: Sequence[AttackerMixture], vectors: Floats, games: int, place: int) -> Floats:
         nonlocal rounds
         rounds += len(vectors) * games * sum(len(one.attackers) * _length(one) for one in places)
         rewards = [_rewards(one, learner, vectors, games, (seed, place)) for one in places]
@@ -151,14 +151,16 @@ def train_defence(
     return Trained(kept, best, first, rounds)
 
 
-def _drawn(front: Front, many: int, seed: tuple[int, ...]) -> Front:
+def _drawn(front: AttackerMixture, many: int, seed: tuple[int, ...]) -> AttackerMixture:
     """Return a condition with attackers that are drawn from its mixture; each counts as often as it is drawn."""
     counts = np.random.default_rng(seed).multinomial(many, front.weights / front.weights.sum())
     some = tuple(one for one, count in zip(front.attackers, counts, strict=True) if count)
-    return Front(front.arguments, some, counts[counts > 0] / many)
+    return AttackerMixture(front.arguments, some, counts[counts > 0] / many)
 
 
-def _rewards(front: Front, learner: Learner, vectors: Floats, games: int, seed: tuple[int, ...]) -> Floats:
+def _rewards(
+    front: AttackerMixture, learner: DefenceLearner, vectors: Floats, games: int, seed: tuple[int, ...]
+) -> Floats:
     """Return the mean reward of K defences, shape (K,): what the attackers win, with the other sign."""
     model = learner.models(vectors, front.arguments["scenario"].initial_trust)
     task, lost = make_task(**{**front.arguments, "trust_model": model}), np.zeros(len(vectors))
@@ -168,7 +170,7 @@ def _rewards(front: Front, learner: Learner, vectors: Floats, games: int, seed: 
     return -lost
 
 
-def _length(front: Front) -> int:
+def _length(front: AttackerMixture) -> int:
     """Return the number of rounds of a game."""
     length: int = front.arguments["scenario"].max_cycles
     return length

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from roletrust_agents.learned.rater_network import SIZE, RaterNetworkTrust, start_weights
-from roletrust_agents.training.defence import Floats, Learner
+from roletrust_agents.training.defence import DefenceLearner, Floats
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import named_factory, parse_named
@@ -96,7 +96,7 @@ class ParameterLearner:
         return bool(np.allclose(both, np.concatenate(alone, axis=1), atol=1e-5))
 
     def start(self) -> Floats:
-        """Return the places of the defaults, shape (n,). See `Learner.start`."""
+        """Return the places of the defaults, shape (n,). See `DefenceLearner.start`."""
         return np.array([_place(*both) for both in self.ranges.values()])
 
     def parameters(self, vector: Floats) -> dict[str, float]:
@@ -105,14 +105,14 @@ class ParameterLearner:
         return {name: _value(span, float(place)) for (name, (span, _)), place in places}
 
     def spec(self, vector: Floats) -> str:
-        """See `Learner.spec`."""
+        """See `DefenceLearner.spec`."""
         return f"{self.name}:{','.join(f'{name}={value}' for name, value in self.parameters(vector).items())}"
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
-        """See `Learner.models`."""
+        """See `DefenceLearner.models`."""
         initially = "initial" in inspect.signature(named_factory(registry, self.name)).parameters
         spec = self.spec(vectors[0]) + f",initial={initial}" * initially
-        return SideBySide(parse_named(registry, spec), _columns([self.parameters(vector) for vector in vectors]))
+        return TrustSideBySide(parse_named(registry, spec), _columns([self.parameters(vector) for vector in vectors]))
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     return {name: np.array([[row[name]] for row in rows], np.float32) for name in rows[0]}
 
 
-class SideBySide:
+class TrustSideBySide:
     """K models of one formula as one, for a batch of games of shape (K, G): the k-th plays in the k-th row.
 
     A single game, in which a new task tries its model, is played by the model that the others are made of.
@@ -190,7 +190,7 @@ class NetworkLearner:
         return ParameterLearner("leave-one-out")
 
     def start(self) -> Floats:
-        """Return the numbers and weights with which leave-one-out trust is left as it is. See `Learner.start`."""
+        """Return the numbers and weights that leave leave-one-out trust as it is. See `DefenceLearner.start`."""
         return np.concatenate([self._numbers.start(), start_weights()])
 
     def parameters(self, vector: Floats) -> dict[str, float]:
@@ -202,18 +202,18 @@ class NetworkLearner:
         return tuple(float(f"{weight:.5g}") for weight in vector[-SIZE:])
 
     def spec(self, vector: Floats) -> str:
-        """See `Learner.spec`."""
+        """See `DefenceLearner.spec`."""
         numbers = ",".join(f"{name}={value}" for name, value in self.parameters(vector).items())
         return f"{_NETWORK}:{numbers},weights=[{','.join(map(str, self.weights(vector)))}]"
 
     def models(self, vectors: Floats, initial: float) -> TrustModel[Any]:
-        """See `Learner.models`."""
+        """See `DefenceLearner.models`."""
         rows, weights = [self.parameters(vector) for vector in vectors], [self.weights(vector) for vector in vectors]
         model = RaterNetworkTrust(initial=initial, weights=weights[0], **rows[0])
-        return SideBySide(model, {**_columns(rows), "weights": np.array(weights, np.float32)})
+        return TrustSideBySide(model, {**_columns(rows), "weights": np.array(weights, np.float32)})
 
 
-def learner_of(name: str) -> Learner:
+def learner_of(name: str) -> DefenceLearner:
     """Return what a defence learns, by its name: a trust model, see `ParameterLearner`, or `network`.
 
     Raises:

@@ -21,7 +21,7 @@ from roletrust_agents.training.learners import (
     parameters_bytes,
     set_parameters,
 )
-from roletrust_agents.training.run import GAMES, OnReport, Point, Report, Run, finish, score_of
+from roletrust_agents.training.run import GAMES, CurvePoint, OnReport, Run, TrainingReport, finish, score_of
 from roletrust_agents.training.runs import Checkpoint, RunFolder
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
 from roletrust_env.evaluation.resources import trial_size, try_out
@@ -36,7 +36,7 @@ MANY = 1000
 _FEW = 4  # games of a learner that is made to measure its memory
 
 
-def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[Point]]:
+def train(run: Run, folder: RunFolder, on_report: OnReport) -> tuple[SavedAttacker, list[CurvePoint]]:
     """Train from the folder's last checkpoint, or from the beginning, to the end.
 
     Args:
@@ -89,7 +89,7 @@ class _Watch(BaseCallback):
 
     def __init__(self, run: Run, task: AttackTask, folder: RunFolder, on_report: OnReport) -> None:
         super().__init__()
-        self.curve: list[Point] = []
+        self.curve: list[CurvePoint] = []
         self._run, self._task, self._folder, self._on_report = run, task, folder, on_report
         self._best: Network | None = None
         self._seconds_before = 0.0
@@ -107,7 +107,7 @@ class _Watch(BaseCallback):
         model._n_updates = checkpoint.notes["updates"]
         if isinstance(buffer := getattr(model, "replay_buffer", None), ReplayBuffer):
             _fill(buffer, checkpoint)
-        self.curve = [Point(*row) for row in checkpoint.notes["curve"]]
+        self.curve = [CurvePoint(*row) for row in checkpoint.notes["curve"]]
         self._seconds_before = self.curve[-1].seconds
         now, weights = network_of(model), read_weights(checkpoint.files["best.safetensors"])
         self._best = Network(now.architecture, now.mean, now.variance, weights)
@@ -116,12 +116,12 @@ class _Watch(BaseCallback):
         """Measure when it is time; the learner has just been updated, or has not begun."""
         if self.num_timesteps > 0 and self.num_timesteps >= self._due():
             self._measure()
-        self._on_report(Report(self.num_timesteps, self.curve))
+        self._on_report(TrainingReport(self.num_timesteps, self.curve))
 
     def _on_training_end(self) -> None:
         if not self.curve or self.curve[-1].steps < self.num_timesteps:
             self._measure()
-        self._on_report(Report(self.num_timesteps, self.curve))
+        self._on_report(TrainingReport(self.num_timesteps, self.curve))
 
     def _on_step(self) -> bool:
         return True
@@ -134,7 +134,7 @@ class _Watch(BaseCallback):
         seconds = self._seconds_before + perf_counter() - self._began
         network = network_of(self.model)
         scores = score_of(self._task, network, self._run.seed)
-        point = Point(self.num_timesteps, seconds, float(scores.mean), float(scores.half))
+        point = CurvePoint(self.num_timesteps, seconds, float(scores.mean), float(scores.half))
         if not self.curve or point.score > max(point.score for point in self.curve):
             self._best = network
         self.curve.append(point)

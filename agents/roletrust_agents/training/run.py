@@ -61,7 +61,7 @@ class Run(BaseModel):
             raise ValueError(f"the run folder's config.json: {explain(error)}") from None
 
 
-class Point(NamedTuple):
+class CurvePoint(NamedTuple):
     """A point of the learning curve.
 
     Attributes:
@@ -77,14 +77,14 @@ class Point(NamedTuple):
     half_95: float
 
 
-class Report(NamedTuple):
+class TrainingReport(NamedTuple):
     """Progress of the training."""
 
     steps: int
-    curve: list[Point]
+    curve: list[CurvePoint]
 
 
-OnReport = Callable[[Report], None]
+OnReport = Callable[[TrainingReport], None]
 
 
 def score_of(task: AttackTask, network: Network | DeepSet, seed: int) -> GameMean:
@@ -97,7 +97,9 @@ def _play(task: AttackTask, network: Network | DeepSet | None, *, games: int, ke
     return play_task(task, network, games=games, seed=int(np.random.SeedSequence(key).generate_state(1)[0]))
 
 
-def finish(run: Run, task: AttackTask, network: Network | DeepSet, curve: list[Point], rounds: int) -> SavedAttacker:
+def finish(
+    run: Run, task: AttackTask, network: Network | DeepSet, curve: list[CurvePoint], rounds: int
+) -> SavedAttacker:
     """Return the attacker with its card, measured in games that chose nothing.
 
     Args:

@@ -19,7 +19,7 @@ _GAMES = 32
 
 
 @dataclass(frozen=True)
-class Learner:
+class LearnerSearch:
     """A learner that observes as a black-box attacker, and plays its final network without exploration.
 
     Attributes:
@@ -54,16 +54,16 @@ class Learner:
         )
 
 
-def ppo() -> Learner:
+def ppo() -> LearnerSearch:
     """Return PPO."""
-    return Learner("ppo", "PPO")
+    return LearnerSearch("ppo", "PPO")
 
 
-def recurrent_ppo() -> Learner:
+def recurrent_ppo() -> LearnerSearch:
     """Return PPO with an LSTM."""
-    return Learner("recurrent-ppo", "recurrent PPO")
+    return LearnerSearch("recurrent-ppo", "recurrent PPO")
 
 
-def sac() -> Learner:
+def sac() -> LearnerSearch:
     """Return SAC."""
-    return Learner("sac", "SAC")
+    return LearnerSearch("sac", "SAC")

@@ -29,18 +29,26 @@ def maddpg() -> None:
 
 
 def everybody() -> None:
-    """100 rounds of MADDPG in open-system, behind Everybody."""
-    _play(MADDPG, lambda: roletrust_env.Everybody(roletrust_env.parallel_env(OPEN)))
+    """100 rounds of MADDPG in open-system, behind FixedAgents."""
+    _play(MADDPG, lambda: roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN)))
 
 
 def scaled() -> None:
-    """100 rounds of IPPO, whose Gaussian is not clipped, behind EachAgent with Scaled."""
-    _play(IPPO, lambda: roletrust_env.EachAgent(roletrust_env.parallel_env(), roletrust_env.Scaled))
+    """100 rounds of IPPO, whose Gaussian is not clipped, behind ParallelTransformAction with RescaleClipAction."""
+    _play(
+        IPPO,
+        lambda: roletrust_env.ParallelTransformAction(roletrust_env.parallel_env(), roletrust_env.RescaleClipAction),
+    )
 
 
 def levels() -> None:
-    """100 rounds of IPPO with discrete actions, behind EachAgent with Levels."""
-    _play(IPPO, lambda: roletrust_env.EachAgent(roletrust_env.parallel_env(), roletrust_env.Levels, levels=5))
+    """100 rounds of IPPO with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
+    _play(
+        IPPO,
+        lambda: roletrust_env.ParallelTransformAction(
+            roletrust_env.parallel_env(), roletrust_env.DiscretizeLevels, levels=5
+        ),
+    )
 
 
 def _play(algorithm: Any, make: Callable[[], Any]) -> None:

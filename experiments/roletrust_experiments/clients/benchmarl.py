@@ -22,9 +22,9 @@ class RoleTrustTask(PettingZooClass):
         """Return the factory of the environment."""
 
         def make() -> PettingZooWrapper:
-            env = roletrust_env.Everybody(roletrust_env.parallel_env(**self.config))
+            env = roletrust_env.FixedAgents(roletrust_env.parallel_env(**self.config))
             if not continuous_actions:
-                env = roletrust_env.EachAgent(env, roletrust_env.Levels, levels=3)
+                env = roletrust_env.ParallelTransformAction(env, roletrust_env.DiscretizeLevels, levels=3)
             return PettingZooWrapper(env, return_state=True, categorical_actions=True, seed=seed, device=device)
 
         return make
@@ -62,12 +62,12 @@ def masac() -> None:
 
 
 def levels() -> None:
-    """Two iterations of IQL with discrete actions, behind EachAgent with Levels."""
+    """Two iterations of IQL with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
     _train(IqlConfig, "paper-3x3")
 
 
 def everybody() -> None:
-    """Two iterations of MAPPO in open-system, behind Everybody."""
+    """Two iterations of MAPPO in open-system, behind FixedAgents."""
     _train(MappoConfig, OPEN)
 
 

@@ -29,15 +29,17 @@ def game() -> None:
 
 
 def levels() -> None:
-    """Two iterations on a game with discrete actions, behind EachAgent with Levels."""
+    """Two iterations on a game with discrete actions, behind ParallelTransformAction with DiscretizeLevels."""
     _train_roles(
-        lambda: roletrust_env.EachAgent(roletrust_env.parallel_env(max_cycles=20), roletrust_env.Levels, levels=3)
+        lambda: roletrust_env.ParallelTransformAction(
+            roletrust_env.parallel_env(max_cycles=20), roletrust_env.DiscretizeLevels, levels=3
+        )
     )
 
 
 def everybody() -> None:
-    """Two iterations on open-system, behind Everybody."""
-    _train_roles(lambda: roletrust_env.Everybody(roletrust_env.parallel_env(OPEN, max_cycles=20)))
+    """Two iterations on open-system, behind FixedAgents."""
+    _train_roles(lambda: roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN, max_cycles=20)))
 
 
 def _train_roles(make: Callable[[], Any]) -> None:

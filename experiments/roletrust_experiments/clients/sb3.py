@@ -16,11 +16,11 @@ from roletrust_experiments.clients.games import TASK, TASKS
 
 
 def tasks() -> None:
-    """check_env of every task, as it is and behind Scaled and Levels."""
+    """check_env of every task, as it is and behind RescaleClipAction and DiscretizeLevels."""
     for task_id in TASKS:
         check_env(gymnasium.make(task_id))
-        check_env(roletrust_env.Scaled(gymnasium.make(task_id)))
-        check_env(roletrust_env.Levels(gymnasium.make(task_id), 3, multidiscrete=True))
+        check_env(roletrust_env.RescaleClipAction(gymnasium.make(task_id)))
+        check_env(roletrust_env.DiscretizeLevels(gymnasium.make(task_id), 3, multidiscrete=True))
 
 
 def wrappers() -> None:
@@ -32,9 +32,11 @@ def wrappers() -> None:
 
 
 def learners() -> None:
-    """SAC on a task, and DQN behind Levels."""
+    """SAC on a task, and DQN behind DiscretizeLevels."""
     SAC("MlpPolicy", gymnasium.make(TASK), learning_starts=50, device="cpu").learn(150)
-    DQN("MlpPolicy", roletrust_env.Levels(gymnasium.make(TASK), 5), learning_starts=50, device="cpu").learn(150)
+    DQN("MlpPolicy", roletrust_env.DiscretizeLevels(gymnasium.make(TASK), 5), learning_starts=50, device="cpu").learn(
+        150
+    )
 
 
 def videos() -> None:

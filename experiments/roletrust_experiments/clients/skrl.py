@@ -33,14 +33,14 @@ def games() -> None:
 
 
 def everybody() -> None:
-    """100 rounds of open-system, behind Everybody."""
-    _play(roletrust_env.Everybody(roletrust_env.parallel_env(OPEN)))
+    """100 rounds of open-system, behind FixedAgents."""
+    _play(roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN)))
 
 
 def clipping() -> None:
-    """100 rounds of PPO whose Gaussian clips by itself, clip_actions=True, and of one behind Scaled."""
+    """100 rounds of PPO whose Gaussian clips by itself, clip_actions=True, and of one behind RescaleClipAction."""
     _learn(gymnasium.make_vec(TASKS[1], num_envs=8), clip_actions=True)
-    _learn(roletrust_env.Scaled(gymnasium.make(TASKS[1])), clip_actions=False)
+    _learn(roletrust_env.RescaleClipAction(gymnasium.make(TASKS[1])), clip_actions=False)
 
 
 def _learn(env: Any, clip_actions: bool) -> None:

@@ -33,8 +33,8 @@ def games() -> None:
 
 
 def everybody() -> None:
-    """check_env_specs of open-system through PettingZooWrapper, behind Everybody."""
-    env = PettingZooWrapper(roletrust_env.Everybody(roletrust_env.parallel_env(OPEN)))
+    """check_env_specs of open-system through PettingZooWrapper, behind FixedAgents."""
+    env = PettingZooWrapper(roletrust_env.FixedAgents(roletrust_env.parallel_env(OPEN)))
     check_env_specs(env)
     present = env.rollout(100)["sr", "info", "present"]
     assert 0 < present.float().mean() < 1

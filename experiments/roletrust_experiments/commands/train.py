@@ -34,7 +34,7 @@ from roletrust_experiments.plots.figure_files import write_figure
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.learned.saved import SavedAttacker
-    from roletrust_agents.training.run import Point, Report, Run
+    from roletrust_agents.training.run import CurvePoint, Run, TrainingReport
 
 _SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
 _COALITIONS = {
@@ -307,7 +307,7 @@ def _bar() -> Progress:
     return progress_bar(columns=columns)
 
 
-def _show(progress: Progress, job: Any, report: "Report") -> None:
+def _show(progress: Progress, job: Any, report: "TrainingReport") -> None:
     score = (
         f"{report.curve[-1].score:.4f}, best {max(point.score for point in report.curve):.4f}"
         if report.curve
@@ -316,7 +316,7 @@ def _show(progress: Progress, job: Any, report: "Report") -> None:
     progress.update(job, completed=report.steps, score=score)
 
 
-def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[Point]") -> None:
+def _write(out: Path, run: "Run", attacker: "SavedAttacker", curve: "list[CurvePoint]") -> None:
     from roletrust_agents.learned import save_attacker
     from roletrust_experiments.plots.learning import learning_figure
 

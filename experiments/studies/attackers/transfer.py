@@ -8,7 +8,7 @@ from pydantic import NonNegativeInt
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.saved import load_attacker
-from roletrust_agents.training.coalition_methods import Evolve
+from roletrust_agents.training.coalition_methods import EvolutionSearch
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env.evaluation.search import Budget, SearchResult
 from roletrust_env.metrics.confidence import Estimate
@@ -100,7 +100,7 @@ def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[s
     if row.universal:
         found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
     else:
-        found = Evolve(start="random").search(condition.arguments(row.name), Budget(budget), seed)
+        found = EvolutionSearch(start="random").search(condition.arguments(row.name), Budget(budget), seed)
     seconds = perf_counter() - began
     utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
     return {"rounds": found.rounds, "seconds": round(seconds, 3), "attack": found.description, "utility": utility}

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from roletrust_agents.training.defence import AttackerMixture as Mixture
 from roletrust_agents.training.defence import Climb, Floats, train_defence
-from roletrust_agents.training.defence import Front as Mixture
 from roletrust_agents.training.defence_learners import learner_of
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.worst_case import Condition

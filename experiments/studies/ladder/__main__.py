@@ -118,7 +118,7 @@ def ladder(
     from roletrust_agents.learned.methods import learned_methods
     from roletrust_agents.planning.optimum import BestKnown, Exact
     from roletrust_agents.planning.planner import Planner
-    from roletrust_agents.training.coalition_methods import Evolve
+    from roletrust_agents.training.coalition_methods import EvolutionSearch
     from roletrust_agents.training.universal import Universal
 
     task_id = find_task(task)
@@ -136,7 +136,7 @@ def ladder(
     kinds = parse_kinds(attack, rules) if attack else None
     Scripts.of(exact_task(arguments), kinds)  # an attack that does not fit is refused before the games
     scripted: list[SearchMethod] = [rung(attacks=kinds) for rung in (PaperAttacks, GridSearch, RandomSearch, CmaEs)]
-    searches: list[SearchMethod] = [HonestPlay(), *scripted, Universal(), Evolve(), Planner()]
+    searches: list[SearchMethod] = [HonestPlay(), *scripted, Universal(), EvolutionSearch(), Planner()]
     paths = learned or []
     trained = [
         learned_methods(path, range(seed, seed + runs), f"learned, {path.name}" if len(paths) > 1 else "learned")

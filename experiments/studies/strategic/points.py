@@ -10,8 +10,8 @@ from roletrust_agents.strategic.learning import LearningSettings, learn
 from roletrust_agents.strategic.playing import MEASURED, play
 from roletrust_agents.strategic.strategies import (
     Floats,
-    Population,
     Side,
+    StrategyProfile,
     departure,
     honest_population,
     random_population,
@@ -174,7 +174,7 @@ def play_point(point: Point, effort: Effort) -> dict[str, Any]:
         )
         population, course = learned.population, learned.course
         moved = np.abs(course[-1] - course[-1 - (effort.steps - 1) // 4]).mean(axis=0)
-    spread = Population(*(part[:, :, None, :, None] for part in population))
+    spread = StrategyProfile(*(part[:, :, None, :, None] for part in population))
     played = play(game, spread, (MEASURED, seed), (effort.runs, effort.games), rows=1)
     provider, rater = (best_response(game, population, side, seed, effort.games // 2) for side in _WORDS)
     rewards = played.rewards[:, 0].mean(axis=-1)

@@ -9,9 +9,9 @@ from roletrust_agents.strategic.playing import mean_rewards, play
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     HONEST,
-    Population,
     StrategicProvider,
     StrategicRater,
+    StrategyProfile,
     departure,
     honest_population,
     random_population,
@@ -74,7 +74,7 @@ def test_a_batch_of_populations_is_each_of_them_alone():
     population = random_population(game, (2, 3), seed=1)  # two rows in three games
     together = mean_rewards(game, population, (5,), (3,), rows=2)
     for row in range(2):
-        alone = Population(*(np.repeat(part[:, :, row, None], 2, axis=2) for part in population))
+        alone = StrategyProfile(*(np.repeat(part[:, :, row, None], 2, axis=2) for part in population))
         np.testing.assert_allclose(mean_rewards(game, alone, (5,), (3,), rows=2)[:, row], together[:, row])
 
 

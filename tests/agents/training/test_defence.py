@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("torch")
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.training.defence import Climb, Front, train_defence
+from roletrust_agents.training.defence import AttackerMixture, Climb, train_defence
 from roletrust_agents.training.defence_learners import ParameterLearner, learner_of
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.settings import StrategySettings
@@ -31,7 +31,7 @@ def attack(name, attacker):
 
 LIARS = attack("liars", Scripted({name: attackers.make("complementary") for name in TASK["compromised"]}))
 COALITION = attack("coalition", CoalitionAttacker(universal_coalitions()["universal-raters"]))
-FRONT = Front(TASK, (LIARS, COALITION), np.array([0.75, 0.25]))
+FRONT = AttackerMixture(TASK, (LIARS, COALITION), np.array([0.75, 0.25]))
 
 
 @pytest.mark.parametrize("name", LEARNED)
@@ -101,7 +101,7 @@ def test_a_training_repeats_and_never_ends_below_its_start():
 
 def test_the_score_weighs_the_attackers():
     learner, still = ParameterLearner("mean"), Climb(steps=1, pairs=1, games=1, attackers=1, validation=8)
-    fronts = {name: Front(TASK, (one,), np.ones(1)) for name, one in (("a", LIARS), ("b", COALITION))}
+    fronts = {name: AttackerMixture(TASK, (one,), np.ones(1)) for name, one in (("a", LIARS), ("b", COALITION))}
     alone = {k: train_defence(learner, [one], learner.start(), still, 0).start for k, one in fronts.items()}
     both = train_defence(learner, [FRONT], learner.start(), still, 0).start
     assert both == pytest.approx(0.75 * alone["a"] + 0.25 * alone["b"], abs=1e-6)

@@ -7,7 +7,7 @@ from small_market import TASK, run
 pytest.importorskip("cma")
 
 from roletrust_agents.learned.deep_set import DeepSetArchitecture
-from roletrust_agents.training.coalition_methods import Evolve
+from roletrust_agents.training.coalition_methods import EvolutionSearch
 from roletrust_agents.training.evolution import Evolution
 from roletrust_agents.training.settings import EvolutionSettings
 from roletrust_agents.training.universal import Universal, universal_coalitions
@@ -104,7 +104,7 @@ def test_all_rounds_are_counted():
 def test_a_search_stays_in_its_budget():
     spent = []
     budget = Budget(30_000, spent.append)
-    result = Evolve(population=8, games=4).search({**TASK, "trust_model": "beta"}, budget, 0)
+    result = EvolutionSearch(population=8, games=4).search({**TASK, "trust_model": "beta"}, budget, 0)
     assert sum(spent) == budget.spent == result.rounds <= 30_000
     assert budget.spent > 20_000
     played, best = zip(*result.progress, strict=True)
@@ -118,17 +118,17 @@ def test_where_nothing_is_left_to_chance_one_game_each_is_enough():
     certain = {"scenario": "paper-3x3", "max_cycles": 40, "noise": 0.0, "perturbations": []}
     arguments = {**certain, "compromised": ["sp_2"], "objective": "exploit"}
     with pytest.raises(UnsuitableError, match="give 2800 "):  # 4 x (16 candidates + 1 validation) + 2 games
-        Evolve(population=16).search(arguments, Budget(2799), 0)
-    found = find(Evolve(start="random", population=16), arguments, budget=32_000, seed=0, games=2)
+        EvolutionSearch(population=16).search(arguments, Budget(2799), 0)
+    found = find(EvolutionSearch(start="random", population=16), arguments, budget=32_000, seed=0, games=2)
     assert "in 45 steps" in found.description
     assert found.scores[0] > 0.2  # on and off in cycles; quality 0 all the time is worth 0.03
 
 
 def test_too_small_a_budget_is_refused_with_one_that_is_enough():
     with pytest.raises(UnsuitableError, match="give ") as error:
-        Evolve().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
+        EvolutionSearch().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
     enough = int(str(error.value).split("give ")[1].split()[0])
-    assert Evolve().search({**TASK, "trust_model": "beta"}, Budget(enough), 0).rounds <= enough
+    assert EvolutionSearch().search({**TASK, "trust_model": "beta"}, Budget(enough), 0).rounds <= enough
 
 
 def test_the_universal_coalitions_come_with_the_project():

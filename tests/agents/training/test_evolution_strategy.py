@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_market import TASK, assert_continues, run
 
-from roletrust_agents.training.coalition_methods import Evolve, Gradients, Strategy
+from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
 from roletrust_agents.training.evolution_strategy import EvolutionStrategy, slope_of
 from roletrust_agents.training.settings import StrategySettings
@@ -62,7 +62,7 @@ def test_a_run_continues_to_the_last_bit():
 
 
 def test_the_search_keeps_to_its_budget_and_is_repeatable():
-    found = [Strategy(pairs=4, games=2).search(TASK, Budget(12_000), 3) for _ in range(2)]
+    found = [EvolutionStrategySearch(pairs=4, games=2).search(TASK, Budget(12_000), 3) for _ in range(2)]
     assert found[0].rounds <= 12_000
     assert "evolution strategy" in found[0].description
     one, other = (search.attacker.network.flatten() for search in found)
@@ -71,18 +71,18 @@ def test_the_search_keeps_to_its_budget_and_is_repeatable():
 
 
 def test_a_known_attack_is_the_least():
-    known = Strategy(start="random", pairs=4, games=2).search(TASK, Budget(20_000), 0)
+    known = EvolutionStrategySearch(start="random", pairs=4, games=2).search(TASK, Budget(20_000), 0)
     record = record_of(known.attacker)
-    again = Strategy(known=(record,), pairs=4, games=2).search(TASK, Budget(20_000), 0)
+    again = EvolutionStrategySearch(known=(record,), pairs=4, games=2).search(TASK, Budget(20_000), 0)
     assert max(score for _, score in again.progress) >= max(score for _, score in known.progress) - 1e-9
 
 
 @pytest.mark.parametrize(
     ("method", "fields", "message"),
     [
-        (Strategy, {"pairs": 1}, "evolution strategy: pairs"),
-        (Evolve, {"population": 1}, "evolution: population"),
-        (Gradients, {"temperature": 0}, "gradients: temperature"),
+        (EvolutionStrategySearch, {"pairs": 1}, "evolution strategy: pairs"),
+        (EvolutionSearch, {"population": 1}, "evolution: population"),
+        (GradientSearch, {"temperature": 0}, "gradients: temperature"),
         (CoalitionPpo, {"gamma": 2}, "coalition PPO: gamma"),
     ],
 )
@@ -93,4 +93,4 @@ def test_parameters_are_checked_before_a_search(method, fields, message):
 
 def test_a_budget_that_is_too_small_is_refused():
     with pytest.raises(UnsuitableError, match="too small for evolution strategy; give"):
-        Strategy().search(TASK, Budget(100), 0)
+        EvolutionStrategySearch().search(TASK, Budget(100), 0)

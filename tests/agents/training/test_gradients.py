@@ -5,7 +5,7 @@ import pytest
 import torch
 from small_market import TASK, assert_continues, run
 
-from roletrust_agents.training.coalition_methods import Gradients
+from roletrust_agents.training.coalition_methods import GradientSearch
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import GradientSettings
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
@@ -101,10 +101,10 @@ def test_all_rounds_are_counted():
 def test_a_search_stays_in_its_budget():
     spent = []
     budget = Budget(5_000, spent.append)
-    result = Gradients().search({**TASK, "trust_model": "beta"}, budget, 0)
+    result = GradientSearch().search({**TASK, "trust_model": "beta"}, budget, 0)
     assert sum(spent) == budget.spent == result.rounds <= 5_000
     assert budget.spent > 4_000
-    assert isinstance(Gradients(), SearchMethod)
+    assert isinstance(GradientSearch(), SearchMethod)
     with pytest.raises(UnsuitableError, match="too small for gradients; give 3220 or more"):
-        Gradients().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
-    assert Gradients().search({**TASK, "trust_model": "beta"}, Budget(3220), 0).rounds <= 3220
+        GradientSearch().search({**TASK, "trust_model": "beta"}, Budget(100), 0)
+    assert GradientSearch().search({**TASK, "trust_model": "beta"}, Budget(3220), 0).rounds <= 3220

@@ -165,8 +165,16 @@ A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
     ("arguments", "messages", "reason"),
     [
         (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating whose stamp is near"),
-        (["figures", "--recording"], [told(0, A, B), told(0, A, B)], "2 rounds of trust; it must hold two consecutive"),
-        (["figures", "--recording"], [told(0, A, B), told(1, A, B, PERIOD * 1000)], "holds 2 rounds of trust; it"),
+        (
+            ["figures", "--recording"],
+            [told(0, A, B), told(0, A, B)],
+            "2 rounds of trust; it must hold two consecutive",
+        ),
+        (
+            ["figures", "--recording"],
+            [told(0, A, B), told(1, A, B, PERIOD * 1000)],
+            "holds 2 rounds of trust; it",
+        ),
         (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
     ],
 )
