@@ -1,16 +1,54 @@
-"""A log of ratings from a CSV or Parquet file, checked row by row."""
+"""A log of ratings from a CSV or Parquet file, read by pyarrow and checked row by row."""
 
-from collections.abc import Callable
+import codecs
+import csv
+import gzip
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from roletrust_env.data.dates import has_zone, is_date, text_seconds
-from roletrust_env.data.scale import check_scale
-from roletrust_env.data.tables import Block, Columns, Texts, first_row, read_blocks
+from roletrust_env.data.units import check_scale, date_seconds, has_zone, is_date, text_seconds, unit_ratings
+from roletrust_env.errors import suggest
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats
+
+PARQUET = ".parquet"
+"""Ending of the name of a Parquet file; any other file is CSV."""
+
+ENDINGS = (".csv", ".csv.gz", PARQUET)
+"""Endings of the names of tables in a folder."""
+
+_ROWS = 50_000  # in a block
+_BYTES = 1 << 23  # of a CSV file that are parsed at a time
+
+
+class Columns(NamedTuple):
+    """The columns of a file: names, or numbers from 1. A CSV file without header has numbers only.
+
+    Attributes:
+        rater: Column of the rater.
+        ratee: Column of the ratee, the provider.
+        rating: Column of the rating.
+        time: Column of the time; None if there is none.
+    """
+
+    rater: str = "rater"
+    ratee: str = "ratee"
+    rating: str = "rating"
+    time: str | None = None
+
+    @property
+    def wanted(self) -> list[str]:
+        """The columns that are read."""
+        return [name for name in self if name is not None]
+
+    @property
+    def by_number(self) -> bool:
+        """Whether the columns are numbers from 1."""
+        return all(name.isdecimal() for name in self.wanted)
 
 
 class RatingLog(NamedTuple):
@@ -51,7 +89,7 @@ def read_ratings(
 ) -> RatingLog:
     """Read ratings from a CSV file, which may be compressed by gzip (`.gz`), or from a Parquet file (`.parquet`).
 
-    Parquet needs pyarrow, the extra `parquet`. Its rows count from 1, and those of a CSV file with its header.
+    The rows of a Parquet file count from 1, and those of a CSV file with its header.
 
     Args:
         path: Path of the file; CSV is in UTF-8, with commas.
@@ -62,7 +100,8 @@ def read_ratings(
         advance: Function that is called with the number of rows read so far.
 
     Raises:
-        ValueError: The file is no such table, or a row is not allowed. The message names the file and the row.
+        ValueError: The file is no such table, or a row is not allowed. The message names the file and the row. Or
+            pyarrow is missing.
         OSError: The file cannot be read.
     """
     check_scale(scale)
@@ -70,91 +109,252 @@ def read_ratings(
     ratees = raters if same_agents else {}
     parts: list[tuple[Ints, Ints, Floats, Floats]] = []
     read, first, zoned = 0, first_row(path, columns), None
-    for block in read_blocks(path, columns):
-        if not read and isinstance(block.times, list) and is_date(block.times[0]):
-            zoned = has_zone(block.times[0])
-        parts.append(_parsed(block, f"{path}, row", first + read, columns, (raters, ratees), scale, zoned))
-        read += len(block.raters)
+    row = f"{path}, row"
+    for block in _read_blocks(path, columns):
+        ratings, stamps = block[2], block[3:]
+        if not read and stamps and _is_text(stamps[0]) and is_date(start := _text(stamps[0], 0)):
+            zoned = has_zone(start)
+        who, whom = (
+            _places(column, index, f"column {name!r}", row, first + read)
+            for column, index, name in zip(block, (raters, ratees), columns[:2])  # noqa: B905
+        )
+        what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
+        numbers = _numbers(ratings, what, row, first + read)
+        values = unit_ratings(numbers, scale, _rating_in(row, first + read))
+        if not stamps:
+            times = np.zeros(len(values))
+        elif zoned is None:
+            times = _numbers(stamps[0], "the time", row, first + read)
+        else:
+            times = text_seconds(stamps[0].fill_null("").to_pylist(), row, first + read, zoned=zoned)
+        parts.append((who, whom, values, times))
+        read += len(values)
         advance(read)
     if not read:
         raise ValueError(f"{path} has no ratings")
     who, whom, values, times = (np.concatenate(column) for column in zip(*parts, strict=True))
-    if same_agents:
-        _refuse(who == whom, path, first, lambda at: f"{list(raters)[who[at]]!r} rates itself")
+    if same_agents and (own := np.flatnonzero(who == whom)).size:
+        raise ValueError(f"{row} {first + own[0]}: {list(raters)[who[own[0]]]!r} rates itself")
     if not repeats and columns.time is not None:
-        _refuse_repeats(path, first, (who, whom, values, times))
+        _refuse_repeats(row, first, (who, whom, values, times))
     order, was_sorted = slice(None), bool((np.diff(times) >= 0).all())
     if not was_sorted:
         order = np.argsort(times, kind="stable")  # type: ignore[assignment]
     names = list(raters), list(ratees)
-    stamps = None if columns.time is None else times[order]
-    return RatingLog(who[order], whom[order], values[order], stamps, *names, was_sorted)
+    ordered = None if columns.time is None else times[order]
+    return RatingLog(who[order], whom[order], values[order], ordered, *names, was_sorted)
 
 
-def _parsed(
-    block: Block,
-    row: str,
-    first: int,
-    columns: Columns,
-    indices: tuple[dict[str, int], dict[str, int]],
-    scale: tuple[float, float],
-    zoned: bool | None,
-) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return the columns of some rows: places of raters and ratees, ratings on [0, 1], and times, 0 without.
-
-    Times are all dates, all with a time zone or all without (`zoned`), or all numbers (None).
-    """
-    people = []
-    for names, index, column in zip((block.raters, block.ratees), indices, columns[:2], strict=True):
-        if "" in names:
-            raise ValueError(f"{row} {first + names.index('')} has no name in column {column!r}")
-        people.append(np.array([index.setdefault(name, len(index)) for name in names], np.int64))
-    what = "the rating" if columns.by_number or columns.rating == Columns().rating else f"column {columns.rating!r}"
-    values = _column(block.ratings, what, row, first)
-    worst, best = scale
-    if (off := np.flatnonzero((values < worst) | (values > best))).size:
-        at = off[0]
-        raise ValueError(f"{row} {first + at}: the rating {values[at]:g} is off the scale from {worst:g} to {best:g}")
-    if block.times is None:
-        times = np.zeros(len(values))
-    elif zoned is None:
-        times = _column(block.times, "the time", row, first)
-    else:
-        times = text_seconds(block.times, "the time", row, first, zoned=zoned)  # type: ignore[arg-type]
-    return people[0], people[1], (values - worst) / (best - worst), times
+def _rating_in(row: str, first: int) -> Callable[[int], str]:
+    """Return a function from a place in a block to the beginning of a message about its rating."""
+    return lambda at: f"{row} {first + at}: the rating is"
 
 
-def _column(texts: Texts, what: str, row: str, first: int) -> Floats:
-    """Return a column as finite numbers."""
-    try:
-        values = np.asarray(texts, np.float64)
-    except ValueError:
-        values = np.array([_number(str(text)) for text in texts])
-    if (wrong := np.flatnonzero(~np.isfinite(values))).size:
-        raise ValueError(f"{row} {first + wrong[0]}: {what} is {str(texts[wrong[0]])!r}; it must be a number")
-    return values
+def first_row(path: Path, columns: Columns) -> int:
+    """Return the number of the first row with ratings in messages: 2 below the header of a CSV file, else 1."""
+    return 1 if path.suffix == PARQUET or columns.by_number else 2
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
-
-
-def _refuse(wrong: Any, path: Path, first: int, reason: Callable[[int], str]) -> None:
-    """Refuse the first row that is wrong."""
-    if (found := np.flatnonzero(wrong)).size:
-        raise ValueError(f"{path}, row {first + int(found[0])}: {reason(int(found[0]))}")
-
-
-def _refuse_repeats(path: Path, first: int, columns: tuple[Ints, Ints, Floats, Floats]) -> None:
+def _refuse_repeats(row: str, first: int, columns: tuple[Ints, Ints, Floats, Floats]) -> None:
     """Refuse a row that is the same as an earlier one in all columns."""
     order = np.lexsort(columns)
     same = np.logical_and.reduce([np.diff(column[order]) == 0 for column in columns])
     if (at := np.flatnonzero(same)).size:
         later = at[np.argmin(order[at + 1])]
         raise ValueError(
-            f"{path}, row {first + int(order[later + 1])} repeats row {first + int(order[later])}: rater, ratee, "
+            f"{row} {first + int(order[later + 1])} repeats row {first + int(order[later])}: rater, ratee, "
             "rating and time are the same; allow repeats to count them as one"
         )
+
+
+# --- columns of pyarrow -------------------------------------------------------------------------------
+
+
+def _places(column: Any, index: dict[str, int], what: str, row: str, first: int) -> Ints:
+    """Return the place of each name of a column, shape (n,). New names get the next places.
+
+    Raises:
+        ValueError: The column has no names, or one is missing.
+    """
+    import pyarrow as arrow
+
+    if not (_is_text(column) or arrow.types.is_integer(column.type)):
+        raise ValueError(
+            f"{row.removesuffix(', row')}, {what} is of type {column.type}; names must be texts or whole numbers"
+        )
+    coded = column.cast(arrow.string()).fill_null("").dictionary_encode()
+    names, codes = coded.dictionary.to_pylist(), coded.indices.to_numpy()
+    if "" in names:
+        raise ValueError(f"{row} {first + np.flatnonzero(codes == names.index(''))[0]} has no name in {what}")
+    places: Ints = np.array([index.setdefault(name, len(index)) for name in names], np.int64)[codes]
+    return places
+
+
+def _numbers(column: Any, what: str, row: str, first: int) -> Floats:
+    """Return a column as finite numbers, dates as seconds since 1970.
+
+    Raises:
+        ValueError: The column has no numbers, or a number is missing or not finite.
+    """
+    import pyarrow as arrow
+
+    if arrow.types.is_timestamp(column.type) or arrow.types.is_date(column.type):
+        values = date_seconds(column.to_numpy(zero_copy_only=False))
+    else:
+        try:
+            values = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), np.float64)
+        except arrow.ArrowException:
+            if not _is_text(column):
+                raise ValueError(
+                    f"{row.removesuffix(', row')}, {what} is of type {column.type}; it must be numbers"
+                ) from None
+            values = np.array([_number(text) for text in column.to_pylist()])
+    if (wrong := np.flatnonzero(~np.isfinite(values))).size:
+        at = int(wrong[0])
+        shown = _text(column, at) if _is_text(column) else str(values[at])
+        raise ValueError(f"{row} {first + at}: {what} is {shown!r}; it must be a number")
+    return values
+
+
+def _number(text: str | None) -> float:
+    """Return the number in a text, which may have spaces around it; NaN if there is none."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return float("nan")
+
+
+def _text(column: Any, place: int) -> str:
+    return column[place].as_py() or ""
+
+
+def _is_text(column: Any) -> bool:
+    import pyarrow.types as kinds
+
+    return bool(kinds.is_string(column.type) or kinds.is_large_string(column.type) or kinds.is_string_view(column.type))
+
+
+# --- blocks of files ----------------------------------------------------------------------------------
+
+
+def _read_blocks(path: Path, columns: Columns) -> Iterator[list[Any]]:
+    """Yield the wanted columns of a table, block by block, as arrays of pyarrow: texts, where the file is CSV.
+
+    Raises:
+        ValueError: The file is no such table, or is damaged. The message names the file, and the row where it can. Or
+            pyarrow is missing.
+        OSError: The file cannot be read.
+    """
+    if columns.by_number and min(map(int, columns.wanted)) < 1:
+        raise ValueError("columns are numbered from 1")
+    try:
+        import pyarrow as arrow
+        import pyarrow.parquet
+    except ImportError:
+        raise ValueError(f"{path} needs pyarrow: pip install 'roletrust-env[cli]'") from None
+    read, kind = 0, "Parquet" if path.suffix == PARQUET else "CSV"
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as opened:
+        file: Any = opened
+        try:
+            for block in (_parquet_blocks if kind == "Parquet" else _csv_blocks)(path, file, columns):
+                yield block
+                read += len(block[0])
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ValueError(f"{path} is a damaged gzip file, after row {read}: {error}") from None
+        except (UnicodeDecodeError, csv.Error, arrow.ArrowException, OSError) as error:
+            reason = str(error).partition("\n")[0]
+            if isinstance(error, UnicodeDecodeError) or "UTF8" in reason:
+                reason = "it is not text in UTF-8"
+            raise ValueError(f"{path} is no {kind} file, or a damaged one, after row {read}: {reason}") from None
+
+
+def _csv_blocks(path: Path, file: IO[bytes], columns: Columns) -> Iterator[list[Any]]:
+    import pyarrow as arrow
+    from pyarrow import csv as arrow_csv
+
+    names: list[str] = []
+    read, rest, wrong = 0, None, list[Any]()
+
+    def ragged(row: Any) -> str:
+        wrong.append(row)
+        return "error"
+
+    for lines in _lines(file):
+        if not read:
+            lines = lines.removeprefix(codecs.BOM_UTF8)
+            header = next(csv.reader([lines.partition(b"\n")[0].decode()], strict=True))
+            names = [f"f{place}" for place in _column_places(path, columns, [one.strip() for one in header], "row 1")]
+            convert = arrow_csv.ConvertOptions(
+                include_columns=sorted(set(names)), default_column_type=arrow.string(), strings_can_be_null=False
+            )
+            every = [f"f{place}" for place in range(len(header))]
+        try:
+            table = arrow_csv.read_csv(
+                arrow.BufferReader(lines),
+                arrow_csv.ReadOptions(use_threads=False, block_size=len(lines) + 1, column_names=every),
+                arrow_csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=ragged),
+                convert,
+            )
+        except arrow.ArrowInvalid:
+            for row in wrong:
+                raise ValueError(
+                    f"{path}, row {read + row.number} has {row.actual_columns} columns; "
+                    f"{row.expected_columns} are needed, as in row 1"
+                ) from None
+            raise
+        if lines.count(b"\n") > len(table):  # pyarrow takes all after a quote without end as one text
+            raise ValueError(f"{path}, after row {read}: a quote has no end, or a text has several lines")
+        first = 0 if read or columns.by_number else 1
+        read += len(table)
+        rest = table.slice(first) if rest is None else arrow.concat_tables([rest, table])
+        while len(rest) >= _ROWS:
+            yield [rest[name].slice(0, _ROWS).combine_chunks() for name in names]
+            rest = rest.slice(_ROWS)
+    if rest:
+        yield [rest[name].combine_chunks() for name in names]
+    elif not read:
+        _column_places(path, columns, [], "row 1")
+
+
+def _lines(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a file, many at a time; the last one ends, too."""
+    rest = b""
+    while block := file.read(_BYTES):
+        lines, end, rest = (rest + block).rpartition(b"\n")
+        if end:
+            yield lines + end
+    if rest:
+        yield rest + b"\n"
+
+
+def _parquet_blocks(path: Path, file: IO[bytes], columns: Columns) -> Iterator[list[Any]]:
+    import pyarrow.parquet as parquet
+    import pyarrow.types as kinds
+
+    table = parquet.ParquetFile(file, page_checksum_verification=True)
+    header = table.schema_arrow.names
+    names = [header[place] for place in _column_places(path, columns, header, "columns")]
+    if twice := [name for name in names if header.count(name) > 1]:
+        raise ValueError(f"{path} has several columns {twice[0]!r}")
+    for batch in table.iter_batches(_ROWS, columns=sorted(set(names))):
+        found = (batch.column(name) for name in names)
+        yield [column.dictionary_decode() if kinds.is_dictionary(column.type) else column for column in found]
+
+
+def _column_places(path: Path, columns: Columns, header: list[str], where: str) -> list[int]:
+    """Return the places of the wanted columns among those of a file.
+
+    Raises:
+        ValueError: There is no such column, or more than one.
+    """
+    if columns.by_number:
+        places = [int(name) - 1 for name in columns.wanted]
+        if header and max(places) >= len(header):
+            raise ValueError(f"{path} has {len(header)} columns; {max(places) + 1} are needed")
+        return places
+    for name in columns.wanted:
+        if name not in header:
+            raise ValueError(f"{path}, {where}: there is no column {name!r}{suggest(name, header, 'Columns:')}")
+        if header.count(name) > 1:
+            raise ValueError(f"{path}, {where}: there are several columns {name!r}")
+    return [header.index(name) for name in columns.wanted]

@@ -1,4 +1,7 @@
-"""A log of real ratings with a few hostile accounts at its end: how far do they move their targets?"""
+"""A log of real ratings with a few hostile accounts at its end: how far do they move their targets?
+
+The accounts follow a fixed plan, or search for the tactics that move their targets most.
+"""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -48,7 +51,7 @@ ATTACKS = [
 _MOST = max(attack.accounts for attack in ATTACKS)
 
 
-class Moved(NamedTuple):
+class Shift(NamedTuple):
     """Mean percentile of the targets among all rated providers, 1 for the most trusted, without and with the attack.
 
     Attributes:
@@ -60,7 +63,7 @@ class Moved(NamedTuple):
     after: Interval
 
 
-class Ratings(NamedTuple):
+class HostileRatings(NamedTuple):
     """Ratings of hostile accounts in one round.
 
     Attributes:
@@ -120,7 +123,7 @@ class Replay:
             play_round(self._ledger, number, log.raters[some], log.ratees[some], log.values[some])
         self._rest, self._rated = parts[-ROUNDS:], np.union1d(np.unique(log.ratees), self.newcomers)
 
-    def percentiles(self, targets: Ints, rounds: Sequence[Ratings]) -> Floats:
+    def percentiles(self, targets: Ints, rounds: Sequence[HostileRatings]) -> Floats:
         """Return the percentiles of targets among all rated providers and newcomers at the end of the log.
 
         Args:
@@ -139,7 +142,7 @@ class Replay:
     def honest(self) -> dict[str, Floats]:
         """The percentiles of the targets of each goal without an attack."""
         nobody = np.zeros(0, np.int64)
-        quiet = [everybody(nobody, nobody, 0.0)] * ROUNDS
+        quiet = [equal_ratings(nobody, nobody, 0.0)] * ROUNDS
         return {goal: self.percentiles(self.aim(goal)[0], quiet) for goal in ("sink", "lift")}
 
     @cached_property
@@ -156,10 +159,10 @@ class Replay:
         return (self.best, 0.0) if goal == "sink" else (self.newcomers, 1.0)
 
 
-def everybody(accounts: Ints, targets: Ints, rating: float) -> Ratings:
+def equal_ratings(accounts: Ints, targets: Ints, rating: float) -> HostileRatings:
     """Return the ratings of a round in which every account gives every target the same rating."""
     who, whom = (grid.reshape(-1) for grid in np.meshgrid(accounts, targets))
-    return Ratings(who, whom, np.full(len(who), rating))
+    return HostileRatings(who, whom, np.full(len(who), rating))
 
 
 def draw_teams(replay: Replay, attack: Attack, rng: np.random.Generator) -> list[Ints]:
@@ -169,12 +172,12 @@ def draw_teams(replay: Replay, attack: Attack, rng: np.random.Generator) -> list
     return [rng.choice(replay.active, attack.accounts, replace=False) for _ in range(_DRAWS)]
 
 
-def moved(before: Floats, after: Floats, seed: int) -> Moved:
+def shift_of(before: Floats, after: Floats, seed: int) -> Shift:
     """Return the mean percentiles of targets without and with an attack, with their intervals."""
-    return Moved(*(interval(mean(x), np.arange(len(x)), seed) for x in (before, after)))
+    return Shift(*(interval(mean(x), np.arange(len(x)), seed) for x in (before, after)))
 
 
-def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: int = 0) -> dict[Attack, Moved]:
+def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: int = 0) -> dict[Attack, Shift]:
     """End a log with each attack, and without any.
 
     In each of the last 6 rounds every hostile account rates all 20 targets, beside the ratings of the log. The best
@@ -190,8 +193,8 @@ def replay_attacks(replay: Replay, attacks: Sequence[Attack] = ATTACKS, seed: in
     for attack in attacks:
         targets, rating = replay.aim(attack.goal)
         teams = draw_teams(replay, attack, rng)
-        after = [replay.percentiles(targets, [everybody(team, targets, rating)] * ROUNDS) for team in teams]
-        found[attack] = moved(replay.honest[attack.goal], np.mean(after, axis=0), seed)
+        after = [replay.percentiles(targets, [equal_ratings(team, targets, rating)] * ROUNDS) for team in teams]
+        found[attack] = shift_of(replay.honest[attack.goal], np.mean(after, axis=0), seed)
     return found
 
 
@@ -201,3 +204,130 @@ def _best(log: RatingLog, past: int) -> Ints:
     order = np.argsort(-reputation(successes, count - successes), kind="stable")
     chosen: Ints = order[count[order] > 0][:TARGETS]
     return chosen
+
+
+# --- attackers that search for the tactics that move their targets most -----------------------------
+
+
+_COVER = 20  # most honest ratings of an account in a round
+_PERIODS = 3
+_STEP = 0.2  # standard deviation of a step, where each number of a tactic is in [0, 1]
+
+
+class Tactic(NamedTuple):
+    """Choices of the hostile accounts.
+
+    Attributes:
+        accounts: Places of the accounts.
+        first: Number of the first of the last 6 rounds in which they rate, from 0.
+        period: Number of rounds from one in which they rate to the next.
+        rating: Rating of the targets, on the side of the middle of the scale that serves the goal.
+        targets: Number of targets that each account draws and rates in a round, from 1 to 20.
+        cover: Number of other providers that each account draws and rates in a round as the log rates them on average.
+        ring: Whether the accounts give one another the best rating.
+    """
+
+    accounts: Ints
+    first: int
+    period: int
+    rating: float
+    targets: int
+    cover: int
+    ring: bool
+
+
+class WorstAttack(NamedTuple):
+    """The attack that moves its targets most, of those that a search has played.
+
+    Attributes:
+        shift: Percentiles of the targets without and with it.
+        tactic: Choices of the accounts.
+    """
+
+    shift: Shift
+    tactic: Tactic
+
+
+def search_attack(replay: Replay, attack: Attack, budget: int, seed: int = 0) -> WorstAttack:
+    """Search for the tactic that moves the targets of an attack most.
+
+    The search sees the outcome of each attack, as an attacker would who knows the log and the model. It first plays
+    the attack without a tactic, in which every account gives every target the extreme rating in every round: for
+    hijacked accounts once for each of the five draws. Half of what is left are random tactics; the other half are
+    random steps from the best so far. Hijacked accounts are next to each other in the order of activity. The result is
+    a bound from below on what an attacker can do, and no smaller than that of the attack without tactic.
+
+    Args:
+        replay: Log that was played up to the attack.
+        attack: Goal, number and origin of the accounts.
+        budget: Number of attacks to play, at least 1.
+        seed: Random seed.
+
+    Raises:
+        ValueError: The budget is below 1.
+    """
+    if budget < 1:
+        raise ValueError(f"the budget is {budget}; it must be at least 1")
+    rng, (targets, extreme) = np.random.default_rng(seed), replay.aim(attack.goal)
+    sign = 1 if attack.goal == "lift" else -1
+    plain = [Tactic(team, 0, 1, extreme, TARGETS, 0, False) for team in draw_teams(replay, attack, rng)][:budget]
+    at, best, after = np.zeros(7), plain[0], _played(replay, targets, plain[0], seed)
+    for n in range(1, budget):
+        if n < len(plain):
+            point, tactic = at, plain[n]
+        else:
+            late = n - len(plain) >= (budget - len(plain)) / 2
+            point = np.clip(at + rng.normal(0, _STEP, 7), 0, 1) if late else rng.random(7)
+            tactic = _tactic(replay, attack, extreme, point)
+        found = _played(replay, targets, tactic, seed)
+        if sign * (found.mean() - after.mean()) > 0:
+            at, best, after = point, tactic, found
+    return WorstAttack(shift_of(replay.honest[attack.goal], after, seed), best)
+
+
+def _tactic(replay: Replay, attack: Attack, extreme: float, point: Floats) -> Tactic:
+    """Return the tactic of a point in the unit cube."""
+    where, first, period, towards, fewer, cover, ring = point.tolist()
+    accounts = replay.fresh[: attack.accounts]
+    if attack.origin == "hijacked":
+        start = int(where * (len(replay.ranked) - attack.accounts) + 0.5)
+        accounts = replay.ranked[start : start + attack.accounts]
+    return Tactic(
+        accounts=accounts,
+        first=min(int(first * ROUNDS), ROUNDS - 1),
+        period=1 + min(int(period * _PERIODS), _PERIODS - 1),
+        rating=extreme + (0.5 - extreme) * towards,
+        targets=TARGETS - min(int(fewer * TARGETS), TARGETS - 1),
+        cover=int(cover * _COVER + 0.5),
+        ring=ring > 0.5,
+    )
+
+
+def _played(replay: Replay, targets: Ints, tactic: Tactic, seed: int) -> Floats:
+    """Return the percentiles of the targets after an attack. Draws of targets and of cover are those of the seed."""
+    rng, nobody = np.random.default_rng(seed), np.zeros(0, np.int64)
+    rounds = []
+    for number in range(ROUNDS):
+        on = number >= tactic.first and (number - tactic.first) % tactic.period == 0
+        rounds.append(hostile_ratings(replay, targets, tactic, rng) if on else equal_ratings(nobody, nobody, 0.0))
+    return replay.percentiles(targets, rounds)
+
+
+def hostile_ratings(replay: Replay, targets: Ints, tactic: Tactic, rng: np.random.Generator) -> HostileRatings:
+    """Return the ratings of a tactic in one round in which its accounts rate.
+
+    Args:
+        replay: Log that was played up to the attack.
+        targets: Places of the targets.
+        tactic: Choices of the accounts.
+        rng: Random generator of the draws of targets and of cover.
+    """
+    known, parts = np.setdiff1d(np.flatnonzero(~np.isnan(replay.past_means)), targets), []
+    for account in tactic.accounts:
+        one = np.array([account])
+        parts.append(equal_ratings(one, rng.choice(targets, tactic.targets, replace=False), tactic.rating))
+        others = rng.choice(known, min(tactic.cover, len(known)), replace=False)
+        parts.append(HostileRatings(np.full(len(others), account), others, replay.past_means[others]))
+    if tactic.ring and replay.same_agents:
+        parts.append(equal_ratings(tactic.accounts, tactic.accounts, 1.0))
+    return HostileRatings(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

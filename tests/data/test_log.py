@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from log_cases import BAD, GOOD, HEADER
 
-from roletrust_env.data.log import read_ratings
+from roletrust_env.data.log import Columns, read_ratings
 from roletrust_env.data.rounds import log_rounds
-from roletrust_env.data.tables import Columns
 
 TIMED = Columns(time="time")
 
@@ -124,7 +123,7 @@ def test_repeats_may_be_allowed_and_rounds_must_make_sense(tmp_path: Path) -> No
             log_rounds(which, **rounds)
 
 
-def test_parquet_without_pyarrow_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pyarrow_it_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[parquet\]'"):
-        read_ratings(written(tmp_path, b"", "log.parquet"))
+    with pytest.raises(ValueError, match=r"needs pyarrow: pip install 'roletrust-env\[cli\]'"):
+        read_ratings(written(tmp_path, GOOD))

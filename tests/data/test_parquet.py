@@ -10,8 +10,7 @@ from log_cases import BAD, GOOD
 
 from roletrust_env.data.crowd import read_crowd, write_crowd
 from roletrust_env.data.folders import find_logs
-from roletrust_env.data.log import read_ratings
-from roletrust_env.data.tables import Columns
+from roletrust_env.data.log import Columns, read_ratings
 
 arrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[parquet]'")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -94,7 +93,7 @@ def test_bad_rows_get_the_line_that_they_get_in_csv(tmp_path: Path, case: str) -
         ({"time": arrow.array([1, None, 3], arrow.timestamp("s"))}, "row 2: the time is 'nan'"),
         ({"ratee": ["x", None, "y"]}, "row 2 has no name in column 'ratee'"),
         ({"ratee": [0.5, 1.5, 2.5]}, "column 'ratee' is of type double; names must be texts or whole numbers"),
-        ({"rating": [[1], [2], [3]]}, r"column 'rating' is of type list<.*>; it must be numbers"),
+        ({"rating": [[1], [2], [3]]}, r"the rating is of type list<.*>; it must be numbers"),
     ],
 )
 def test_columns_of_other_types_are_refused(tmp_path: Path, changed: dict[str, Any], message: str) -> None:

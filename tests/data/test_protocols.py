@@ -9,10 +9,9 @@ import pytest
 from roletrust_env.data.crowd import CrowdTask, crowd_work, read_crowd, write_crowd
 from roletrust_env.data.folders import find_logs, write_log
 from roletrust_env.data.forecasts import earlier_activity, forecasts, next_rating, rater_forward
-from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.replay import Attack, Moved, Replay, replay_attacks
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_env.data.resampling import auc, correlation, interval, mean, ranks
-from roletrust_env.data.tables import Columns
 from roletrust_env.trust import make_trust_model
 from roletrust_env.trust.models.central.constant import Constant
 
@@ -167,7 +166,7 @@ def test_wrong_answers_are_refused(tmp_path: Path) -> None:
 def test_hostile_accounts_move_their_targets(log: RatingLog, same_agents: bool) -> None:
     attacks = [Attack("sink", 3, "new"), Attack("sink", 10, "hijacked"), Attack("lift", 3, "new")]
 
-    def play(name: str) -> dict[Attack, Moved]:
+    def play(name: str) -> dict[Attack, Shift]:
         return replay_attacks(Replay(make_trust_model(name), log, MONTH, same_agents=same_agents), attacks)
 
     moved = play("mean")

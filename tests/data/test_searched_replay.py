@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 from roletrust_env.data.folders import write_log
-from roletrust_env.data.log import RatingLog, read_ratings
-from roletrust_env.data.replay import ROUNDS, TARGETS, Attack, Replay, everybody, replay_attacks
-from roletrust_env.data.searched_replay import Tactic, hostile_ratings, search_attack
-from roletrust_env.data.tables import Columns
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
+from roletrust_env.data.replay import (
+    ROUNDS,
+    TARGETS,
+    Attack,
+    Replay,
+    Tactic,
+    equal_ratings,
+    hostile_ratings,
+    replay_attacks,
+    search_attack,
+)
 from roletrust_env.trust import make_trust_model
 
 MONTH = 2_592_000
@@ -52,8 +60,8 @@ def test_a_search_finds_no_less_than_the_plain_attack(log: RatingLog, model: str
     found = search_attack(replay_of(log, model), attack, 30)
     plain = replay_attacks(replay_of(log, model), [attack])[attack]
     sign = 1 if goal == "lift" else -1
-    assert sign * (found.moved.after.value - plain.after.value) >= 0
-    assert found.moved.before == plain.before
+    assert sign * (found.shift.after.value - plain.after.value) >= 0
+    assert found.shift.before == plain.before
     assert len(set(found.tactic.accounts)) == 3
     assert repr(search_attack(replay_of(log, model), attack, 30)) == repr(found)
 
@@ -62,15 +70,15 @@ def test_a_search_finds_cover_against_a_filter_of_outliers(log: RatingLog) -> No
     attack, replay = Attack("sink", 3, "new"), replay_of(log, "iterative-filtering")
     plain, found = search_attack(replay, attack, 1), search_attack(replay, attack, 60)
     assert plain.tactic[1:] == (0, 1, 0.0, TARGETS, 0, False)
-    assert found.moved.after.value < plain.moved.after.value - 0.03
+    assert found.shift.after.value < plain.shift.after.value - 0.03
     assert found.tactic.cover > 0
 
 
 def test_a_quiet_round_is_the_log_itself(log: RatingLog) -> None:
     replay, nobody = replay_of(log, "mean"), np.zeros(0, np.int64)
-    quiet = [everybody(nobody, nobody, 0.0)] * ROUNDS
+    quiet = [equal_ratings(nobody, nobody, 0.0)] * ROUNDS
     honest = replay.percentiles(replay.best, quiet)
-    late = [*quiet[:-1], everybody(replay.fresh[:3], replay.best, 0.0)]
+    late = [*quiet[:-1], equal_ratings(replay.fresh[:3], replay.best, 0.0)]
     assert replay.percentiles(replay.best, late).mean() < honest.mean()
     assert np.array_equal(replay.percentiles(replay.best, quiet), honest)
     with pytest.raises(ValueError, match="the budget is 0; it must be at least 1"):

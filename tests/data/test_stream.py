@@ -282,7 +282,7 @@ def test_a_stream_without_agents_goes_on_with_any_names(tmp_path: Path, same_age
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "off the scale": ({"ratings": [1, 9]}, "rating 2 is 9; the scale is from 1 to 5"),
+    "off the scale": ({"ratings": [1, 9]}, "rating 2 is 9, off the scale from 1 to 5"),
     "NaN": ({"ratings": [1, float("nan")]}, "ratings hold nan at position 2"),
     "no number": ({"ratings": ["good", "bad"]}, "ratings must be numbers"),
     "too few": ({"ratings": [1]}, r"ratings have shape \(1,\); there are 2 raters"),

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 
 from roletrust_env.data import TrustStream, read_ratings
+from roletrust_env.data.log import Columns
 from roletrust_env.data.rounds import play_log, round_numbers
-from roletrust_env.data.tables import Columns
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_env.trust.neighbours import NEIGHBOURS

@@ -8,9 +8,8 @@ import typer
 from rich.markup import escape
 
 from roletrust_env import make_scenario
-from roletrust_env.data.log import RatingLog, read_ratings
+from roletrust_env.data.log import Columns, RatingLog, read_ratings
 from roletrust_env.data.rounds import check_rounds, log_rounds, play_log
-from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, write_csv
 from roletrust_env.trust.grid_ledger import make_ledger

@@ -9,15 +9,12 @@ import typer
 from rich.markup import escape
 
 from roletrust_env import make_scenario
-from roletrust_env.data.crowd import crowd_work, read_crowd, write_crowd
-from roletrust_env.data.crowd_methods import CROWD_METHODS, CrowdMethod
+from roletrust_env.data.crowd import CROWD_METHODS, CrowdMethod, crowd_work, read_crowd, write_crowd
 from roletrust_env.data.folders import Folder, find_logs, write_log
 from roletrust_env.data.forecasts import forecasts, next_rating, rater_forward
-from roletrust_env.data.log import read_ratings
-from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks
+from roletrust_env.data.log import Columns, read_ratings
+from roletrust_env.data.replay import ATTACKS, Replay, replay_attacks, search_attack
 from roletrust_env.data.rounds import TooSmallError
-from roletrust_env.data.searched_replay import search_attack
-from roletrust_env.data.tables import Columns
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
@@ -146,12 +143,12 @@ def _measures(
     def attacked(model: Any) -> Found:
         found: Found = {}
         replay = Replay(model, ratings, every, same_agents=same_agents)
-        for attack, moved in replay_attacks(replay, seed=seed).items():
-            found["attack", f"{attack.goal}, honest"] = moved.before
-            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = moved.after
+        for attack, shift in replay_attacks(replay, seed=seed).items():
+            found["attack", f"{attack.goal}, honest"] = shift.before
+            found["attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = shift.after
         for attack in ATTACKS if search else ():
             worst = search_attack(replay, attack, search, seed)
-            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.moved.after
+            found["searched attack", f"{attack.goal}, {attack.accounts} {attack.origin}"] = worst.shift.after
         return found
 
     def measure(model: Any) -> tuple[Found, dict[str, str]]:

@@ -68,7 +68,7 @@ def test_a_bad_file_is_one_line_and_nothing_is_written(log: Path, tmp_path: Path
     log.write_text(log.read_text() + "p1,s1,7,301\n")
     result = run("rate", str(log), *COLUMNS, "--out", str(tmp_path / "out"))
     assert result.exit_code == 2
-    assert "row 302: the rating 7 is off the scale from 1 to 5" in result.output
+    assert "row 302: the rating is 7, off the scale from 1 to 5" in result.output
     assert not (tmp_path / "out").exists()
     missing = run("rate", str(tmp_path / "none.csv"), "--out", str(tmp_path / "out"))
     assert missing.exit_code == 2

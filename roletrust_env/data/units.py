@@ -1,7 +1,9 @@
-"""Dates and times as seconds since 1970."""
+"""Units of a log: ratings on a scale, and times as seconds since 1970 where they are dates."""
 
 import re
 import warnings
+from collections.abc import Callable
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,40 @@ from roletrust_env.trust.ledger import Floats
 
 _ZONE = re.compile(r"(?:Z|[+-]\d\d(?::?\d\d)?)$")
 _DAY = 10  # letters of a date without a time
+
+
+def check_scale(scale: tuple[float, float]) -> None:
+    """Refuse a scale whose best rating is not above its worst.
+
+    Raises:
+        ValueError: The scale is no pair of numbers, is empty or not finite.
+    """
+    if not (
+        isinstance(scale, tuple | list | np.ndarray) and len(scale) == 2 and all(isinstance(end, Real) for end in scale)
+    ):
+        raise ValueError(f"the scale is {scale!r}; it must be the worst and the best rating, two numbers")
+    if not -np.inf < scale[0] < scale[1] < np.inf:
+        raise ValueError(f"the scale is from {scale[0]:g} to {scale[1]:g}; the best rating must be above the worst")
+
+
+def unit_ratings(
+    ratings: Floats, scale: tuple[float, float], name: Callable[[int], str] = lambda at: f"rating {at + 1} is"
+) -> Floats:
+    """Return ratings on [0, 1], 0 for the worst.
+
+    Args:
+        ratings: Ratings, shape (n,).
+        scale: Worst and best rating.
+        name: Function from a place among the ratings to the beginning of an error message.
+
+    Raises:
+        ValueError: A rating is not a number or is off the scale. The message names the first one.
+    """
+    worst, best = scale
+    if (wrong := np.flatnonzero(~((ratings >= worst) & (ratings <= best)))).size:
+        at = int(wrong[0])
+        raise ValueError(f"{name(at)} {ratings[at]:g}, off the scale from {worst:g} to {best:g}")
+    return (ratings - worst) / (best - worst)
 
 
 def date_seconds(dates: Any) -> Floats:
@@ -30,12 +66,11 @@ def has_zone(text: str) -> bool:
     return _ZONE.search(text, _DAY) is not None
 
 
-def text_seconds(texts: list[str], what: str, row: str, first: int, *, zoned: bool) -> Floats:
+def text_seconds(texts: list[str], row: str, first: int, *, zoned: bool) -> Floats:
     """Return dates and times of ISO 8601 as seconds since 1970.
 
     Args:
         texts: Dates, all with a time zone or all without.
-        what: Name of the column, for error messages.
         row: Name of the file and of a row, for error messages.
         first: Number of the first row.
         zoned: Whether the dates have a time zone.
@@ -50,12 +85,12 @@ def text_seconds(texts: list[str], what: str, row: str, first: int, *, zoned: bo
     if dates is None:
         wrong = next(at for at, text in enumerate(texts) if not is_date(text))
         raise ValueError(
-            f"{row} {first + wrong}: {what} is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
+            f"{row} {first + wrong}: the time is {texts[wrong]!r}; it must be a date of ISO 8601, as in the rows above"
         )
     other = next((at for at, text in enumerate(texts) if has_zone(text) != zoned), None)
     if other is not None:
         has, have = ("no time zone", "one") if zoned else ("a time zone", "none")
-        raise ValueError(f"{row} {first + other}: {what} {texts[other]!r} has {has}, and the rows above have {have}")
+        raise ValueError(f"{row} {first + other}: the time {texts[other]!r} has {has}, and the rows above have {have}")
     return date_seconds(dates)
 
 
