@@ -117,7 +117,7 @@ print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=Fal
     assert fresh("notebook").python(lines) == "bad-mouthing\n"
 
 
-def test_parquet(fresh: Callable[..., Environment]) -> None:
+def test_logs(fresh: Callable[..., Environment]) -> None:
     lines = """
 from pathlib import Path
 import pyarrow as arrow, pyarrow.parquet
@@ -125,7 +125,7 @@ from roletrust_env.data import read_ratings
 arrow.parquet.write_table(arrow.table({"rater": ["a"], "ratee": ["x"], "rating": [1]}), "log.parquet")
 print(read_ratings(Path("log.parquet")).shape)
 """
-    assert fresh("parquet").python(lines) == "(1, 1)\n"
+    assert fresh("cli").python(lines) == "(1, 1)\n"
 
 
 def test_train(fresh: Callable[..., Environment]) -> None:
