@@ -57,8 +57,8 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
         try:
             model = parse_trust_model(name, scenario)
             game = Game(scenario, model)
-            at_random, jumps = is_random(game), not Traits.of(model).differentiable
-            places_count = not at_random and needs_watching(model) and depends_on_places(game)
+            at_random, jumps = _is_random(game), not Traits.of(model).differentiable
+            places_count = not at_random and needs_watching(model) and _depends_on_places(game)
         except (Exception, SystemExit) as error:  # a model that fails now and then must not cost the results
             yield f"{name}: it failed after the run: {reason(error)}"
             at_random = jumps = places_count = False
@@ -70,31 +70,31 @@ def _model_caveats(suite: Suite, attacks: Sequence[AttackScores], models: Sequen
             shown = "are the last of their role" if suite.places == "last" else "are at random places"
             yield f"{name}: its trust depends on the places of agents; the liars of this suite {shown}"
         clean = [one for one in attacks if one.model == name and not suite.tracks[one.condition.track].roles]
-        informative = [one for one in clean if providers_differ(one)]
-        if informative and all(ignores_ratings(one) for one in informative):
+        informative = [one for one in clean if _providers_differ(one)]
+        if informative and all(_ignores_ratings(one) for one in informative):
             yield f"{name}: choosing by its trust is no better than choosing blindly; it (almost) ignores ratings"
     if discontinuous:
         them = "them" if discontinuous[1:] else "it"
         yield f"{', '.join(discontinuous)}: trust jumps, so the white-box planner could not attack {them}"
 
 
-def providers_differ(clean: AttackScores) -> bool:
+def _providers_differ(clean: AttackScores) -> bool:
     """Return whether providers differ in quality, so that the best choice is better than a blind choice."""
     return bool(np.nanmin(clean.measured["blind"]) < 1 - _SAME)
 
 
-def ignores_ratings(clean: AttackScores) -> bool:
+def _ignores_ratings(clean: AttackScores) -> bool:
     """Return whether a choice by trust has the same utility as a blind choice."""
     difference = clean.measured["utility"] - clean.measured["blind"]
     return bool(np.nanmax(abs(difference)) < _SAME)
 
 
-def is_random(game: Game) -> bool:
+def _is_random(game: Game) -> bool:
     """Return whether the model of a game computes different trust from the same ratings."""
     return not all(map(np.array_equal, _rated(game), _rated(game)))
 
 
-def depends_on_places(game: Game) -> bool:
+def _depends_on_places(game: Game) -> bool:
     """Return whether the model of a game trusts an agent otherwise if it has another place among the agents."""
     if not game.roster.not_self.all():  # places of raters and providers cannot change apart from each other
         return False

@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, reason
@@ -81,16 +82,19 @@ class AttackBatch(NamedTuple):
         return {agent: p.policies[k] for agent, p in policies.items() if isinstance(p, SideBySide)}
 
 
-def playable_kinds(task: AttackTask, kinds: Mapping[str, AttackKind], *, identities: bool) -> dict[str, AttackKind]:
-    """Return the kinds of attack that the compromised agents of a task can play.
+def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:
+    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
+
+    In a track with reserve identities they are those that use them, in any other track those that do not.
 
     Args:
-        task: Attack task.
-        kinds: Kinds of attack by name.
-        identities: Select the attacks that use reserve identities if true, and the others if false.
+        suite: Suite of the cell.
+        cell: The cell.
+        task: Task of the cell.
     """
+    names, identities = suite.attack_names, suite.tracks[cell.track].reserve > 0
     playable = {}
-    for name, kind in kinds.items():
+    for name, kind in zip(names, parse_kinds(names, task.game.scenario), strict=True):
         try:
             policies = Scripts.of(task, [kind]).default.values()
         except ValueError:  # wrong role, or no ring of agents
@@ -166,16 +170,6 @@ def make_search(method: str, kinds: Sequence[AttackKind] | None = None, known: S
     """
     offered = {"known": tuple(known)} if kinds is None else {"attacks": tuple(kinds), "known": tuple(known)}
     return parse_named(search_methods, method, offered)
-
-
-def as_lists(scores: dict[str, Any], row: int) -> dict[str, list[float | None]]:
-    """Return the scores of the attack in a row as plain data. None is undefined."""
-    return {name: [None if np.isnan(x) else float(x) for x in values[row]] for name, values in scores.items()}
-
-
-def as_curve(by_round: Any, row: int) -> list[float | None]:
-    """Return the mean utility by round of the attack in a row, rounded for plots. None is undefined."""
-    return [None if np.isnan(x) else round(float(x), 3) for x in by_round[:, row]]
 
 
 def _chunks(items: Iterable[Item], size: int) -> Iterator[tuple[Item, ...]]:
@@ -308,19 +302,6 @@ def find_attack(suite: Suite, cell: Cell, attack: str, record: str = "") -> Foun
     raise ValueError(f"cell {cell.key} has no attack {attack!r}{suggest(attack, known)}")
 
 
-def cell_kinds(suite: Suite, cell: Cell, task: AttackTask) -> dict[str, AttackKind]:
-    """Return the kinds of scripted attacks of a suite that the compromised agents of a cell can play, by name.
-
-    Args:
-        suite: Suite of the cell.
-        cell: The cell.
-        task: Task of the cell.
-    """
-    names = suite.attack_names
-    kinds = dict(zip(names, parse_kinds(names, task.game.scenario), strict=True))
-    return playable_kinds(task, kinds, identities=suite.tracks[cell.track].reserve > 0)
-
-
 def _attacks(
     suite: Suite, cell: Cell, task: AttackTask, arguments: TaskArguments, record: str
 ) -> Iterator[AttackBatch]:
@@ -349,39 +330,34 @@ def _measure_batch(
 ) -> tuple[list[AttackResult], list[str]]:
     """Return the results of a batch of attacks, and the error messages of the attacks that failed.
 
-    An attack that fails does not affect the others.
+    An attack that fails does not affect the others: each attack of a failed batch is measured by itself.
 
     Raises:
         Exception: All attacks fail.
     """
+    rows, failed = [], []
     try:
         scores = measure(task, batch.attacker, cell.seed, (len(batch.names), suite.games), twin())
+        rows = [_row(batch, k, scores) for k in range(len(batch.names))]
     except Exception as error:  # plug-in code may raise anything
-        if len(batch.names) == 1:
-            raise
-        return _measure_singly(suite, cell, task, batch, twin, error)
-    return [_row(batch, k, scores) for k in range(len(batch.names))], []
+        for single in batch.split() if batch.names[1:] else ():
+            try:
+                rows += _measure_batch(suite, cell, task, single, twin)[0]
+            except Exception as own_error:
+                failed.append(f"attack {single.names[0]}: {reason(own_error)}")
+        if not rows:
+            raise error
+    return rows, failed
 
 
 def _row(batch: AttackBatch, k: int, scores: SplitScores) -> AttackResult:
-    """Return the scores of the k-th attack of a batch as plain data."""
-    chosen, measured = (as_lists(half, k) for half in scores[:2])
-    return AttackResult(
-        *(batch.names[k], batch.words, batch.rounds, chosen, measured, as_curve(scores.by_round, k)),
-        *(batch.record, batch.progress),
-    )
+    """Return the scores of the k-th attack of a batch as plain data, with curves rounded for plots."""
+    chosen, measured = ({name: _plain(values[k]) for name, values in half.items()} for half in scores[:2])
+    curve = [None if x is None else round(x, 3) for x in _plain(scores.by_round[:, k])]
+    found = batch.names[k], batch.words, batch.rounds
+    return AttackResult(*found, chosen, measured, curve, batch.record, batch.progress)
 
 
-def _measure_singly(
-    suite: Suite, cell: Cell, task: AttackTask, batch: AttackBatch, twin: Callable[[], GameRecord], error: Exception
-) -> tuple[list[AttackResult], list[str]]:
-    """Measure each attack of a failed batch by itself. Raise `error` if all fail."""
-    rows, failed = [], []
-    for single in batch.split():
-        try:
-            rows += _measure_batch(suite, cell, task, single, twin)[0]
-        except Exception as own_error:
-            failed.append(f"attack {single.names[0]}: {reason(own_error)}")
-    if not rows:
-        raise error
-    return rows, failed
+def _plain(values: npt.NDArray[np.float64]) -> list[float | None]:
+    """Return numbers as plain data. None is undefined."""
+    return [None if np.isnan(x) else float(x) for x in values]

@@ -9,7 +9,7 @@ from typing import Any
 import ray
 from ray.exceptions import RayActorError, RayError
 
-from roletrust_env.benchmarking.pool import TRIES, PlayedCells, cell_workers, play_on, worker_death
+from roletrust_env.benchmarking.pool import TRIES, LocalPool, PlayedCells, worker_death
 from roletrust_env.benchmarking.schema import AnyCell, CellResult, SuiteSchema, reason
 from roletrust_env.storage.provenance import software
 
@@ -73,7 +73,7 @@ class CellActor:
 
     def __init__(self, path: Sequence[str]) -> None:
         sys.path += [folder for folder in path if folder not in sys.path]
-        self._workers = cell_workers(1)
+        self._pool = LocalPool(1, keep=True)
 
     def play(self, client: dict[str, Any], suite: SuiteSchema, cell: AnyCell) -> CellResult:
         """Play a cell.
@@ -89,7 +89,7 @@ class CellActor:
         if client != (own := software()):
             other = [name for name in client if client[name] != own[name]]
             raise ValueError(f"a machine of the cluster has other software ({', '.join(other)}); results would differ")
-        return next(result for _, result in play_on(self._workers, suite, [cell]))
+        return next(result for _, result in self._pool.play(suite, [cell]))
 
 
 def _check_answers(address: str) -> None:

@@ -118,6 +118,10 @@ class WorkerPool(Generic[Key]):
 
     def __exit__(self, *_: object) -> None:
         """Stop all processes."""
+        self.close()
+
+    def close(self) -> None:
+        """Stop all processes. The next job starts new ones."""
         while self._workers:
             self._workers.pop().stop()
 
@@ -245,6 +249,7 @@ class LocalPool:
         entrants: Packed trust model objects, see `roletrust_env.benchmarking.entrants.pack`.
         records: Records of the attackers that play in place of a search, by cell, see `AttackResult`.
         isolated: Give trust models of other packages processes of their own, apart from the games.
+        keep: Keep the processes for further cells, as long as this process runs.
     """
 
     def __init__(
@@ -254,45 +259,22 @@ class LocalPool:
         records: Mapping[AnyCell, str] | None = None,
         *,
         isolated: bool = False,
+        keep: bool = False,
     ) -> None:
         self.workers = workers or cores()
-        self._entrants = entrants
-        self._records = records or {}
-        self._isolated = isolated
+        self._processes: WorkerPool[AnyCell] = WorkerPool(play_safely, self.workers, ONE_THREAD)
+        self._entrants, self._records = entrants, records or {}
+        self._isolated, self._keep = isolated, keep
 
     def play(self, suite: SuiteSchema, cells: Sequence[Any]) -> PlayedCells:
-        """See `Pool.play`."""
-        with cell_workers(self.workers) as workers:
-            yield from play_on(workers, suite, cells, self._entrants, self._records, isolated=self._isolated)
-
-
-def cell_workers(workers: int) -> WorkerPool[AnyCell]:
-    """Return a pool of processes that play cells."""
-    return WorkerPool(play_safely, workers, ONE_THREAD)
-
-
-def play_on(
-    workers: WorkerPool[AnyCell],
-    suite: SuiteSchema,
-    cells: Sequence[Any],
-    entrants: bytes = b"",
-    records: Mapping[AnyCell, str] | None = None,
-    *,
-    isolated: bool = False,
-) -> PlayedCells:
-    """Play cells on worker processes, each within the time limit of the suite. See `Pool.play`.
-
-    Args:
-        workers: Worker processes.
-        suite: Suite of the cells.
-        cells: Cells to play.
-        entrants: Packed trust model objects, see `roletrust_env.benchmarking.entrants.pack`.
-        records: Records of the attackers that play in place of a search, by cell.
-        isolated: Give trust models of other packages processes of their own, apart from the games.
-    """
-    jobs = {cell: (suite, cell, entrants, (records or {}).get(cell, ""), isolated) for cell in cells}
-    for cell, job_result in workers.run(jobs, suite.limit_s, TRIES):
-        yield cell, _cell_result(job_result, suite)
+        """See `Pool.play`. Each cell has the time limit of the suite."""
+        jobs = {cell: (suite, cell, self._entrants, self._records.get(cell, ""), self._isolated) for cell in cells}
+        try:
+            for cell, job_result in self._processes.run(jobs, suite.limit_s, TRIES):
+                yield cell, _cell_result(job_result, suite)
+        finally:
+            if not self._keep:
+                self._processes.close()
 
 
 def _cell_result(job_result: JobResult, suite: SuiteSchema) -> CellResult:

@@ -125,8 +125,8 @@ def check_bias(claims: Sequence[CellClaim], results: Sequence[CellResult]) -> li
             known = np.array([one for one in values if one == one])
             z = float(known.sum() / max(1.0, np.sqrt(known.size)))
             if known.size and z > most:
-                excess = f"{z:.1f} standard errors over {known.size} cells"
-                most, message = z, f"claims for {group} exceed those here by {excess}; {limit:.1f} may be"
+                lead = f"{z:.1f} standard errors over {known.size} cells"
+                most, message = z, f"claims for {group} exceed those here by {lead}; {limit:.1f} may be"
         checks.append(Check(f"bias of {name}", most <= limit, message))
     return checks
 
