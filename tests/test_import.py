@@ -29,6 +29,14 @@ def test_no_heavy_package_is_imported(statement: str) -> None:
     assert not heavy & modules
 
 
+def test_the_library_imports_what_is_used() -> None:
+    code = "import sys; import roletrust_env; print(*sys.modules)"
+    names = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"pydantic", "scipy", "pandas"} & set(names)
+    assert [name for name in names if name.startswith("roletrust")] == ["roletrust_env"]
+    assert len(names) < 450  # of NumPy, Gymnasium and PettingZoo
+
+
 @pytest.mark.parametrize("option", ["--help", "--version"])
 def test_the_command_line_imports_a_command_when_it_is_called(option: str) -> None:
     code = f"""import sys; from roletrust_experiments import main; sys.argv = ["roletrust", "{option}"]

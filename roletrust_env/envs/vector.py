@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -233,16 +232,6 @@ class AttackVectorEnv(VectorEnv[Array, Array, Array]):
         if self._batch.state is None:
             raise RuntimeError("call reset() without a reset_mask first: no game has begun yet")
         return namespace(like).asarray(mask, device=like.device, copy=True)
-
-
-def register_tasks() -> None:
-    """Register the tasks with Gymnasium, by names that a specification in JSON can hold."""
-    for task_id, environment in TASKS.items():
-        gymnasium.register(
-            task_id,
-            entry_point=f"{environment.__module__}:{environment.__name__}",
-            vector_entry_point=f"{__name__}:{environment.__name__.replace('Env', 'VectorEnv')}",
-        )
 
 
 ProviderAttackVectorEnv = partial(AttackVectorEnv, "RoleTrust/ProviderAttack-v0")
