@@ -9,16 +9,15 @@ CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 	leave-one-out leave-one-out-logs first-hand real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
-run: setup
+run: $(VENV)/.ready-run
 	$(BIN)/roletrust figures --out $(OUT)/figures
-	$(BIN)/python -m studies.speed --quick --out $(OUT)/speed
 
 # The site, in build/site/index.html, offline; tutorials run when their text changes, and pictures are drawn when code does.
 docs: setup
 	$(BIN)/sphinx-build -W --keep-going -j 2 -d build/doctrees docs build/site
 
 # Minutes on two cores: lint, types and all tests that are not marked.
-test: setup
+test: $(VENV)/.ready-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -61,12 +60,15 @@ test-ros2: setup
 test-clients: setup
 	$(BIN)/python -m roletrust_experiments.clients
 
-setup: $(VENV)/.ready
+setup: $(VENV)/.ready-dev
 
-# One constraints file pins everything that is installed.
-$(VENV)/.ready: pyproject.toml constraints.txt
-	python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+# One environment, which grows with what is asked of it; one constraints file pins everything that is installed.
+$(VENV)/.ready-run: EXTRAS := cli,vision
+$(VENV)/.ready-test: EXTRAS := test
+$(VENV)/.ready-dev: EXTRAS := dev
+$(VENV)/.ready-%: pyproject.toml constraints.txt
+	test -x $(BIN)/python || python3 -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
 # The pictures of the README and the guide.

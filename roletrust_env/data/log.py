@@ -251,7 +251,7 @@ def _read_blocks(path: Path, columns: Columns) -> Iterator[list[Any]]:
         import pyarrow as arrow
         import pyarrow.parquet
     except ImportError:
-        raise ValueError(f"{path} needs pyarrow: pip install 'roletrust-env[cli]'") from None
+        raise ValueError(f"{path} needs pyarrow: pip install 'roletrust-env[data]'") from None
     read, kind = 0, "Parquet" if path.suffix == PARQUET else "CSV"
     with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as opened:
         file: Any = opened

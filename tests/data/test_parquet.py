@@ -12,7 +12,7 @@ from roletrust_env.data.crowd import read_crowd, write_crowd
 from roletrust_env.data.folders import find_logs
 from roletrust_env.data.log import Columns, read_ratings
 
-arrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[parquet]'")
+arrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install 'roletrust-env[data]'")
 parquet = pytest.importorskip("pyarrow.parquet")
 
 TIMED = Columns(time="time")
