@@ -85,6 +85,7 @@ def _row(names: Sequence[str], attacks: Sequence[str], cell: Cell, attack: str) 
             "false_alarms": np.clip(draw.normal(0.1 * (1 - goodness), 0.03, GAMES), 0, 1),
             "auc": np.full(GAMES, np.nan) if honest else np.clip(draw.normal(auc, 0.05, GAMES), 0, 1),
         }
+        scores["published"] = scores["utility"]
         return {name: [None if np.isnan(x) else float(x) for x in values] for name, values in scores.items()}
 
     rounds = np.arange(2, ROUNDS + 1)

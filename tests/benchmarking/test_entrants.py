@@ -21,7 +21,7 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.world import make_scenario
 
-SUITE = small(methods=["scripted"], games=4)
+SUITE = small(games=2, tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}})
 here = partial(benchmark, suite=SUITE, attacks=["bad-mouthing"], workers=0, progress=False)
 
 
@@ -99,9 +99,8 @@ def _closure(weight: float) -> Any:
     return Inner()
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
+def test_a_fingerprint_tells_objects_apart() -> None:
+    for one, other in (
         (Parameters(), Parameters(cut=0.2)),
         (np.zeros(3), np.ones(3)),
         (np.zeros(2), np.zeros(2, np.float32)),
@@ -110,11 +109,9 @@ def _closure(weight: float) -> Any:
         (lambda x: x + 1, lambda x: x + 2),
         ({"a": [1]}, {"a": (1,)}),
         (np.random.default_rng(0), np.random.default_rng(1)),
-    ],
-)
-def test_a_fingerprint_tells_objects_apart(one: object, other: object) -> None:
-    assert fingerprint(one) == fingerprint(one)
-    assert fingerprint(one) != fingerprint(other)
+    ):
+        assert fingerprint(one) == fingerprint(one)
+        assert fingerprint(one) != fingerprint(other)
 
 
 def test_a_fingerprint_is_that_of_every_process() -> None:
@@ -179,19 +176,17 @@ def test_a_model_that_fails_after_the_run_costs_no_results() -> None:
     assert "Tired: it failed after the run" in "\n".join(found.caveats)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
+def test_arguments_that_make_no_sense_are_refused() -> None:
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"models": []}, "models is empty"),
         ({"models": "mean", "attacks": ()}, "attacks is empty"),
         ({"models": "mean", "workers": -1}, "workers is -1; it must be 0 or more"),
         ({"models": "mean", "workers": "2"}, "workers is '2'"),
         ({"models": "mean", "suite": {"name": "x"}}, "suite is .*; it must be a Suite"),
-    ],
-)
-def test_arguments_that_make_no_sense_are_refused(arguments: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        here(**arguments)
+    ]
+    for arguments, words in wrong:
+        with pytest.raises(ValueError, match=words):
+            here(**arguments)
 
 
 def test_one_attack_needs_no_list() -> None:

@@ -1,5 +1,6 @@
 """Models that play the benchmark rather than the game: what they gain, and what finds them."""
 
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -51,6 +52,7 @@ class Oracle:
         return state
 
 
+@cache
 def results(model: str, seed: int) -> list[tuple[Cell, CellResult]]:
     played = [cell._replace(model=model, seed=seed) for cell in SUITE.cells()]
     return [(cell, play_cell(SUITE, cell)) for cell in played]
@@ -105,6 +107,6 @@ def test_twenty_honest_entries_are_accepted() -> None:
         assert [check.message for check in checks if not check.ok] == []
 
 
-@pytest.mark.parametrize("new", range(1, 5))
-def test_an_honest_model_is_as_good_in_games_with_a_new_seed(new: int) -> None:
-    assert fresh(["mean"], PUBLIC, new) == fresh(["mean"], new, PUBLIC) == [True]
+def test_an_honest_model_is_as_good_in_games_with_a_new_seed() -> None:
+    for new in range(1, 4):
+        assert fresh(["mean"], PUBLIC, new) == fresh(["mean"], new, PUBLIC) == [True]

@@ -8,7 +8,7 @@ from benchmark_cases import results, tiny
 
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.entrants import temporary_registration
-from roletrust_env.benchmarking.pool import LocalPool, play_safely
+from roletrust_env.benchmarking.pool import play_safely
 from roletrust_env.trust.models.personal.travos import Travos
 
 
@@ -25,14 +25,6 @@ def test_a_cell_is_the_same_in_any_order(expected):
     suite = tiny()
     shuffled = random.Random(0).sample(suite.cells(), len(suite.cells()))
     assert results((cell, play_cell(suite, cell)) for cell in shuffled) == expected
-
-
-def test_a_cell_is_the_same_in_processes(expected):
-    suite = tiny()
-    for workers in (1, 2):
-        played = list(LocalPool(workers).play(suite, suite.cells()))
-        assert results(played) == expected
-        assert len(played) == len(expected)
 
 
 def test_a_cell_does_not_depend_on_the_other_cells_of_its_suite(expected):
@@ -72,36 +64,31 @@ def test_all_rounds_are_counted():
     assert attacked.env_steps == 5 * 2 * 3 * (len(attacked.rows) + 1)  # and the honest twin
 
 
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        ("Raising", "RuntimeError: two lines"),
-        ("Leaving", "SystemExit: 3"),
-        ("NotANumber", "nan"),
-        ("TooMuch", r"[0, 1]"),
-        ("NoSuchModel", "NoSuchModel"),
-    ],
-)
-def test_a_faulty_model_is_a_one_line_error(model, words):
-    suite = tiny(models=[f"benchmark_cases:{model}"])
-    result = play_safely(suite, suite.cells()[1])
-    assert words in result.failed
-    assert "\n" not in result.failed
-    assert not result.rows
+def test_a_faulty_model_is_a_one_line_error():
+    for model, words in {
+        "Raising": "RuntimeError: two lines",
+        "Leaving": "SystemExit: 3",
+        "NotANumber": "nan",
+        "TooMuch": r"[0, 1]",
+        "NoSuchModel": "NoSuchModel",
+    }.items():
+        suite = tiny(models=[f"benchmark_cases:{model}"])
+        result = play_safely(suite, suite.cells()[1])
+        assert words in result.failed
+        assert "\n" not in result.failed
+        assert not result.rows
 
 
-@pytest.mark.parametrize(
-    ("attack", "words"), [("WildRater", "[0, 1]"), ("NanRater", "NaN"), ("BrokenRater", "ZeroDivisionError")]
-)
-def test_a_faulty_attacker_does_not_affect_others(attack, words, expected):
-    suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
-    cell = suite.cells()[1]
-    result = play_safely(suite, cell)
-    assert words in result.failed
-    assert f"attack benchmark_cases:{attack}: " in result.failed
-    assert "\n" not in result.failed
-    assert [row.attack for row in result.rows] == ["bad-mouthing"]
-    assert result.rows[0] in expected[cell.key].rows  # the same as without the faulty attacker
+def test_a_faulty_attacker_does_not_affect_others(expected):
+    for attack, words in {"WildRater": "[0, 1]", "NanRater": "NaN", "BrokenRater": "ZeroDivisionError"}.items():
+        suite = tiny(models=["mean"], attacks=["bad-mouthing", f"benchmark_cases:{attack}"])
+        cell = suite.cells()[1]
+        result = play_safely(suite, cell)
+        assert words in result.failed
+        assert f"attack benchmark_cases:{attack}: " in result.failed
+        assert "\n" not in result.failed
+        assert [row.attack for row in result.rows] == ["bad-mouthing"]
+        assert result.rows[0] in expected[cell.key].rows  # the same as without the faulty attacker
 
 
 def test_consumers_are_the_public_or_the_honest_raters():

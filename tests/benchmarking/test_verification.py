@@ -1,7 +1,6 @@
 """Tolerance of a verification, and sources that may differ."""
 
 import numpy as np
-import pytest
 
 from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.sources import Source
@@ -10,24 +9,21 @@ from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import _check_sources, check_bias, within
 
 
-@pytest.mark.parametrize(("difference", "agrees"), [(0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)])
-def test_two_means_may_differ_by_the_noise_of_two_samples(difference: float, agrees: bool) -> None:
+def test_two_means_may_differ_by_the_noise_of_two_samples() -> None:
     own = ClaimedScore(mean=0.5, half_95=0.01)
-    assert within(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
+    for difference, agrees in ((0.0141, True), (0.0143, False), (0.04, False), (-0.0143, False)):
+        assert within(ClaimedScore(mean=0.5 + difference, half_95=None), own) is agrees
 
 
-@pytest.mark.parametrize(
-    ("package", "version", "ok"),
-    [("mine", "2", True), ("mine", "1", False), ("", "2", False), ("other", "2", False)],
-)
-def test_a_source_may_differ_only_in_another_version_of_the_same_package(package: str, version: str, ok: bool) -> None:
-    own = Source(made_by="mine.Model", package="mine" if package else "", version="1", sha256="0" * 64)
-    claimed = Source(made_by="mine.Model", package=package, version=version, sha256="1" * 64)
-    checks = _check_sources("model", {"m": claimed}, {"m": own})
-    assert all(check.ok for check in checks) is ok
+def test_a_source_may_differ_only_in_another_version_of_the_same_package() -> None:
+    for package, version, ok in (("mine", "2", True), ("mine", "1", False), ("", "2", False), ("other", "2", False)):
+        own = Source(made_by="mine.Model", package="mine" if package else "", version="1", sha256="0" * 64)
+        claimed = Source(made_by="mine.Model", package=package, version=version, sha256="1" * 64)
+        checks = _check_sources("model", {"m": claimed}, {"m": own})
+        assert all(check.ok for check in checks) is ok
 
 
-def run(seed: int, cells: int = 10, attacks: int = 5, raised: float = 0.0) -> list[CellResult]:
+def run(seed: int, cells: int = 10, attacks: int = 3, raised: float = 0.0) -> list[CellResult]:
     """Cells with the same means in every run, and noise of its own."""
     rng = np.random.default_rng(seed)
     results = []
@@ -48,13 +44,13 @@ def claimed(results: list[CellResult]) -> list[CellClaim]:
 
 
 def test_honest_runs_with_noise_of_their_own_are_accepted() -> None:
-    accepted = [all(check.ok for check in check_bias(claimed(run(2 * k)), run(2 * k + 1))) for k in range(20)]
+    accepted = [all(check.ok for check in check_bias(claimed(run(2 * k)), run(2 * k + 1))) for k in range(10)]
     assert all(accepted)
 
 
 def test_claims_that_are_a_little_too_high_everywhere_are_not() -> None:
     half = 1.96 * 0.05 / 40**0.5
-    found = [check_bias(claimed(run(2 * k, raised=1.3 * half)), run(2 * k + 1)) for k in range(20)]
+    found = [check_bias(claimed(run(2 * k, raised=1.3 * half)), run(2 * k + 1)) for k in range(10)]
     assert not any(check.ok for checks in found for check in checks)
 
 
@@ -62,7 +58,7 @@ def test_a_model_that_is_raised_is_not_lost_among_many_honest_ones() -> None:
     def claims(raised: float, model: str, seed: int) -> list[CellClaim]:
         return [claim.model_copy(update={"model": model}) for claim in claimed(run(seed, raised=raised))]
 
-    honest = [(claims(0.0, f"m{k}", 2 * k), run(2 * k + 1)) for k in range(20)]
+    honest = [(claims(0.0, f"m{k}", 2 * k), run(2 * k + 1)) for k in range(12)]
     raised = (claims(0.02, "raised", 100), run(101))
     for pairs, ok in ((honest, True), ([*honest, raised], False)):
         checks = check_bias([one for mine, _ in pairs for one in mine], [one for _, here in pairs for one in here])
