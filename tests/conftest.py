@@ -13,7 +13,7 @@ import pytest
 
 from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.evaluation.search import search_methods
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.registry import load_plugins
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios

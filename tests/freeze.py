@@ -112,7 +112,7 @@ def searched(name: str, arguments: dict[str, Any], budget: int) -> Any:
 
 def attacker(name: str, facts: dict[str, Any]) -> Any:
     """An attacker by name, with those of some facts that are its parameters."""
-    from roletrust_env.game.policy_registry import registry
+    from roletrust_env.game.policy import registry
 
     return rt.make_attacker(name, **registry.accepted_parameters(name, facts))
 

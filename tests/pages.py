@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from roletrust_env.benchmarking.suite_files import suites
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.world.presets import scenarios

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from pydantic.dataclasses import dataclass
 
 from roletrust_env.arrays import namespace
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share
 
 
 class GrudgeState(NamedTuple):
@@ -64,7 +64,7 @@ from typing import Annotated, ClassVar
 from pydantic.dataclasses import dataclass
 
 from roletrust_env import Policy
-from roletrust_env.ranges import SearchRange, Share
+from roletrust_env.parameters import SearchRange, Share
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ import pickle
 import pydantic.dataclasses
 import pytest
 
-from roletrust_env.game.schedule import WindowedAttack
-from roletrust_env.parameters import UnknownParameterError, checked_dataclass, refuse_unknown, unknown_parameter
-from roletrust_env.ranges import Share
+from roletrust_env.game.policy import WindowedAttack
+from roletrust_env.parameters import Share, UnknownParameterError, checked_dataclass, refuse_unknown, unknown_parameter
 from roletrust_env.registry import Registry
 from roletrust_env.trust import make_trust_model, trust_models
 from roletrust_env.trust.model import registry

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, NonNegativeInt, PositiveFloat, TypeAdapter, ValidationError
 
-from roletrust_env import Policy, ranges
-from roletrust_env.ranges import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
+from roletrust_env import Policy, parameters
+from roletrust_env.parameters import GridValues, Lam, NotSearched, SearchRange, Share, Tail, allowed
 
 
 @pytest.mark.parametrize(
@@ -34,17 +34,17 @@ def test_what_is_allowed(hint, description):
 
 
 LIMITS = [
-    (ranges.Share, [0, 1], [-1e-9, 1 + 1e-9]),
-    (ranges.Lam, [0.5, 1 - 1e-9], [0.5 - 1e-9, 1]),
-    (ranges.Inside, [0.001, 0.999], [0.000999, 0.999001]),
-    (ranges.Ridge, [0.001, 1e300], [0.000999, float("inf")]),
-    (ranges.Factor, [1e-300, 1], [0, 1 + 1e-9]),
-    (ranges.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
-    (ranges.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
-    (ranges.Power, [0, 8], [-1e-9, 8 + 1e-9]),
-    (ranges.ShareOrRange, [0, 1, (0, 1), (0.5, 0.5)], [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)]),
-    (ranges.BiasOrRange, [-1, 1, (-1, 1)], [-1 - 1e-9, 1 + 1e-9, (1, -1)]),
-    (ranges.ScaleOrRange, [0, 1e300, (0, 2)], [-1e-9, float("inf"), (2, 1)]),
+    (parameters.Share, [0, 1], [-1e-9, 1 + 1e-9]),
+    (parameters.Lam, [0.5, 1 - 1e-9], [0.5 - 1e-9, 1]),
+    (parameters.Inside, [0.001, 0.999], [0.000999, 0.999001]),
+    (parameters.Ridge, [0.001, 1e300], [0.000999, float("inf")]),
+    (parameters.Factor, [1e-300, 1], [0, 1 + 1e-9]),
+    (parameters.LessThanHalf, [0, 0.5 - 1e-9], [-1e-9, 0.5]),
+    (parameters.Tail, [1e-6, 0.5 - 1e-9], [0.999e-6, 0.5]),
+    (parameters.Power, [0, 8], [-1e-9, 8 + 1e-9]),
+    (parameters.ShareOrRange, [0, 1, (0, 1), (0.5, 0.5)], [-1e-9, 1 + 1e-9, (0.6, 0.5), (0, 1.1), (False, 1)]),
+    (parameters.BiasOrRange, [-1, 1, (-1, 1)], [-1 - 1e-9, 1 + 1e-9, (1, -1)]),
+    (parameters.ScaleOrRange, [0, 1e300, (0, 2)], [-1e-9, float("inf"), (2, 1)]),
 ]
 
 

@@ -5,9 +5,8 @@ from typing import Any
 from roletrust_env.arrays import Array
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.views import ProviderView
-from roletrust_env.parameters import checked_dataclass
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Share
 
 
 @checked_dataclass

@@ -37,7 +37,7 @@ from roletrust_baselines.rater import (
     Silent,
     TransitiveLying,
 )
-from roletrust_env.game.policy_registry import registry
+from roletrust_env.game.policy import registry
 
 registry.register("on-off", OnOff)
 registry.register("camouflage", Camouflage)

@@ -8,12 +8,10 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from roletrust_baselines.agent_indices import AgentIndices, index_mask, provider_mask
 from roletrust_baselines.rater import LyingRater, praise
 from roletrust_env.arrays import Array, cast, mean_places, namespace
-from roletrust_env.game.policy import Channel
-from roletrust_env.game.schedule import WindowedAttack, asleep, wake
+from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView, RaterView
-from roletrust_env.parameters import checked_dataclass
+from roletrust_env.parameters import Accomplices, GridValues, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import Accomplices, GridValues, SearchRange, Share
 
 STEPS = 1e6
 """Number of steps of [0, 1] that ranks tell apart, so that the rounding of means does not order equal providers."""

@@ -8,12 +8,10 @@ from roletrust_baselines.coalition import Ring
 from roletrust_baselines.provider import OnOff
 from roletrust_baselines.rater import BadMouthing
 from roletrust_env.arrays import Array
-from roletrust_env.game.by_channel import ByChannel
-from roletrust_env.game.policy import Channel, Policy
+from roletrust_env.game.policy import ByChannel, Channel, Policy
 from roletrust_env.game.views import IdentityView
-from roletrust_env.parameters import checked_dataclass
+from roletrust_env.parameters import GridValues, Identities, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import GridValues, Identities, SearchRange, Share
 
 
 def called(view: IdentityView, reserve: int, start: int, every: int) -> Array:

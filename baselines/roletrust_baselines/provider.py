@@ -7,12 +7,10 @@ from pydantic import NonNegativeInt, PositiveInt
 
 from roletrust_baselines.agent_indices import AgentIndices, index_mask
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.game.policy import Channel
-from roletrust_env.game.schedule import WindowedAttack, asleep, wake
+from roletrust_env.game.policy import Channel, WindowedAttack, asleep, wake
 from roletrust_env.game.views import ProviderView
-from roletrust_env.parameters import checked_dataclass
+from roletrust_env.parameters import GameLength, GridValues, Lam, NotSearched, SearchRange, Share, checked_dataclass
 from roletrust_env.randomness import Random
-from roletrust_env.ranges import GameLength, GridValues, Lam, NotSearched, SearchRange, Share
 
 
 @checked_dataclass

@@ -21,7 +21,7 @@ from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite import Cell, Suite
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES
 from studies import SUITES
 
 VALIDATED, MEASURED = 54_321, 12_345

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, Self
 from pydantic import Field, PositiveFloat, model_validator
 
 from roletrust_env.evaluation.search import Progress
-from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.world.group import FrozenModel
 
 Label = Annotated[str, Field(min_length=1, pattern=r"^[^|\x00-\x1f\x7f]+$")]
 """Name in a suite. A vertical bar is not allowed, since it separates the names in the key of a cell."""

@@ -23,7 +23,7 @@ from roletrust_env.evaluation.attackers import MAX_RECORD, Scripted, record_of
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed, named_factory
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import UntrustedModel

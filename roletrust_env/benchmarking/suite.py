@@ -15,11 +15,11 @@ from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Consumers
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.registry import Registry
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import Scenario, make_scenario
-from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.world.group import FrozenModel
 from roletrust_env.world.roster import Roster
 
 HONEST = "nobody"

@@ -34,7 +34,7 @@ from roletrust_env.benchmarking.suite_files import load_suite, read_suite, suite
 from roletrust_env.evaluation.resources import processor
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.storage.provenance import software
 from roletrust_env.storage.untrusted import check_scenario_size, read_untrusted
 from roletrust_env.trust.model import registry as trust_models

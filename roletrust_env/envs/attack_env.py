@@ -1,5 +1,6 @@
-"""The Gymnasium environment of an attack: one learner controls some agents, and all others are scripted."""
+"""Attack tasks as Gymnasium environments, and a batch of such tasks, which all environments of tasks play."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -9,12 +10,14 @@ import numpy.typing as npt
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import refuse_unknown
 from roletrust_env.envs.spectator import RENDERING, RenderMode, Spectator
-from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
 from roletrust_env.game.make_task import make_task
+from roletrust_env.game.state import State
 from roletrust_env.randomness import Random
+from roletrust_env.trees import is_array, map_leaves
 
 Vector = npt.NDArray[np.float32]
 
@@ -25,6 +28,68 @@ def task_spaces(task: AttackTask) -> tuple[Box, Box]:
     trial.restart(task.game.random(0))  # the shape does not depend on the seed
     seen = trial.observe().shape[0]
     return Box(*task.bounds, (seen,), np.float32), Box(0.0, 1.0, (task.action_size,), np.float32)
+
+
+class TaskBatch:
+    """Games of one task in progress.
+
+    Args:
+        task: Attack task.
+        shape: Shape of the batch: `()` for one game, `(E,)` for E games.
+        rounds: Length of an episode, if less than that of a game; None is a whole game.
+
+    Attributes:
+        rounds: Length of an episode.
+    """
+
+    def __init__(self, task: AttackTask, shape: tuple[int, ...] = (), rounds: int | None = None) -> None:
+        self.task = task
+        self.shape = shape
+        self.rounds = min(rounds or task.game.scenario.max_cycles, task.game.scenario.max_cycles)
+        self.state: TaskState | None = None
+
+    def restart(self, random: Random, ended: Array | None = None) -> None:
+        """Restart all games, or only those that have ended, boolean, (E,)."""
+        fresh = self.task.start(self.task.game.draw(random, self.shape, start=True), random)
+        self.state = fresh if ended is None else _choose(ended, fresh, self.state)
+
+    def step(self, action: Array, random: Random, waiting: Array | None = None) -> Outcome:
+        """Play one round of all games except those that wait, boolean, (E,); `action` has shape (A, ...).
+
+        The outcome has no meaning for a game that waits.
+        """
+        if self.state is None:
+            raise RuntimeError("call reset() before step(): there is no episode")
+        noise = self.task.game.draw(random, self.shape)
+        after, outcome = self.task.step(self.state, action, noise, random)
+        self.state = after if waiting is None else _choose(waiting, self.state, after)
+        if self.rounds < self.task.game.scenario.max_cycles:
+            outcome = outcome._replace(over=after.game.round >= self.rounds)
+        return outcome
+
+    def observe(self) -> Array:
+        """Return the observation of the attacker, shape (K, ...)."""
+        if self.state is None:
+            raise RuntimeError("call reset() before observe(): there is no episode")
+        return self.task.observe(self.state)
+
+    @property
+    def games(self) -> State:
+        """The state of the games."""
+        if self.state is None:
+            raise RuntimeError("call reset() first: there is no episode")
+        return self.state.game
+
+
+def _choose(condition: Array, yes: Any, no: Any) -> Any:
+    """Choose between two trees of the same structure, by game."""
+    xp = namespace(condition)
+    return _map(lambda a, b: xp.where(condition, a, b), yes, no)
+
+
+def _map(change: Callable[..., Array], *states: Any) -> Any:
+    """Apply a function to the arrays of states; a flag must hold in all of them to hold in the result."""
+    return map_leaves(lambda *same: change(*same) if is_array(same[0]) else same[0] and same[-1], *states)
 
 
 class AttackEnv(gymnasium.Env[Vector, Vector]):
@@ -191,3 +256,155 @@ def check_action(action: Any, shape: tuple[int, ...], low: float = 0.0) -> Vecto
         raise ValueError(f"the action holds {wrong[0]}; no entry may be NaN or outside [{low:g}, 1]")
     checked: Vector = action.astype(np.float32, copy=False)
     return checked
+
+
+class ProviderAttackEnv(AttackEnv):
+    """An attack by one compromised provider, which sells bad services while it is trusted.
+
+    ## Description
+
+    `RoleTrust/ProviderAttack-v0`. By default the learner is `sp_2` in `paper-3x3`, and its objective is `exploit`: to
+    be trusted while it serves badly. The on-off attack is one solution.
+
+    ## Action Space
+
+    `Box(0, 1, (1,), float32)`: the quality of its next service.
+
+    ## Observation Space
+
+    `Box(0, 1, (4 + 2 S,), float32)` at `knowledge="black_box"`: the provider's, see `RoleTrustParallelEnv`; more
+    at the other levels, see `AttackEnv`.
+
+    ## Rewards
+
+    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost. Without that cost it is
+    in [0, 1].
+
+    ## Starting State, Episode End, Information, Arguments
+
+    See `AttackEnv`.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    defaults: ClassVar[dict[str, Any]] = {
+        "scenario": "paper-3x3",
+        "compromised": ("sp_2",),
+        "objective": "exploit",
+    }
+
+
+class RaterAttackEnv(AttackEnv):
+    """An attack by one compromised rater on the trust of the honest providers.
+
+    ## Description
+
+    `RoleTrust/RaterAttack-v0`. By default the learner is `sr_2` in `paper-3x3`, and its objective is `damage`. Without
+    a stealth cost the best attack there is to rate every provider 0; with one, the rater's trust has to stay near that
+    of the others.
+
+    ## Action Space
+
+    `Box(0, 1, (P,), float32)`: its ratings of the providers.
+
+    ## Observation Space
+
+    `Box(0, 1, (2 + 5 P,), float32)` at `knowledge="black_box"`: the rater's, see `RoleTrustParallelEnv`; more at the
+    other levels, see `AttackEnv`.
+
+    ## Rewards
+
+    Mean over the honest providers of 1 - ToP, minus the stealth cost.
+
+    ## Starting State, Episode End, Information, Arguments
+
+    See `AttackEnv`.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    defaults: ClassVar[dict[str, Any]] = {"scenario": "paper-3x3", "compromised": ("sr_2",), "objective": "damage"}
+
+
+class DualAttackEnv(AttackEnv):
+    """An attack by one compromised agent with both roles, by its services and its ratings.
+
+    ## Description
+
+    `RoleTrust/DualAttack-v0`. By default the learner is `srsp_5` in `peers`, and its objective is `exploit`: it can
+    serve badly, and by its ratings move the trust of the others.
+
+    ## Action Space
+
+    `Box(0, 1, (1 + P,), float32)`: the quality of its next service, then its ratings; its rating of itself is ignored.
+
+    ## Observation Space
+
+    `Box(0, 1, (1 + 4 + 2 S + 2 + 5 P,), float32)` at `knowledge="black_box"`: the SR+SP agent's, see
+    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
+
+    ## Rewards
+
+    Published ToP at which the service was sold, times 1 - its quality, minus the stealth cost.
+
+    ## Starting State, Episode End, Information, Arguments
+
+    See `AttackEnv`.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    defaults: ClassVar[dict[str, Any]] = {"scenario": "peers", "compromised": ("srsp_5",), "objective": "exploit"}
+
+
+class CollusionAttackEnv(AttackEnv):
+    """An attack by compromised raters and providers, which one learner controls together.
+
+    ## Description
+
+    `RoleTrust/CollusionAttack-v0`. By default the learner controls two raters and a provider, `sr_8`, `sr_9` and
+    `sp_9`, in `crowd-10x10`, and its objective is `damage`.
+
+    ## Action Space
+
+    `Box(0, 1, (A,), float32)`, one joint action: for each compromised agent in turn its quality, if it provides, then
+    its P ratings, if it rates. By default A = 21.
+
+    ## Observation Space
+
+    `Box(0, 1, (K,), float32)` at `knowledge="black_box"`: the observations of the compromised agents in turn, see
+    `RoleTrustParallelEnv`; more at the other levels, see `AttackEnv`.
+
+    ## Rewards
+
+    Mean over the honest providers of 1 - ToP, minus the stealth cost.
+
+    ## Starting State, Episode End, Information, Arguments
+
+    See `AttackEnv`.
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    defaults: ClassVar[dict[str, Any]] = {
+        "scenario": "crowd-10x10",
+        "compromised": ("sr_8", "sr_9", "sp_9"),
+        "objective": "damage",
+    }
+
+
+TASKS: dict[str, type[AttackEnv]] = {
+    "RoleTrust/ProviderAttack-v0": ProviderAttackEnv,
+    "RoleTrust/RaterAttack-v0": RaterAttackEnv,
+    "RoleTrust/DualAttack-v0": DualAttackEnv,
+    "RoleTrust/CollusionAttack-v0": CollusionAttackEnv,
+}
+"""The environments of the attack tasks, by the id in Gymnasium."""

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import DependencyNotInstalled
 
-from roletrust_env.envs.task_batch import first_game
 from roletrust_env.game.game import Game
-from roletrust_env.game.state import State
+from roletrust_env.game.state import State, first_game
 
 if TYPE_CHECKING:
     from roletrust_env.rendering.renderer import Renderer

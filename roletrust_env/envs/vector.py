@@ -1,4 +1,4 @@
-"""The attack tasks as vector environments of Gymnasium: one batch of games, and no loop over games."""
+"""Attack tasks as Gymnasium vector environments: a batch of games."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,10 +11,8 @@ from gymnasium.vector.utils import batch_space
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.arguments import check_number, refuse_unknown
-from roletrust_env.envs.attack_env import check_action, task_spaces
+from roletrust_env.envs.attack_env import TASKS, TaskBatch, check_action, task_spaces
 from roletrust_env.envs.spectator import RenderMode, Spectator
-from roletrust_env.envs.task_batch import TaskBatch
-from roletrust_env.envs.tasks import TASKS
 from roletrust_env.errors import suggest
 from roletrust_env.game.make_task import make_task
 

@@ -14,11 +14,10 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.attack_task import AttackTask, TaskState
-from roletrust_env.game.by_channel import ByChannel
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy, checked_actions
-from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import ByChannel, Channel, Policy, policy_name
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.game.state import Actions, State
 from roletrust_env.game.views import IdentityView, ProviderView, RaterView
 from roletrust_env.randomness import Random

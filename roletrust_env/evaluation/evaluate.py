@@ -11,7 +11,7 @@ from roletrust_env.evaluation.measurement import exact_task, score
 from roletrust_env.evaluation.scripts import RATING_CHANNELS, SERVING_CHANNELS
 from roletrust_env.evaluation.specs import named_factory, parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel, Policy
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.trust import TrustModel

@@ -19,8 +19,8 @@ from roletrust_env.errors import explain
 from roletrust_env.evaluation.attackers import HONEST_POLICY, Both
 from roletrust_env.game.attack_task import AttackTask
 from roletrust_env.game.policy import Channel, Policy, policy_name
-from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.ranges import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
+from roletrust_env.game.policy import registry as attackers
+from roletrust_env.parameters import Accomplices, GameLength, GridValues, Identities, NotSearched, SearchRange, Victims
 
 AttackKind = Callable[..., Policy]
 """Class of a policy, or a `functools.partial` of it that fixes some parameters."""

@@ -13,7 +13,7 @@ from typing import Any
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.scripts import AttackKind, game_facts
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import unknown_parameter
 from roletrust_env.registry import Registry, T
 from roletrust_env.trust import TrustModel

@@ -1,28 +1,174 @@
-"""The control problem of one attacker: compromised agents act as one mind, and all other agents are scripted.
-
-The Gymnasium tasks, their batches, the search methods and the planner all play it. It owns the objectives, the cost of
-stealth and the knowledge of the attacker. It is as pure and as batched as the game itself.
-"""
+"""The attacker's side of a game: the compromised agents with their identities, and the attack task."""
 
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+from pydantic import ConfigDict, NonNegativeFloat, ValidationError
+from pydantic.dataclasses import dataclass
 
-from roletrust_env.arrays import Array, namespace
-from roletrust_env.errors import suggest
-from roletrust_env.game.attacker_side import AttackerSide, mean_of, places
+from roletrust_env.arrays import Array, mean_or_zero, namespace
+from roletrust_env.errors import explain, suggest
 from roletrust_env.game.brief import game_facts
-from roletrust_env.game.coalition_features import CoalitionMemory
+from roletrust_env.game.coalition import CoalitionMemory
 from roletrust_env.game.consumer import Bought, buy
 from roletrust_env.game.game import Game
 from roletrust_env.game.joint_policy import JointPolicy
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.state import Actions, Noise, State
-from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import AgentView, ProviderView, RaterView, view_of
+from roletrust_env.parameters import Share
 from roletrust_env.randomness import Random
 from roletrust_env.trees import arrays
+from roletrust_env.world.presence import PRESENT, WAITING
+from roletrust_env.world.roster import Roster, places
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+class Stealth:
+    """The price of a trust gap between compromised and honest agents, see `AttackTask`.
+
+    Attributes:
+        weight: Weight of the cost in the reward, 0 or more.
+        tolerance: Trust gap of an agent that costs nothing, in [0, 1].
+    """
+
+    weight: NonNegativeFloat = 0.0
+    tolerance: Share = 0.1
+
+
+def make_stealth(price: "Stealth | Mapping[str, float] | None") -> Stealth:
+    """Return the price of stealth from its fields.
+
+    Args:
+        price: Price, its fields by name, or None for no price.
+
+    Raises:
+        ValueError: `price` has another type, or a field is unknown or not allowed.
+    """
+    if price is None or isinstance(price, Stealth):
+        return price or Stealth()
+    if not isinstance(price, Mapping):
+        raise ValueError(f"stealth is {price!r}; it must be a Stealth, or a mapping of its fields weight and tolerance")
+    for name in price:
+        if name not in ("weight", "tolerance"):
+            raise ValueError(f"stealth: there is no field {name!r}{suggest(name, ('weight', 'tolerance'))}")
+    try:
+        return Stealth(**price)
+    except ValidationError as error:
+        raise ValueError(f"stealth: {explain(error)}") from None
+
+
+class AttackerSide:
+    """The compromised agents and their identities.
+
+    Args:
+        roster: Agents of the game.
+        compromised: Names of the agents that the attacker controls, without identities in reserve.
+        honest: Names of agents without a scripted attack; those of this side are left out.
+        like: Array of the game's library, dtype and device.
+
+    Attributes:
+        identities: Names of the compromised agents, each followed by its identities in reserve.
+        honest_raters: Indices of the honest raters on the rater axis.
+        honest_providers: Indices of the honest providers on the provider axis.
+    """
+
+    def __init__(self, roster: Roster, compromised: Sequence[str], honest: Sequence[str], like: Array) -> None:
+        owned = [[name for name, owner in roster.owners.items() if owner == agent] for agent in compromised]
+        self.identities = tuple(name for names in owned for name in names)
+        others = [name for name in honest if name not in self.identities]
+        self._raters = places(self.identities, roster.rater_names)
+        self._providers = places(self.identities, roster.provider_names)
+        self.honest_raters = places(others, roster.rater_names)
+        self.honest_providers = places(others, roster.provider_names)
+        self._sellers = [found for names in owned if (found := places(names, roster.provider_names))]
+        self._agents = places(self.identities, roster.names)
+        rows = [
+            name for axis in (roster.rater_names, roster.provider_names) for name in self.identities if name in axis
+        ]
+        self._in_gap = places(rows, roster.names)
+        self._reserve = self._mask(like, [roster.identity_index[place] > 0 for place in self._in_gap])
+        of_agent = [[k for k, name in enumerate(rows) if name in names] for names in owned]
+        longest = max(map(len, of_agent))
+        self._columns = [[own[min(k, len(own) - 1)] for own in of_agent] for k in range(longest)]
+        masks = ([name in self.identities for name in axis] for axis in (roster.rater_names, roster.provider_names))
+        self._rates, self._provides = (self._mask(like, mask) for mask in masks)
+        self._is = self._mask(like, [name in self.identities for name in roster.names])
+
+    def joint(self, others: Actions, own: Actions) -> Actions:
+        """Return the actions of all agents: `own` for the attacker's identities, `others` for everybody else."""
+        xp = namespace(own.quality)
+        rates, provides, is_ours = (
+            mask.reshape(-1, *[1] * (own.quality.ndim - 1)) for mask in (self._rates, self._provides, self._is)
+        )
+
+        def choose(mine: Array, ours: Array | None, theirs: Array | None, usual: Array) -> Array | None:
+            if ours is None and theirs is None:
+                return None
+            return xp.where(mine, usual if ours is None else ours, usual if theirs is None else theirs)
+
+        return Actions(
+            quality=xp.where(provides, own.quality, others.quality),
+            ratings=xp.where(rates[:, None, ...], own.ratings, others.ratings),
+            presence=None if own.presence is None else xp.where(is_ours, own.presence, others.presence),
+            withheld=choose(rates[:, None, ...], own.withheld, others.withheld, own.ratings < 0),
+            treatment=choose(provides[None, ...], own.treatment, others.treatment, 0 * own.ratings + 1),
+        )
+
+    def gone(self, phase: Array) -> Array:
+        """Return whether all identities are gone for good, shape (...); an identity in reserve is not."""
+        return (phase[self._agents, ...] > PRESENT).all(axis=0)
+
+    def mean_of_sellers(self, values: Array, present: Array | None) -> Array:
+        """Return the mean over the agents that provide; the value of an agent is the mean of its present identities."""
+        if present is None or all(len(own) == 1 for own in self._sellers):
+            return values[[place for own in self._sellers for place in own], ...].mean(axis=0)
+        means = [mean_or_zero(values[own, ...], present[own, ...]) for own in self._sellers]
+        return namespace(values).stack(means).mean(axis=0)
+
+    def gap(
+        self,
+        trust: tuple[Array, Array],
+        present: tuple[Array | None, Array | None],
+        phase: Array | None,
+        tolerance: float,
+    ) -> Array:
+        """Return the trust gap of each compromised agent to the honest agents of its role, shape (n, ...).
+
+        The largest gap of its roles and identities counts. An identity in reserve has no gap, and an identity that is
+        gone keeps its gap.
+
+        Args:
+            trust: ToR, shape (S, ...), and ToP, shape (P, ...).
+            present: Whether each rater and each provider is present; None where all always are.
+            phase: Phases of all agents, see `Population`; None where all are always present.
+            tolerance: Gap that is subtracted, as it costs nothing.
+        """
+        gaps = []
+        sides = (self.honest_raters, self._raters), (self.honest_providers, self._providers)
+        for values, there, (honest, mine) in zip(trust, present, sides, strict=True):
+            if mine:
+                own = values[mine, ...]
+                gaps.append(mean_of(values, honest, there) - own - tolerance if honest else 0 * own)
+        xp = namespace(gaps[0])
+        gap = xp.concat(gaps) if len(gaps) > 1 else gaps[0]
+        if phase is not None:
+            unseen = self._reserve.reshape(-1, *[1] * (gap.ndim - 1)) & (phase[self._in_gap, ...] == WAITING)
+            gap = xp.where(unseen, 0 * gap, gap)
+        return gap if len(self._columns) == 1 else reduce(xp.maximum, (gap[column, ...] for column in self._columns))
+
+    @staticmethod
+    def _mask(like: Array, flags: Sequence[bool]) -> Array:
+        return namespace(like).asarray(list(flags), device=like.device)
+
+
+def mean_of(values: Array, places: list[int], present: Array | None) -> Array:
+    """Return the mean of some rows over those that are present; 0 if none is."""
+    rows = values[places, ...]
+    return rows.mean(axis=0) if present is None else mean_or_zero(rows, present[places, ...])
+
 
 Objective = Literal["damage", "exploit", "promote", "mislead"]
 Knowledge = Literal["black_box", "grey_box", "white_box"]

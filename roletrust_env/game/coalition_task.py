@@ -4,8 +4,7 @@ from typing import Any
 
 from roletrust_env.arrays import Array
 from roletrust_env.game.attack_task import AttackTask, TaskState
-from roletrust_env.game.coalition import Coalition
-from roletrust_env.game.coalition_features import FEATURES, CoalitionMemory
+from roletrust_env.game.coalition import FEATURES, Coalition, CoalitionMemory
 from roletrust_env.game.state import Actions, State
 from roletrust_env.randomness import Random
 

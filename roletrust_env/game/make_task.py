@@ -8,11 +8,10 @@ import numpy as np
 
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
-from roletrust_env.game.attack_task import AttackTask, Consumers, Knowledge, Objective
+from roletrust_env.game.attack_task import AttackTask, Consumers, Knowledge, Objective, Stealth, make_stealth
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.stealth import Stealth, make_stealth
 from roletrust_env.trust import TrustModel
 from roletrust_env.world import Scenario, make_scenario
 

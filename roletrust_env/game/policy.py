@@ -1,11 +1,15 @@
-"""Policies: how an agent plays, as functions of what it may see."""
+"""Policies: how an agent plays, as functions of what it may see; their registry, and bases of attacks."""
 
 import re
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
-from roletrust_env.arrays import Array
+from pydantic import NonNegativeInt, PositiveInt, model_validator
+
+from roletrust_env.arrays import Array, namespace
 from roletrust_env.game.views import AgentView, IdentityView, ProviderView, RaterView
+from roletrust_env.parameters import checked_dataclass
 from roletrust_env.randomness import Random
+from roletrust_env.registry import Registry
 
 Channel = Literal["quality", "treatment", "ratings", "silence", "presence"]
 """Decision of an agent. `"treatment"` is the share of quality for each rater, `"silence"` the ratings it withholds."""
@@ -86,3 +90,118 @@ def policy_name(policy: Policy) -> str:
     if type(policy) is Policy:
         return "honest"
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", type(policy).__name__).lower()
+
+
+registry: Registry[Policy] = Registry("attacker", "roletrust_env.attackers", Policy)
+
+
+def register_attacker(name: str, factory: Any) -> None:
+    """Register an attacker under a name.
+
+    Args:
+        name: New name.
+        factory: Callable `(**parameters) -> Policy`, usually the attacker's class.
+
+    Raises:
+        ValueError: The name is taken or is not a word.
+    """
+    registry.register(name, factory)
+
+
+def make_attacker(name: str, **parameters: Any) -> Policy:
+    """Make an attacker by name.
+
+    Args:
+        name: Registered name, or name of an entry point in the group `roletrust_env.attackers`.
+        **parameters: Parameters of the attacker.
+
+    Raises:
+        ValueError: The name is unknown, the attacker has no such parameter, or a value is not allowed.
+
+    Example:
+        >>> make_attacker("on-off", period=4, start=10)
+        OnOff(start=10, stop=None, period=4, duty=0.5, bad=0.0, good=1.0, switching='regular')
+    """
+    return registry.make(name, **parameters)
+
+
+def attackers() -> dict[str, str]:
+    """Return the known attackers: name and one line of description."""
+    return registry.describe()
+
+
+class ByChannel(Policy):
+    """A policy that serves by one policy and rates by another.
+
+    Attributes:
+        serves: Policy for services.
+        rates: Policy for ratings.
+    """
+
+    serves: Policy
+    rates: Policy
+
+    def begin(self, random: Random, shape: tuple[int, ...]) -> Any:
+        """Return the memories of the two policies. See `Policy.begin`."""
+        return self.serves.begin(random, shape), self.rates.begin(random, shape)
+
+    def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """See `Policy.quality`."""
+        quality, mine = self.serves.quality(view, memory[0], random)
+        return quality, (mine, memory[1])
+
+    def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.treats`."""
+        treatment, mine = self.serves.treats(view, memory[0], random)
+        return treatment, (mine, memory[1])
+
+    def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
+        """See `Policy.ratings`."""
+        ratings, mine = self.rates.ratings(view, memory[1], random)
+        return ratings, (memory[0], mine)
+
+    def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
+        """See `Policy.withholds`."""
+        withheld, mine = self.rates.withholds(view, memory[1], random)
+        return withheld, (memory[0], mine)
+
+
+@checked_dataclass
+class WindowedAttack(Policy):
+    """A scripted attack with a beginning and an end; before and after it the agent plays honestly.
+
+    Attributes:
+        start: First round of the attack.
+        stop: First round after the attack; None attacks to the end.
+    """
+
+    start: NonNegativeInt = 0
+    stop: PositiveInt | None = None
+
+    @model_validator(mode="after")
+    def _check_window(self) -> Self:
+        if self.stop is not None and self.stop <= self.start:
+            raise ValueError(f"stop is {self.stop}; it must be later than start, {self.start}")
+        return self
+
+    def active(self, round: Array) -> Array:
+        """Return whether the attack is active in a round, boolean, shape (...)."""
+        on = round >= self.start
+        return on if self.stop is None else on & (round < self.stop)
+
+
+def asleep(random: Random, shape: tuple[int, ...]) -> Array:
+    """Return the memory of sleepers before the first round, boolean, see `wake` and `Policy.begin`."""
+    like = random.like
+    return namespace(like).zeros(shape, dtype=like.dtype, device=like.device) > 0
+
+
+def wake(now: Array, memory: Array) -> tuple[Array, Array]:
+    """Return whether a sleeper is awake, and its new memory. Once it has woken up, it stays awake.
+
+    Args:
+        now: Whether the sleeper wakes up in this round, boolean.
+        memory: Whether it was awake before.
+    """
+    awake = now | memory
+    return awake, awake

@@ -2,8 +2,11 @@
 
 from typing import Any, NamedTuple
 
+from array_api_compat import to_device
+
 from roletrust_env.arrays import Array, cast
 from roletrust_env.game.brief import shapes
+from roletrust_env.trees import is_array, map_leaves
 from roletrust_env.world.heterogeneity import AgentProperties
 from roletrust_env.world.mobility import Motion
 from roletrust_env.world.presence import Population
@@ -145,3 +148,19 @@ def fitted(actions: Actions, state: State) -> Actions:
     dtype = state.ratings.dtype
     others = {name: cast(part, dtype) for name, part in parts.items() if part is not None and part.dtype != dtype}
     return actions._replace(**others) if others else actions
+
+
+def first_game(state: State) -> State:
+    """Return the state of the first game of a batch, (E,), on the CPU; a single game's state is returned as it is."""
+    return one_game(state, (0,)) if state.round.ndim else state
+
+
+def one_game(state: State, place: tuple[int, ...]) -> State:
+    """Return the state of one game of a batch, on the CPU.
+
+    Args:
+        state: State of a batch.
+        place: Index of the game along the axes of the batch.
+    """
+    one: State = map_leaves(lambda leaf: to_device(leaf[..., *place], "cpu") if is_array(leaf) else leaf, state)
+    return one

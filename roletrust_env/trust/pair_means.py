@@ -4,8 +4,7 @@ from abc import abstractmethod
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, is_compiling, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
 

@@ -1,8 +1,7 @@
 """The common part of models that remember nothing but trust."""
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Lam, Share
+from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.central import Central
 

@@ -218,3 +218,8 @@ class Roster:
 def shown(names: Sequence[str]) -> str:
     """Return names for an error message: all of them, or the first and the last five."""
     return ", ".join(names if len(names) <= 12 else [*names[:5], "...", *names[-5:]])
+
+
+def places(names: Sequence[str], axis: Sequence[str]) -> list[int]:
+    """Return the indices of names on an axis, in the order of the names; names that are not on it are left out."""
+    return [axis.index(name) for name in names if name in axis]

@@ -16,9 +16,8 @@ from pydantic import (
 )
 
 from roletrust_env.errors import explain
-from roletrust_env.ranges import Lam, Share
-from roletrust_env.world.base_model import FrozenModel
-from roletrust_env.world.group import AgentGroup
+from roletrust_env.parameters import Lam, Share
+from roletrust_env.world.group import AgentGroup, FrozenModel
 
 
 class Everyone(FrozenModel):

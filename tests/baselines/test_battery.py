@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 
 from roletrust_env import Game, JointPolicy, Policy, attackers, make_attacker, record
 from roletrust_env.evaluation.scripts import Space
-from roletrust_env.game.policy import policy_name
-from roletrust_env.game.policy_registry import registry
+from roletrust_env.game.policy import policy_name, registry
 from roletrust_env.testing import check_attack
 from roletrust_env.world.scenario import AgentGroup, Choice, Scenario
 from roletrust_experiments.cli import app

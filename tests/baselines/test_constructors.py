@@ -21,10 +21,10 @@ from roletrust_agents.planning.planner import Planner
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import attackers, make_attacker, trust_models
 from roletrust_env.game.policy import Policy
-from roletrust_env.game.policy_registry import registry as attacker_registry
+from roletrust_env.game.policy import registry as attacker_registry
 from roletrust_env.parameters import UnknownParameterError
 from roletrust_env.trust.model import registry as model_registry
-from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.world.group import FrozenModel
 
 SEARCH_METHODS = (PaperAttacks, GridSearch, RandomSearch, CmaEs, Planner, Exact, BestKnown, Learned)
 FACTORIES = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roletrust_baselines import Camouflage, CamouflageRating, CheatingRing, MilkingRing, RankLies, Sleeper
-from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.envs.attack_env import TaskBatch
 from roletrust_env.game.make_task import make_task
 from roletrust_env.trees import arrays
 

@@ -9,8 +9,7 @@ from gymnasium.utils.env_checker import data_equivalence
 
 import roletrust_env
 from roletrust_env import make_scenario
-from roletrust_env.envs.attack_env import AttackEnv
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS, AttackEnv
 from roletrust_env.world.roster import Roster
 
 PRESETS = [name for name in roletrust_env.scenarios() if "hog" not in name and name != "city"]

@@ -15,7 +15,7 @@ from task_cases import COLLUSION, EVERY_TASK, PROVIDER, RATER, acts, make, same
 from vector_cases import assert_close
 
 import roletrust_env
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.envs.vector import AttackVectorEnv
 
 GAME = {"max_cycles": 7, "noise": 0.1, "stealth": {"weight": 1.0}, "knowledge": "grey_box"}

@@ -9,8 +9,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from roletrust_env import Game, Policy, make_scenario, parallel_env
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.envs.sb3 import AttackVecEnv, RoleVecEnv
-from roletrust_env.envs.tasks import TASKS
 from roletrust_env.game.make_task import make_task
 
 SHORT = {"scenario": "paper-3x3", "max_cycles": 5}

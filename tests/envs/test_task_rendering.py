@@ -8,7 +8,7 @@ from task_cases import COLLUSION, PROVIDER, RATER, acts, make, same
 from vector_cases import EVERY_MODE
 
 from roletrust_env import AttackVecEnv, make_task
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 
 
 def test_text_shows_the_game_with_the_learner_marked() -> None:

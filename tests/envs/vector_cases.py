@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 from roletrust_baselines import OnOff
 from roletrust_env import Scenario
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.envs.vector import AttackVectorEnv
 
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]

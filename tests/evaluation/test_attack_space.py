@@ -12,7 +12,7 @@ from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Policy
 from roletrust_env.evaluation.attackers import HONEST_POLICY
 from roletrust_env.evaluation.scripts import Mixture, Space, as_spec
-from roletrust_env.ranges import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims
+from roletrust_env.parameters import Accomplices, GridValues, NotSearched, SearchRange, Share, Victims
 
 
 @dataclass(frozen=True)

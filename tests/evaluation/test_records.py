@@ -22,7 +22,7 @@ from roletrust_env.evaluation.attackers import (
 from roletrust_env.evaluation.measurement import watch
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.game.make_task import make_task
-from roletrust_env.game.policy_registry import make_attacker
+from roletrust_env.game.policy import make_attacker
 
 TASK = make_task("market", ["sr_1", "sp_1"])
 
@@ -40,7 +40,7 @@ def every_policy() -> list[Policy]:
 
 
 def _accepted(name: str, offered: dict[str, object]) -> dict[str, object]:
-    from roletrust_env.game.policy_registry import registry
+    from roletrust_env.game.policy import registry
 
     return registry.accepted_parameters(name, offered)
 

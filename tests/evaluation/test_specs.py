@@ -48,7 +48,7 @@ def test_an_attack_of_an_installed_package_is_searched_by_its_name(tmp_path, mon
         "from dataclasses import dataclass\n"
         "from typing import Annotated, ClassVar\n"
         "from roletrust_env import Policy\n"
-        "from roletrust_env.ranges import SearchRange\n"
+        "from roletrust_env.parameters import SearchRange\n"
         "@dataclass(frozen=True)\n"
         "class Shift(Policy):\n"
         "    by: Annotated[int, SearchRange(-3, 3)] = 0\n"

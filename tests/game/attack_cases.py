@@ -8,8 +8,7 @@ import pytest
 
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Game, Random, Scenario
-from roletrust_env.game.attack_task import AttackTask, Outcome, TaskState
-from roletrust_env.game.stealth import Stealth
+from roletrust_env.game.attack_task import AttackTask, Outcome, Stealth, TaskState
 
 TOLERANCE = {"rtol": 0, "atol": 1e-12}
 LEVELS = ("black_box", "grey_box", "white_box")

@@ -9,8 +9,7 @@ import torch
 from attack_cases import CASES, EVERY_ACCESS, EVERY_CASE, LEVELS, assert_close, busy, deeds, each, make, rng
 
 from roletrust_env import Noise, Random, make_scenario
-from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.stealth import Stealth
+from roletrust_env.game.attack_task import AttackTask, Stealth
 
 
 class Luck:

@@ -22,8 +22,7 @@ from attack_cases import (
 from roletrust_agents.planning.exact import optimal_provider, optimal_rater
 from roletrust_baselines import BadMouthing, OnOff
 from roletrust_env import Actions, Game, Scenario, make_scenario
-from roletrust_env.game.attack_task import AttackTask
-from roletrust_env.game.stealth import Stealth
+from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.world.presence import CUT_OFF, LEFT, PRESENT, WAITING
 
 # --- objectives, cost, termination -------------------------------------------------------------------

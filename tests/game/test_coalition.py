@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roletrust_env import Actions, AttackVecEnv, make_scenario, make_task
-from roletrust_env.envs.task_batch import TaskBatch
+from roletrust_env.envs.attack_env import TaskBatch
 from roletrust_env.evaluation.attackers import OpenLoop, Scripted
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
-from roletrust_env.game.coalition import IDENTITY_FEATURES, Coalition
-from roletrust_env.game.coalition_features import FEATURES, REACH
+from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES, REACH, Coalition
 from roletrust_env.game.coalition_task import CoalitionTask
 from roletrust_env.game.game import Game
 

@@ -9,7 +9,7 @@ from roletrust_agents.learned import learned
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, Policy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_attacks
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.live.nodes.agent_nodes import QualitySelector, RatingSelector
 from roletrust_env.world.roster import Roster
 

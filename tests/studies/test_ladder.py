@@ -105,7 +105,7 @@ def test_an_agent_with_both_roles(tmp_path):
 def test_other_attacks_are_searched_also_your_own_and_with_some_parameters_given(tmp_path, monkeypatch):
     (tmp_path / "my_lies_for_test.py").write_text(
         "from dataclasses import dataclass\nfrom roletrust_baselines import BadMouthing\n"
-        "from roletrust_env.ranges import Share\n"
+        "from roletrust_env.parameters import Share\n"
         "@dataclass(frozen=True)\nclass Liar(BadMouthing):\n    zeal: Share = 0.5\n"
     )
     monkeypatch.chdir(tmp_path)

@@ -6,7 +6,7 @@ import torch
 
 from roletrust_agents.learned.coalition_attacker import joint_decision
 from roletrust_env import make_task
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES
 from studies import ppo_coalition
 from studies.ppo_coalition import Agent, Settings, condition, main, train, utility
 

@@ -8,7 +8,7 @@ import pytest
 
 from roletrust_env import Policy, WindowedAttack
 from roletrust_env.arrays import namespace
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share
 from roletrust_env.testing import check_attack
 
 

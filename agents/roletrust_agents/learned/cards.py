@@ -37,7 +37,7 @@ class ModelCard(UntrustedModel):
 
 
 class Price(UntrustedModel):
-    """Price of a trust gap to the honest agents, see `roletrust_env.game.stealth.Stealth`."""
+    """Price of a trust gap to the honest agents, see `roletrust_env.game.attack_task.Stealth`."""
 
     weight: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     tolerance: Annotated[float, Field(ge=0, le=1)] = 0.1

@@ -4,7 +4,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from roletrust_agents.learned.deep_set import DeepSet
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.game.coalition_features import CoalitionMemory, lie_ratings, provider_features, to_digits
+from roletrust_env.game.coalition import CoalitionMemory, lie_ratings, provider_features, to_digits
 from roletrust_env.game.policy import Channel, Policy
 from roletrust_env.game.views import ProviderView, RaterView
 from roletrust_env.randomness import Random

@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.game.coalition import IDENTITY_FEATURES
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES
 
 UNITS = 12
 """Number of units of each layer, unless another is given."""

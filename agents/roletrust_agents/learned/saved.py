@@ -15,9 +15,8 @@ from roletrust_agents.learned.cards import Card, ModelCard, TaskCard
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture
 from roletrust_agents.learned.network import MAX_WEIGHTS, Network
 from roletrust_agents.learned.weights import read_weights, weights_bytes
-from roletrust_env.game.attack_task import AttackTask
+from roletrust_env.game.attack_task import AttackTask, Stealth
 from roletrust_env.game.make_task import Observation, make_task
-from roletrust_env.game.stealth import Stealth
 from roletrust_env.game.views import Layout
 from roletrust_env.storage.untrusted import check_file, check_scenario_size, parse_json, parse_untrusted, read_limited
 from roletrust_env.world.roster import Roster

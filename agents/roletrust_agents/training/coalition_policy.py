@@ -15,8 +15,7 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from torch import nn
 
 from roletrust_agents.learned.deep_set import GAIN, DeepSet, DeepSetArchitecture
-from roletrust_env.game.coalition import Coalition
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES, Coalition
 
 _CLOCK = FEATURES.index("clock")
 _NEAR_ZERO = 0.1  # scale of the last layer: the mean of an untrained network is near the truth

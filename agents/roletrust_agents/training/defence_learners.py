@@ -14,7 +14,7 @@ from roletrust_agents.training.defence import DefenceLearner, Floats
 from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import named_factory, parse_named
-from roletrust_env.ranges import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
+from roletrust_env.parameters import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
 from roletrust_env.trust import TrustModel
 from roletrust_env.trust.model import registry
 

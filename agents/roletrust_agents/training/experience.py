@@ -7,8 +7,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from roletrust_env.envs.sb3 import AttackVecEnv
-from roletrust_env.envs.vec_env_base import Flags, Floats, Step
+from roletrust_env.envs.sb3 import AttackVecEnv, Flags, Floats, Step
 
 
 def update_memory(model: Any) -> int:

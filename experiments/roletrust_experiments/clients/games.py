@@ -1,9 +1,9 @@
 """Scenarios and tasks for the clients."""
 
 from roletrust_env import make_scenario, scenarios
-from roletrust_env.envs import tasks
+from roletrust_env.envs.attack_env import TASKS as _TASKS
 
-TASKS = [f"roletrust_env:{task_id}" for task_id in tasks.TASKS]
+TASKS = [f"roletrust_env:{task_id}" for task_id in _TASKS]
 """The attack tasks, by names that a process knows which has not imported them."""
 
 TASK = TASKS[0]

@@ -23,7 +23,7 @@ from roletrust_env.benchmarking.suite_files import load_suite, reproduction_comm
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.storage.files import write_text
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_experiments.commands import completion

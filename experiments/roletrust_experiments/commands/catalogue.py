@@ -13,8 +13,8 @@ from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.evaluation.scripts import as_spec, declared_ranges, game_facts
 from roletrust_env.evaluation.search import search_methods
-from roletrust_env.game.policy_registry import registry as attackers
-from roletrust_env.ranges import Identities, SearchRange, allowed
+from roletrust_env.game.policy import registry as attackers
+from roletrust_env.parameters import Identities, SearchRange, allowed
 from roletrust_env.registry import Registry, summary
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry as models

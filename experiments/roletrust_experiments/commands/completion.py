@@ -8,9 +8,9 @@ from roletrust_env import make_scenario
 from roletrust_env.benchmarking.learners.learner import registry as learner_registry
 from roletrust_env.benchmarking.learners.learner import search_names
 from roletrust_env.benchmarking.suite_files import suites as benchmark_suites
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.search import search_methods
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
 from roletrust_env.world.roster import Roster

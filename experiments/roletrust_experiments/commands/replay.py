@@ -15,7 +15,7 @@ from roletrust_env.benchmarking.worst_case import as_array, attack_scores, least
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.confidence import estimate
 from roletrust_env.storage.files import prepare_folder
 from roletrust_env.trust.model import registry as trust_models

@@ -8,7 +8,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from roletrust_agents.training.runs import RunFolder, write_bytes
 from roletrust_env import Scenario, make_scenario
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.resources import check_memory
 from roletrust_env.evaluation.specs import parse_parameters, parse_settings, read_trust_model
 from roletrust_env.game.attack_task import Knowledge, Objective

@@ -8,11 +8,10 @@ import numpy.typing as npt
 
 from roletrust_env.benchmarking.cells import FoundAttack, find_attack
 from roletrust_env.benchmarking.suite import Cell, Suite
-from roletrust_env.envs.task_batch import one_game
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, GameRecord, attacked_rollout, random_sources, watch
 from roletrust_env.game.consumer import buy
-from roletrust_env.game.state import State
+from roletrust_env.game.state import State, one_game
 from roletrust_env.metrics import share_of_best
 from roletrust_env.metrics.score import mean_or_nan, ratio
 

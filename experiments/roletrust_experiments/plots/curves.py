@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from roletrust_env import Game, Policy
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.game.schedule import WindowedAttack
+from roletrust_env.game.policy import WindowedAttack
 from roletrust_env.metrics.confidence import Floats, over_games
 from roletrust_env.metrics.score import mean_or_nan
 from roletrust_experiments.paper.footage import loop_note

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
-from roletrust_env.envs.attack_env import AttackEnv
+from roletrust_env.envs.attack_env import TASKS, AttackEnv
 from roletrust_env.envs.parallel import RoleTrustParallelEnv, parallel_env
-from roletrust_env.envs.tasks import TASKS
 
 _GAME = "RoleTrust-v0"
 

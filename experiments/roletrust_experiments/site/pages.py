@@ -8,7 +8,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.storage.files import write_text
 from roletrust_env.storage.scenario_files import as_toml
 from roletrust_env.trust.model import registry as models

@@ -12,7 +12,7 @@ from roletrust_env.evaluation.measurement import TaskArguments, exact_task, scor
 from roletrust_env.evaluation.scripts import AttackKind
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.score import mean_or_nan
 from studies import SUITES
 

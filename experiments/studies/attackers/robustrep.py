@@ -7,8 +7,7 @@ import numpy as np
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.edges import merge_repeats
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemaini
 
 from roletrust_baselines.search import CmaEs, GridSearch, PaperAttacks, RandomSearch
 from roletrust_env import make_scenario
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task, task_memory
 from roletrust_env.evaluation.resources import check_memory

@@ -15,7 +15,7 @@ from roletrust_env.evaluation.measurement import (
     exact_task,
     random_sources,
 )
-from roletrust_env.game.attacker_side import places
+from roletrust_env.world.roster import places
 from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, tidy
 
 Floats = npt.NDArray[np.float64]

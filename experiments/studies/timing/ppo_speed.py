@@ -10,8 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from roletrust_agents.training.learners import make_model
 from roletrust_agents.training.settings import PPOSettings
-from roletrust_env.envs.sb3 import AttackVecEnv
-from roletrust_env.envs.vec_env_base import BatchVecEnv, Flags, Floats, Step
+from roletrust_env.envs.sb3 import AttackVecEnv, BatchVecEnv, Flags, Floats, Step
 from roletrust_env.game.make_task import make_task
 
 

@@ -8,14 +8,14 @@ from pydantic import Field, PositiveInt, model_validator
 
 from roletrust_env.benchmarking.learners.learner import BOUNDS, HONEST_PLAY, is_search, make_search_method, registry
 from roletrust_env.benchmarking.schema import AttackResult, CellResult, Label, SuiteSchema, check_unique
-from roletrust_env.envs.tasks import TASKS
+from roletrust_env.envs.attack_env import TASKS
 from roletrust_env.evaluation.measurement import TaskArguments
 from roletrust_env.evaluation.search import UnsuitableError, find
 from roletrust_env.evaluation.specs import named_factory
 from roletrust_env.game.attack_task import Objective
 from roletrust_env.game.make_task import Observation, make_task
 from roletrust_env.world import make_scenario
-from roletrust_env.world.base_model import FrozenModel
+from roletrust_env.world.group import FrozenModel
 
 
 class Trial(NamedTuple):

@@ -8,8 +8,7 @@ from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_env import make_scenario, make_task
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
-from roletrust_env.game.coalition import IDENTITY_FEATURES
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES, IDENTITY_FEATURES
 
 SMALL = DeepSetArchitecture(units=3)
 

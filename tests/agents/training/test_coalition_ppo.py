@@ -20,7 +20,7 @@ from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_task
 from roletrust_env.evaluation.measurement import SEARCHED, mean_rewards
 from roletrust_env.evaluation.search import Budget, SearchMethod, UnsuitableError
-from roletrust_env.game.coalition_features import FEATURES
+from roletrust_env.game.coalition import FEATURES
 
 BOTH, RATERS, PROVIDERS = ("sr_8", "sr_9", "sp_9"), ("sr_8", "sr_9"), ("sp_9",)
 ROUNDS, GAMES = 6, 3

@@ -16,7 +16,7 @@ from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attackers import Scripted, record_of
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.make_task import make_task
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 
 AGENTS = [{"role": "SR", "count": 5, "noise": 0.05}, {"role": "SP", "count": 4, "ability": [0.3, 1.0]}]
 SCENARIO = make_scenario("crowd-10x10").change(max_cycles=12, agents=AGENTS)

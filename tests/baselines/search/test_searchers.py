@@ -16,7 +16,7 @@ from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewa
 from roletrust_env.evaluation.scripts import Scripts, describe_attack, with_paper
 from roletrust_env.evaluation.search import Budget, UnsuitableError, find
 from roletrust_env.game.make_task import make_task
-from roletrust_env.ranges import SearchRange
+from roletrust_env.parameters import SearchRange
 
 PROVIDER = {
     "scenario": "paper-3x3",

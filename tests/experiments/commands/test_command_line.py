@@ -10,7 +10,7 @@ from pages import refused
 from rich.console import Console
 from typer.testing import CliRunner
 
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app

@@ -7,7 +7,7 @@ import pytest
 from latex2mathml.converter import convert
 
 import roletrust_env
-from roletrust_env.game.policy_registry import registry as attackers
+from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as models
 from roletrust_env.trust.neighbours import NEIGHBOURS
 from roletrust_experiments.site.docstrings import readable

@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.beta import reputation
 from roletrust_env.trust.central import Central

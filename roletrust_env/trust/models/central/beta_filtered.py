@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, cast, computed, is_compiling, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share, Tail
+from roletrust_env.parameters import Share, Tail, checked_dataclass
 from roletrust_env.trust.beta import between_quantiles, reputation
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left

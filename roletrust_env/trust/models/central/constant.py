@@ -1,8 +1,7 @@
 """The control: trust that never changes."""
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import Ratings

@@ -5,8 +5,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Lam, Share
+from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import PerPair, PerProvider, PerRater, Ratings
 

@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Power, Ridge, Share
+from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power, upper_median
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left

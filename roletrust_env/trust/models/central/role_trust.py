@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, ones
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Lam, Share
+from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import provider_quality, rater_quality, smooth
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import PairAge, PerPair, PerProvider, PerRater, Ratings

@@ -1,8 +1,7 @@
 """The trimmed mean: the ratings at both ends do not count."""
 
 from roletrust_env.arrays import Array
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import LessThanHalf
+from roletrust_env.parameters import LessThanHalf, checked_dataclass
 from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.robust import ByCentre, middle_mean
 

@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Factor, Lam, Power, Share
+from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
 from roletrust_env.trust.algorithms import sinc, smooth, upper_median, without_rounding
 from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings

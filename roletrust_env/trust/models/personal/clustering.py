@@ -1,8 +1,7 @@
 """Clustering: a judge believes the raters in its own cluster."""
 
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Lam, Share
+from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,

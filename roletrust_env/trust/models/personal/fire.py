@@ -6,8 +6,7 @@ from typing import NamedTuple
 from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.judges import (
     Personal,
     absorb,

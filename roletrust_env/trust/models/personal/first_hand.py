@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Power, Ridge, Share
+from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power
 from roletrust_env.trust.judges import (
     Personal,

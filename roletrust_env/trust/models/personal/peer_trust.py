@@ -1,8 +1,7 @@
 """PeerTrust with personalised similarity: raters count by their similarity to the judge."""
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.judges import Personal, credences, published_raters, weighted_advice
 from roletrust_env.trust.ratings import MaskedRatings
 from roletrust_env.trust.similarity import Experience, Likened, disagreement

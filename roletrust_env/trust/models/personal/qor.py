@@ -4,8 +4,7 @@ import math
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Factor, Share
+from roletrust_env.parameters import Factor, Share, checked_dataclass
 from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import (
     Personal,

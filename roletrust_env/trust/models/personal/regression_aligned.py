@@ -3,8 +3,7 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Lam, Ridge, Share
+from roletrust_env.parameters import Lam, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import Personal, by_judges, credences, in_common, product
 from roletrust_env.trust.ratings import MaskedRatings

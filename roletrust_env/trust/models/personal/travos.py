@@ -6,8 +6,7 @@ from typing import NamedTuple
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, cast, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Share
+from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
 from roletrust_env.trust.judges import Personal, others, published_raters
 from roletrust_env.trust.ratings import MaskedRatings

@@ -5,8 +5,7 @@ from typing import NamedTuple
 from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace, total
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Factor, Share
+from roletrust_env.parameters import Factor, Share, checked_dataclass
 from roletrust_env.trust.judges import (
     Personal,
     compare_opinions,

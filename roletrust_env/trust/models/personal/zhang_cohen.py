@@ -4,8 +4,7 @@ import math
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.parameters import checked_dataclass
-from roletrust_env.ranges import Inside, Lam, Share
+from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,
