@@ -16,7 +16,7 @@ pettingzoo.register("aec", "RoleTrust-v0", "roletrust_env.envs.aec:env")
 for _task in ("ProviderAttack", "RaterAttack", "DualAttack", "CollusionAttack"):
     gymnasium.register(
         f"RoleTrust/{_task}-v0",
-        entry_point=f"roletrust_env.envs.tasks:{_task}Env",
+        entry_point=f"roletrust_env.envs.attack_env:{_task}Env",
         vector_entry_point=f"roletrust_env.envs.vector:{_task}VectorEnv",
     )
 

@@ -19,12 +19,12 @@ from roletrust_env.game.joint_policy import JointPolicy as JointPolicy
 from roletrust_env.game.joint_policy import Player as Player
 from roletrust_env.game.make_task import make_task as make_task
 from roletrust_env.game.policy import Policy as Policy
-from roletrust_env.game.policy_registry import attackers as attackers
-from roletrust_env.game.policy_registry import make_attacker as make_attacker
-from roletrust_env.game.policy_registry import register_attacker as register_attacker
+from roletrust_env.game.policy import WindowedAttack as WindowedAttack
+from roletrust_env.game.policy import attackers as attackers
+from roletrust_env.game.policy import make_attacker as make_attacker
+from roletrust_env.game.policy import register_attacker as register_attacker
 from roletrust_env.game.rollout import History as History
 from roletrust_env.game.rollout import record as record
-from roletrust_env.game.schedule import WindowedAttack as WindowedAttack
 from roletrust_env.game.sparse import SparseGame as SparseGame
 from roletrust_env.game.state import Actions as Actions
 from roletrust_env.game.state import Noise as Noise
