@@ -5,7 +5,7 @@ OUT := results
 
 CERTAIN := --set max_cycles=200 --set noise=0 --set 'perturbations=[]'
 
-.PHONY: run docs test test-all test-slow test-site test-extras test-live test-soak test-ros2 test-clients setup format pictures costs edge-costs scale live-load better-model \
+.PHONY: run docs test test-all test-slow test-doctests test-thorough test-studies test-site test-extras test-live test-soak test-ros2 test-clients setup format pictures costs edge-costs scale live-load better-model \
 	leave-one-out leave-one-out-logs first-hand real equilibrium strategic defence defence-logs \
 	benchmark known-attacks reruns findings attackers learners ladder universal zoo report archive clean
 
@@ -26,6 +26,9 @@ test: $(VENV)/.ready-test
 # All that `make test` leaves out, about half an hour; every marker has a target of its own.
 test-all: setup
 	$(MAKE) test-slow
+	$(MAKE) test-doctests
+	$(MAKE) test-thorough
+	$(MAKE) test-studies
 	$(MAKE) test-site
 	$(MAKE) test-extras
 	$(MAKE) test-live
@@ -35,6 +38,19 @@ test-all: setup
 # Compilation, kill and resume, long trainings, and the site built quickly.
 test-slow: setup
 	$(BIN)/pytest -n 2 -m slow tests
+
+# The examples in docstrings. What the extra `ray` alone has is no place for them.
+test-doctests: setup
+	$(BIN)/pytest -n 2 --doctest-modules --ignore=roletrust_env/benchmarking/cluster.py --ignore=roletrust_env/live/roletrust_nodes \
+		roletrust_env agents baselines experiments
+
+# Eight times the random examples of `make test`.
+test-thorough: setup
+	$(BIN)/pytest -n 2 --hypothesis-profile thorough -m hypothesis tests
+
+# The pages of results.
+test-studies: setup
+	$(BIN)/pytest -n 2 tests/studies
 
 # The whole site, in a browser.
 test-site: docs

@@ -19,13 +19,15 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import registry as scenarios
 
 # No deadline, for a busy machine takes longer; the same examples on every machine, so that a failure can be repeated.
-hypothesis.settings.register_profile(
-    "roletrust",
-    deadline=None,
-    derandomize=True,
-    print_blob=True,
-    suppress_health_check=[hypothesis.HealthCheck.too_slow],
-)
+for _name, _examples in (("roletrust", 25), ("thorough", 200)):
+    hypothesis.settings.register_profile(
+        _name,
+        max_examples=_examples,
+        deadline=None,
+        derandomize=True,
+        print_blob=True,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    )
 hypothesis.settings.load_profile("roletrust")
 
 

@@ -23,7 +23,8 @@ def test_what_is_left_out_is_marked_and_is_run_by_the_other_target():
     assert sorted(left_out.split(" and ")) == sorted(f"not {marker}" for marker in MARKERS)
     assert "$(BIN)/pytest -n 2" in recipe("test")
     assert not [line for line in recipe("test") if "-m " in line or "$(MAKE)" in line]
-    assert sorted(recipe("test-all")) == sorted(f"$(MAKE) test-{marker}" for marker in MARKERS)
+    others = ["doctests", "thorough", "studies"]
+    assert sorted(recipe("test-all")) == sorted(f"$(MAKE) test-{name}" for name in MARKERS + others)
     for marker in MARKERS:
         assert [line for line in recipe(f"test-{marker}") if f" -m {marker} " in line]
 
