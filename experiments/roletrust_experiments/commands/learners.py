@@ -11,7 +11,7 @@ from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
     LearnerResult,
-    Scale,
+    TaskScale,
     learner_results,
     ranking,
     table_rows,
@@ -80,7 +80,7 @@ def tell_learners_cost(suite: LearnersSuite) -> None:
     console.print(table)
 
 
-def _table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, Scale]) -> Table:
+def _table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> Table:
     largest = suite.budgets[-1]
     caption = f"share with {largest:,} rounds: 0 is honest play; {_INTERVALS}"
     table = number_table(f"Learners, suite {suite.name}", caption, *map(escape, (ALL_TASKS, *scales)))
@@ -89,7 +89,7 @@ def _table(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[st
     return table
 
 
-def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, Scale], command: str) -> str:
+def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict[str, TaskScale], command: str) -> str:
     """Return the shares with each budget in Markdown, with what they mean and the command that made them."""
     names = ranking(found)
     rows = []
@@ -103,7 +103,7 @@ def _markdown(suite: LearnersSuite, found: Sequence[LearnerResult], scales: dict
     return f"{table}\n\n{caption} Made by `{command}`.\n"
 
 
-def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, Scale]) -> list[str]:
+def _row(name: str, budget: int, found: Sequence[LearnerResult], scales: dict[str, TaskScale]) -> list[str]:
     """Return the name of a learner and its shares with a budget."""
     shares = {one.task: one.share for one in found if (one.learner, one.budget) == (name, budget)}
     return [name, *(_words(shares.get(task)) for task in (ALL_TASKS, *scales))]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, Scale, ranking
+from roletrust_env.benchmarking.learners.results import ALL_TASKS, LearnerResult, TaskScale, ranking
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
 
 _COLUMNS = 4
@@ -18,7 +18,7 @@ _LOWEST = -0.5
 """Lowest share to draw; lower shares, far below honest play, are drawn here."""
 
 
-def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, Scale]) -> Figure:
+def learners_figure(about: str, found: Sequence[LearnerResult], scales: Mapping[str, TaskScale]) -> Figure:
     """Return the figure of a suite for learners.
 
     Args:

@@ -8,7 +8,7 @@ from roletrust_env.benchmarking.learners.results import (
     ALL_TASKS,
     HEADER,
     LearnerResult,
-    Scale,
+    TaskScale,
     learner_results,
     ranking,
     table_rows,
@@ -35,7 +35,7 @@ class Learners(NamedTuple):
     suite: LearnersSuite
     software: dict[str, Any]
     command: str
-    scales: dict[str, Scale]
+    scales: dict[str, TaskScale]
     found: list[LearnerResult]
     warnings: list[str]
 

@@ -35,7 +35,7 @@ class LearnerRun(NamedTuple):
     score: float
 
 
-class Scale(NamedTuple):
+class TaskScale(NamedTuple):
     """Scores with share 0 and share 1 on a task.
 
     Attributes:
@@ -78,7 +78,7 @@ class LearnerResult(NamedTuple):
     share: Interval
 
 
-def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Sequence[LearnerRun]) -> Scale:
+def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Sequence[LearnerRun]) -> TaskScale:
     """Return the scale of a task.
 
     Args:
@@ -89,19 +89,19 @@ def make_scale(honest: Sequence[LearnerRun], bounds: dict[str, float], runs: Seq
     """
     honest_scores = {run.seed: run.score for run in honest}
     for description, bound in bounds.items():
-        return Scale(honest_scores, bound, description)
+        return TaskScale(honest_scores, bound, description)
     means = {key: float(np.mean(scores)) for key, scores in _group_scores(runs).items()}
     if not means:
-        return Scale(honest_scores, np.nan, "not known")
+        return TaskScale(honest_scores, np.nan, "not known")
     (learner, budget), top = max(means.items(), key=lambda item: item[1])
-    return Scale(honest_scores, top, f"the best that was found, by {learner} with {budget:,} rounds")
+    return TaskScale(honest_scores, top, f"the best that was found, by {learner} with {budget:,} rounds")
 
 
-def aggregate(scales: dict[str, Scale], runs: Sequence[LearnerRun]) -> list[LearnerResult]:
+def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[LearnerResult]:
     """Return the results of each learner with each budget on each task, and over all tasks if it has runs on each.
 
     Args:
-        scales: Scale of each task.
+        scales: TaskScale of each task.
         runs: Runs of the learners.
     """
     results = []
@@ -164,7 +164,7 @@ def title(suite: LearnersSuite) -> str:
 
 def learner_results(
     suite: LearnersSuite, stored: Sequence[tuple[Trial, CellResult]]
-) -> tuple[dict[str, Scale], list[LearnerResult]]:
+) -> tuple[dict[str, TaskScale], list[LearnerResult]]:
     """Return the scale of each task that has been played, and the results of the learners.
 
     Args:
