@@ -35,50 +35,34 @@ def test_a_ring_takes_raters_and_providers() -> None:
     assert result.damage.mean > 0.05
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("mean", "bad-mouthin"), "did you mean 'bad-mouthing'"),
-        (("meen", "bad-mouthing"), "did you mean 'mean'"),
-        (("mean", "sr_9=bad-mouthing"), "there is no 'sr_9'"),
-        (("mean", "sr_2=bad-mouthing:lvl=1"), "did you mean 'level'"),
-        (("mean", "bad-mouthing", "papr-3x3"), "paper-3x3"),
-    ],
-)
-def test_an_unknown_name_is_one_line_with_a_suggestion(arguments: tuple[str, ...], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        evaluate(*arguments)  # type: ignore[arg-type]
+def refused(words: str, *arguments: Any, **options: Any) -> None:
+    with pytest.raises(ValueError, match=words):
+        evaluate(*arguments, **options)
 
 
-@pytest.mark.parametrize(("name", "value"), [("games", 0), ("share", 1.0)])
-def test_a_value_out_of_range_is_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=name):
-        evaluate("mean", "bad-mouthing", **{name: value})  # type: ignore[arg-type]
+def test_an_unknown_name_is_one_line_with_a_suggestion() -> None:
+    refused("did you mean 'bad-mouthing'", "mean", "bad-mouthin")
+    refused("did you mean 'mean'", "meen", "bad-mouthing")
+    refused("there is no 'sr_9'", "mean", "sr_9=bad-mouthing")
+    refused("did you mean 'level'", "mean", "sr_2=bad-mouthing:lvl=1")
+    refused("paper-3x3", "mean", "bad-mouthing", "papr-3x3")
 
 
-@pytest.mark.parametrize(
-    ("attack", "words"),
-    [
+def test_no_attack_is_left_out_in_silence() -> None:
+    for attack, words in (
         ({"sr_2": BadMouthing, "sr_1": BadMouthing()}, "attack of 'sr_2' is <class .*; it must be a Policy"),
         ({"sr_1": None}, "attack of 'sr_1' is None"),
         ({"sr_*": "bad-mouthing", "sr_2": BadMouthing()}, "attack gives agent 'sr_2' two attacks"),
         (BadMouthing(), r"name the agents of a policy, such as \{'sr_2': BadMouthing\(\)\}"),
         ([BadMouthing()], "name the agents of a policy"),
-    ],
-)
-def test_no_attack_is_left_out_in_silence(attack: Any, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        evaluate("mean", attack, games=2)
+    ):
+        refused(words, "mean", attack, games=2)
 
 
-@pytest.mark.parametrize("odd", [{"games": 2.5}, {"games": "3"}, {"seed": -1}, {"seed": None}, {"share": "x"}])
-def test_numbers_that_make_no_sense_are_refused(odd: dict[str, Any]) -> None:
-    (name,) = odd
-    with pytest.raises(ValueError, match=f"{name} is .*; it must"):
-        evaluate("mean", "bad-mouthing", **odd)
-
-
-@pytest.mark.parametrize("rounds", [-5, "x", None, 2.5])
-def test_a_budget_is_a_number_of_rounds(rounds: Any) -> None:
-    with pytest.raises(ValueError, match="the budget is"):
-        Budget(rounds)
+def test_numbers_that_make_no_sense_are_refused() -> None:
+    for name, values in (("games", (0, 2.5, "3")), ("seed", (-1, None)), ("share", (1.0, "x"))):
+        for value in values:
+            refused(f"{name} is .*; it must", "mean", "bad-mouthing", **{name: value})
+    for rounds in (-5, "x", None, 2.5):
+        with pytest.raises(ValueError, match="the budget is"):
+            Budget(rounds)  # type: ignore[arg-type]
