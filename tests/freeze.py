@@ -75,10 +75,11 @@ def zoo_scores(name: str) -> Any:
 
 def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
     """The bytes of a manager's journal, and the trust after its replay. `rounds` has one entry for each of `teams`."""
-    from roletrust_env.live.journal import Journal, JournalEntry
-    from roletrust_env.live.replay import replay_journal
+    from roletrust_env.live.journal import Journal, JournalEntry, read_journal
     from roletrust_env.live.state_growth import grows
-    from roletrust_env.live.trust_tracker import Team, TrustTracker
+    from roletrust_env.live.team import Team
+    from roletrust_env.live.team_trust import replay_rounds
+    from roletrust_env.live.trust_tracker import TrustTracker
 
     growing = grows(model)
     tracker = TrustTracker(model, Team(*teams[0 if growing else -1]))
@@ -89,7 +90,10 @@ def journal(model: Any, path: Path, rounds: Any, teams: list[Any]) -> list[Any]:
                 tracker.grow(team)
             tracker.update(ratings)
             file.append(JournalEntry(number, 500 * number, 500 * number + 20, team, ratings, (), tracker.trust))
-    return [path.read_bytes(), tuple(replay_journal(model, path).trust)]
+    return [
+        path.read_bytes(),
+        tuple(replay_rounds(model, read_journal(path), None if growing else tracker.team, path).trust),
+    ]
 
 
 def search_names() -> list[str]:

@@ -1,34 +1,27 @@
-"""The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost."""
+"""The journal of a manager. Every round is on disk before it is published, so no published trust is ever lost.
 
+Beside it lies a snapshot of the manager's memory, so that a restart does not replay all rounds. A snapshot is text:
+names, numbers, and arrays as base64 of their NPY files. It is never more than a shortcut. One that is damaged, of other
+settings or of another journal is ignored, and all rounds are replayed.
+"""
+
+import base64
 import hashlib
+import io
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Self
 
-from roletrust_env.live.trust_tracker import RoundRatings, Team, Trust
+import numpy as np
 
-_VERSION = 1
+from roletrust_env.live.team import PublishedTrust, RoundRatings, Team, Trust
+from roletrust_env.storage.files import replacing
+
+_VERSION, _SNAPSHOT_VERSION = 1, 2
 _BLOCK = 1 << 20  # bytes that are read at once
-
-
-class PublishedTrust(NamedTuple):
-    """The trust after a round, as the manager publishes it.
-
-    Attributes:
-        round: Number of the round.
-        stamp: Time stamp of the round's services, nanoseconds.
-        tor: Trust of the raters, by name.
-        top: Trust of the providers, by name.
-        missing: Expected raters whose ratings did not arrive in time.
-    """
-
-    round: int
-    stamp: int
-    tor: dict[str, float]
-    top: dict[str, float]
-    missing: tuple[str, ...]
 
 
 class JournalEntry(NamedTuple):
@@ -89,6 +82,7 @@ class Journal:
 
     Attributes:
         after: Position from which the rounds were read; None for the start.
+        rounds: Number of rounds in the journal.
 
     Raises:
         ValueError: The file is not a journal, has other settings, or is open in another process.
@@ -97,7 +91,7 @@ class Journal:
 
     def __init__(self, path: Path, about: dict[str, Any], after: JournalPosition | None = None) -> None:
         self.path, self._team = path, Team()
-        self._rounds, self._digest, self._size = 0, hashlib.sha256(), 0
+        self.rounds, self._digest, self._size = 0, hashlib.sha256(), 0
         self.after: JournalPosition | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
@@ -123,10 +117,10 @@ class Journal:
         os.ftruncate(self._file, _complete_size(self.path))
         with self.path.open("rb") as file:
             if after is not None and self._hash(file, after.offset) == (after.offset, after.digest):
-                self.after, self._team, self._rounds = after, after.team, after.round
+                self.after, self._team, self.rounds = after, after.team, after.round
             self._hash(file, None)
         for entry in read_journal(self.path, self.after):
-            self._team, self._rounds = entry.team, entry.round + 1
+            self._team, self.rounds = entry.team, entry.round + 1
 
     def _hash(self, file: IO[bytes], end: int | None) -> tuple[int, str]:
         """Read a file up to an offset or to its end, and return the size and the digest so far."""
@@ -136,18 +130,9 @@ class Journal:
         return self._size, self._digest.hexdigest()
 
     @property
-    def rounds(self) -> int:
-        """Number of rounds in the journal."""
-        return self._rounds
-
-    @property
     def position(self) -> JournalPosition:
         """Position after the last round."""
-        return JournalPosition(self._size, self._digest.hexdigest(), self._rounds, self._team)
-
-    def entries(self) -> Iterator[JournalEntry]:
-        """Iterate over the rounds so far."""
-        return read_journal(self.path)
+        return JournalPosition(self._size, self._digest.hexdigest(), self.rounds, self._team)
 
     def append(self, entry: JournalEntry) -> None:
         """Append a round. It is on the disk when this returns.
@@ -155,13 +140,13 @@ class Journal:
         Raises:
             ValueError: The round is not the next one.
         """
-        if entry.round != self._rounds:
-            raise ValueError(f"the next round of the journal is {self._rounds}, not {entry.round}")
+        if entry.round != self.rounds:
+            raise ValueError(f"the next round of the journal is {self.rounds}, not {entry.round}")
         if entry.team != self._team:
             self._write({"raters": entry.team.raters, "providers": entry.team.providers})
         when = {"round": entry.round, "stamp": entry.stamp, "closed": entry.closed}
         self._write({**when, "ratings": dict(entry.ratings), "missing": entry.missing, **entry.trust._asdict()})
-        self._team, self._rounds = entry.team, self._rounds + 1
+        self._team, self.rounds = entry.team, self.rounds + 1
 
     def close(self) -> None:
         """Close the file and release it to other processes."""
@@ -216,6 +201,89 @@ def read_journal(path: Path, after: JournalPosition | None = None) -> Iterator[J
                 raise ValueError(f"{path} is damaged: it has round {entry.round} in place of round {rounds}")
             yield entry
             rounds += 1
+
+
+class Snapshot(NamedTuple):
+    """The memory of a manager after a round.
+
+    Attributes:
+        position: Place in the journal after the round.
+        stamp: Stamp of the round, nanoseconds.
+        last_stamps: Last accepted stamp of each rater, nanoseconds.
+        memory: Memory of the trust tracker, see `TrustTracker.memory`.
+    """
+
+    position: JournalPosition
+    stamp: int
+    last_stamps: dict[str, int]
+    memory: list[Any]
+
+
+def snapshot_path(journal: Path) -> Path:
+    """Return the path of the snapshot of a journal."""
+    return journal.with_name(f"{journal.name}.snapshot")
+
+
+def write_snapshot(journal: Path, snapshot: Snapshot) -> None:
+    """Write the snapshot of a journal in place of the one before.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    *place, team = snapshot.position
+    data = {
+        "snapshot": _SNAPSHOT_VERSION,
+        "position": place,
+        "raters": team.raters,
+        "providers": team.providers,
+        "stamp": snapshot.stamp,
+        "last_stamps": snapshot.last_stamps,
+        "memory": [_packed(value) for value in snapshot.memory],
+    }
+    text = json.dumps(data, allow_nan=False).encode()
+    with replacing(snapshot_path(journal)) as path:
+        path.write_bytes(hashlib.sha256(text).hexdigest().encode() + b"\n" + text + b"\n")
+
+
+def read_snapshot(journal: Path) -> Snapshot | None:
+    """Return the snapshot of a journal; None if there is none or it is damaged."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        digest, text = snapshot_path(journal).read_bytes().rstrip(b"\n").split(b"\n")
+        data = json.loads(text)
+        if hashlib.sha256(text).hexdigest().encode() != digest or data["snapshot"] != _SNAPSHOT_VERSION:
+            return None
+        team = Team(tuple(data["raters"]), tuple(data["providers"]))
+        offset, digest_there, number = data["position"]
+        position = JournalPosition(int(offset), str(digest_there), int(number), team)
+        stamps = {str(name): int(stamp) for name, stamp in data["last_stamps"].items()}
+        return Snapshot(position, int(data["stamp"]), stamps, [_unpacked(value) for value in data["memory"]])
+    return None
+
+
+def _packed(value: Any) -> Any:
+    """Return an array or a number as plain data.
+
+    Raises:
+        TypeError, ValueError: The value is something else.
+    """
+    if isinstance(value, np.ndarray):
+        file = io.BytesIO()
+        np.save(file, value, allow_pickle=False)
+        return {"npy": base64.b64encode(file.getvalue()).decode()}
+    if not isinstance(value, bool | int | float):
+        raise TypeError(f"a {type(value).__name__} cannot be stored in a snapshot")
+    return value
+
+
+def _unpacked(value: Any) -> Any:
+    """Return the array or number of plain data.
+
+    Raises:
+        KeyError, TypeError, ValueError: The data is neither.
+    """
+    if isinstance(value, bool | int | float):
+        return value
+    return np.load(io.BytesIO(base64.b64decode(value["npy"], validate=True)), allow_pickle=False)
 
 
 def _entry(data: dict[str, Any], team: Team) -> JournalEntry:

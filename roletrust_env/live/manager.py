@@ -6,8 +6,8 @@ from typing import Any
 
 from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
+from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.team_trust import TeamTrust
-from roletrust_env.live.trust_tracker import Team, Trust
 from roletrust_env.live.validation import (
     Admission,
     Keyring,

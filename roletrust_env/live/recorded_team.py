@@ -16,7 +16,7 @@ from roletrust_env.live.manager import Manager
 from roletrust_env.live.nodes.manager_node import replay_recording
 from roletrust_env.live.perception_estimates import Floats, Mask, PerceptionEstimates, estimate_perception
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import Envelope, Keyring, is_genuine
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.recording import RecordedMessage
@@ -118,7 +118,7 @@ def _origin(message: RecordedMessage, name: str, keyring: Keyring | None) -> Env
     """Return the origin of a picture or of ratings; None if it is not from the agent of its topic."""
     try:
         if owner(message.topic, IMAGES):
-            envelope = messages.read_picture(message.raw, name).envelope
+            envelope = messages.read_picture(name, message.raw).envelope
         else:
             envelope = messages.read_ratings(message.raw).envelope
     except ValueError:

@@ -1,16 +1,17 @@
 """The trust of a team that grows, on disk: a journal of all rounds, and snapshots that make a restart quick."""
 
+import time
+from collections import deque
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from roletrust_env.live.journal import Journal, JournalEntry, read_journal
-from roletrust_env.live.replay import GradualReplay, replay_rounds
+from roletrust_env.live.journal import Journal, JournalEntry, Snapshot, read_journal, read_snapshot, write_snapshot
 from roletrust_env.live.rounds import Round
-from roletrust_env.live.snapshot import Snapshot, read_snapshot, write_snapshot
 from roletrust_env.live.state_growth import grows
-from roletrust_env.live.trust_tracker import Team, Trust, TrustTracker
+from roletrust_env.live.team import Team, Trust
+from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.trust import TrustModel
 
 _SNAPSHOT_ROUNDS = 1000  # rounds between two snapshots; a restart replays fewer
@@ -122,7 +123,7 @@ class TeamTrust:
         elif self._tracker.team != self.team and self._grows:
             self._tracker.grow(self.team)
         elif self._tracker.team != self.team:
-            self._tracker = TrustTracker(self._model, self.team, (entry.ratings for entry in self._journal.entries()))
+            self._tracker = TrustTracker(self._model, self.team, (entry.ratings for entry in read_journal(self._path)))
         ratings = {name: [row.get(provider) for provider in self.team.providers] for name, row in closed.items.items()}
         self._tracker.update(ratings)
         trust = self._tracker.trust
@@ -144,3 +145,69 @@ class TeamTrust:
             with suppress(OSError, TypeError, ValueError):
                 memory = self._tracker.memory
                 write_snapshot(self._path, Snapshot(self._journal.position, stamp, last_stamps, memory))
+
+
+def replay_rounds(
+    model: TrustModel[Any],
+    entries: Iterable[JournalEntry],
+    team: Team | None,
+    path: Path,
+    tracker: TrustTracker | None = None,
+) -> TrustTracker | None:
+    """Replay some rounds and check their trust; return None if there are none and no tracker.
+
+    Args:
+        model: Trust model.
+        entries: Rounds.
+        team: Team at the end, for a model whose state cannot grow; None for one that can.
+        path: Path of the journal, for the error.
+        tracker: Trust before these rounds; None for the start.
+
+    Raises:
+        ValueError: A round gives other trust than the journal contains.
+    """
+    for entry in entries:
+        if tracker is None:
+            tracker = TrustTracker(model, team or entry.team)
+        elif team is None and tracker.team != entry.team:
+            tracker.grow(entry.team)
+        tracker.update(entry.ratings)
+        if tracker.team == entry.team and tracker.trust != entry.trust:
+            raise ValueError(
+                f"{path}: the journal has the trust {entry.trust} after round {entry.round}, but a replay with "
+                f"{model!r} gives {tracker.trust}; another version wrote the journal, or it was changed"
+            )
+    return tracker
+
+
+class GradualReplay:
+    """A replay with a larger team, a little at a time, while further rounds close.
+
+    Args:
+        model: Trust model.
+        team: Larger team.
+        path: Path of the journal.
+
+    Attributes:
+        tracker: Trust of the larger team after the replayed rounds.
+        rounds: Number of replayed rounds.
+    """
+
+    def __init__(self, model: TrustModel[Any], team: Team, path: Path) -> None:
+        self.tracker, self.rounds = TrustTracker(model, team), 0
+        self._stored, self._new = read_journal(path), deque[JournalEntry]()
+
+    def add(self, entry: JournalEntry) -> None:
+        """Note a round that has closed meanwhile."""
+        self._new.append(entry)
+
+    def advance(self, seconds: float) -> None:
+        """Replay for a time."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            entry = next(self._stored, None) or (self._new.popleft() if self._new else None)
+            if entry is None:
+                return
+            if entry.round == self.rounds:  # the file may have contained some of the new rounds
+                self.tracker.update(entry.ratings)
+                self.rounds += 1

@@ -1,69 +1,17 @@
 """The trust of a team after the rounds so far, under any trust model."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.live.state_growth import grown_state
+from roletrust_env.live.team import RoundRatings, Team, Trust
 from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
-from roletrust_env.world.roster import Roster
-from roletrust_env.world.scenario import Scenario
-
-RoundRatings = Mapping[str, Sequence[float | None]]
-"""The ratings of a round: for each rater, one entry per provider in the team's order. None means no rating."""
-
-
-@dataclass(frozen=True)
-class Team:
-    """The agents of a team, in the order of the array axes. An agent with both roles is on both axes.
-
-    Attributes:
-        raters: Names of the raters, in the order of axis 0.
-        providers: Names of the providers, in the order of axis 1.
-    """
-
-    raters: tuple[str, ...] = ()
-    providers: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> "Team":
-        """Return the team of a scenario."""
-        roster = Roster.of(scenario)
-        return cls(roster.rater_names, roster.provider_names)
-
-    def with_newcomers(self, raters: Iterable[str], providers: Iterable[str]) -> "Team":
-        """Return the team with new agents appended."""
-        return Team(tuple(dict.fromkeys((*self.raters, *raters))), tuple(dict.fromkeys((*self.providers, *providers))))
-
-    @property
-    def peers(self) -> NDArray[np.bool_]:
-        """Mask of the pairs in which rater and provider are the same agent, shape (S, P)."""
-        return np.array([[rater == provider for provider in self.providers] for rater in self.raters], bool)
-
-    @property
-    def dual_role(self) -> tuple[str, ...]:
-        """Names of the agents with both roles, in the order of the raters."""
-        return tuple(name for name in self.raters if name in self.providers)
-
-
-class Trust(NamedTuple):
-    """The trust values of a team.
-
-    Attributes:
-        tor: Trust of each rater.
-        top: Trust of each provider.
-        toa: Trust of each agent with both roles.
-    """
-
-    tor: tuple[float, ...]
-    top: tuple[float, ...]
-    toa: tuple[float, ...]
 
 
 class TrustTracker:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 
 MANAGER = "manager"
 """Name of the manager and of its key."""

@@ -2,9 +2,12 @@
 
 import numpy as np
 
+from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import Manager
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.state_growth import grows
+from roletrust_env.live.team import Team
+from roletrust_env.live.team_trust import replay_rounds
 from roletrust_env.live.validation import Envelope, RatingMessage
 from roletrust_env.trust import make_trust_model
 
@@ -15,6 +18,12 @@ TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 def manager(path, *, model="role-trust", team=TEAM, keyring=None, silence=3.0):
     timing = RoundTiming(PERIOD, silence=silence)
     return Manager(make_trust_model(model), path, timing=timing, team=team, keyring=keyring)
+
+
+def replay_journal(model, path):
+    """Return the trust of a journal that a trust model wrote, checked round by round."""
+    team = None if grows(model) else list(read_journal(path))[-1].team
+    return replay_rounds(model, read_journal(path), team, path)
 
 
 def rating_message(rater, round, ratings):

@@ -8,10 +8,10 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 from domains import own_dds_domain
+from manager_cases import replay_journal
 from typer.testing import CliRunner
 
 from roletrust_env.live.journal import read_journal
-from roletrust_env.live.replay import replay_journal
 from roletrust_env.trust import make_trust_model
 from roletrust_env.world.vision import best_margin, open_frames, view
 from roletrust_experiments.cli import app

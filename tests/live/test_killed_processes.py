@@ -7,14 +7,14 @@ import time
 import numpy as np
 import pytest
 from loopback import Listener, Raters, keys, managed, own_domain, process, until
+from manager_cases import replay_journal
 
 from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import Timeline
-from roletrust_env.live.replay import replay_journal
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model

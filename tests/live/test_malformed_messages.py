@@ -12,7 +12,7 @@ from roletrust_env.live.nodes import team_listener
 from roletrust_env.live.nodes.inboxes import TrustSubscription, camera_inbox
 from roletrust_env.live.nodes.person_detector import PersonDetector
 from roletrust_env.live.rounds import RoundAssembler, RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.topics import DIAGNOSTICS, IMAGES, TRUST

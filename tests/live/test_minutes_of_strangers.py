@@ -9,7 +9,7 @@ from roletrust_env import make_scenario
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_env.live.nodes.run_loop import Timeline
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.world.roster import Roster
 from studies.timing.live_load import cpu_s

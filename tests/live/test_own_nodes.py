@@ -15,7 +15,7 @@ from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.agent_nodes import run_camera_node, run_rater_node
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import Timeline
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model

@@ -12,7 +12,7 @@ from roletrust_env.live.journal import JournalEntry
 from roletrust_env.live.nodes import team_listener
 from roletrust_env.live.nodes.inboxes import LIMITS
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Trust
+from roletrust_env.live.team import Trust
 from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.keys import PublicKeys, Signer, make_keys
@@ -145,4 +145,4 @@ def test_a_signed_picture_is_the_jpeg_for_every_decoder(keys):
     message = picture(Signer(keys, "sp_0"), 5)
     shown = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
     np.testing.assert_array_equal(shown, cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR))
-    assert messages.read_picture(messages.encode(message), "sp_0").jpeg == JPEG
+    assert messages.read_picture("sp_0", messages.encode(message)).jpeg == JPEG

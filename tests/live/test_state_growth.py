@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roletrust_env.live.state_growth import grown_state, grows
-from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.live.team import Team
+from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.trust import make_trust_model, trust_models
 from roletrust_env.trust.models import Mean
 

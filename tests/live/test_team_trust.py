@@ -7,16 +7,15 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message
+from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message, replay_journal
 from test_state_growth import BY_REPLAY, close
 
 from roletrust_env.live import journal as journals
 from roletrust_env.live import team_trust
-from roletrust_env.live.journal import read_journal
-from roletrust_env.live.replay import replay_journal
+from roletrust_env.live.journal import read_journal, read_snapshot, snapshot_path
 from roletrust_env.live.rounds import Round
-from roletrust_env.live.snapshot import read_snapshot, snapshot_path
-from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.live.team import Team
+from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.live.validation import RefusalReason
 from roletrust_env.trust import make_trust_model, trust_models
 
@@ -122,13 +121,13 @@ def spoiled(data, **changes):
     [
         lambda data: b"",
         lambda data: data[:-100],
-        lambda data: data.replace(b"float64", b"float32").replace(b"<f8", b"<f4"),
+        lambda data: data[:100] + bytes([data[100] ^ 1]) + data[101:],
         lambda data: b"\x80\x04\x95cposix\nsystem\n",
-        lambda data: spoiled(data, snapshot=2),
-        lambda data: spoiled(data, offset=7),
-        lambda data: spoiled(data, digest="0" * 64),
+        lambda data: spoiled(data, snapshot=1),
+        lambda data: spoiled(data, position=[7, *json.loads(data.split(b"\n")[1])["position"][1:]]),
+        lambda data: spoiled(data, position=[json.loads(data.split(b"\n")[1])["position"][0], "0" * 64, 20]),
         lambda data: spoiled(data, memory=[]),
-        lambda data: spoiled(data, memory=[1, {"dtype": "O", "shape": [1], "data": ""}]),
+        lambda data: spoiled(data, memory=[1, {"npy": "gASVBQ=="}]),
     ],
 )
 def test_a_damaged_snapshot_is_ignored(spoil, often, replays, tmp_path):

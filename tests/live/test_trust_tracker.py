@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from roletrust_env.live import trust_tracker
-from roletrust_env.live.trust_tracker import Team, TrustTracker
+from roletrust_env.live.team import Team
+from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.trust import agent_trust, make_trust_model
 from roletrust_env.trust.model_checks import watched_update
 

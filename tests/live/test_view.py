@@ -16,7 +16,7 @@ from loopback import NODES
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import run_with_parent
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node

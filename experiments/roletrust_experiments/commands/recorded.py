@@ -7,7 +7,7 @@ from pathlib import Path
 
 from roletrust_env import make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, is_genuine
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_experiments.commands.console import claims_table, console

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.live.journal import JournalEntry, PublishedTrust
+from roletrust_env.live.journal import JournalEntry
+from roletrust_env.live.team import PublishedTrust
 
 
 def curves_from_rounds(rounds: Sequence[PublishedTrust], start: int, period: int, period_s: float) -> Curves:

@@ -6,8 +6,8 @@ import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.live.nodes.team_listener import TeamListener
+from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, RefusalReason
 
 _GONE_PERIODS = 1.6  # periods without a message after which a robot is shown as gone

@@ -10,7 +10,7 @@ from bokeh.models.widgets.markups import Div
 from bokeh.plotting import figure
 from jinja2 import Environment, PackageLoader
 
-from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.team import PublishedTrust
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST
 from roletrust_experiments.view.dashboard import Dashboard, PageParts
 

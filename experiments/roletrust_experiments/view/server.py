@@ -14,7 +14,7 @@ from tornado.ioloop import PeriodicCallback
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.nodes.team_listener import TeamListener
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_experiments.view.dashboard import Dashboard

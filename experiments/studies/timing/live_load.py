@@ -15,7 +15,7 @@ from roletrust_env import make_scenario
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.live.nodes.manager_node import run_manager_node
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal, run_with_parent
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Reader

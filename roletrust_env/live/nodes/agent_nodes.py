@@ -15,7 +15,7 @@ from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePict
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, Timeline, run_until_signal
 from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node

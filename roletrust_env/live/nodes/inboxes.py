@@ -3,14 +3,14 @@
 import time
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator
+from functools import partial
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.live.validation import (
     MANAGER,
     MAX_STRANGERS,
@@ -257,7 +257,7 @@ class AgentInbox(Generic[M]):
         node: Node that subscribes.
         ending: Ending of the topics behind the names of the agents.
         kind: Type of the messages.
-        read: Function that reads a message on the topic of an agent.
+        read: Function of the name of an agent and a message on its topic, as CDR, that reads the message.
         validator: Refuses invalid messages and counts them.
         known: Agents that are always received.
         strangers: Whether other agents are received.
@@ -275,7 +275,7 @@ class AgentInbox(Generic[M]):
         node: Node,
         ending: str,
         kind: str,
-        read: Callable[[bytes, str], M],
+        read: Callable[[str, bytes], M],
         validator: MessageValidator,
         known: Container[str],
         *,
@@ -303,7 +303,7 @@ class AgentInbox(Generic[M]):
     def read(self) -> Iterator[M]:
         """Iterate over the messages since the last call that can be read, valid or not; known agents come first."""
         for name, reader in self.readers():
-            yield from _read_all(reader, name, lambda raw, name=name: self._read(raw, name), self.validator)
+            yield from _read_all(reader, name, partial(self._read, name), self.validator)
 
     def take(self, now: int) -> Iterator[M]:
         """Iterate over the valid messages since the last call; known agents come first.
@@ -369,7 +369,7 @@ def rating_inbox(
 ) -> AgentInbox[RatingMessage]:
     """Return an inbox of the ratings of all raters; for the arguments, see `AgentInbox`."""
 
-    def read(raw: bytes, rater: str) -> RatingMessage:
+    def read(rater: str, raw: bytes) -> RatingMessage:
         return messages.read_ratings(raw)
 
     return AgentInbox(

@@ -13,7 +13,7 @@ from roletrust_env.live.nodes.inboxes import diagnostics_inbox, rating_inbox, re
 from roletrust_env.live.nodes.publishers import INTERVAL_S, ManagerPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node, Publication

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from roletrust_env.live.journal import PublishedTrust
 from roletrust_env.live.nodes.inboxes import camera_inbox, diagnostics_inbox, rating_inbox, trust_inbox
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, RefusalReason, keys_by_role
 from roletrust_env.live.wire.dds import Node
 

@@ -16,7 +16,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from roletrust_env.live.journal import JournalEntry, PublishedTrust
+from roletrust_env.live.journal import JournalEntry
+from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, Envelope, RatingMessage
 from roletrust_env.live.wire import topics
 from roletrust_env.live.wire.keys import Signer
@@ -188,7 +189,7 @@ def picture_message(stamp: int, camera: str, jpeg: bytes, signer: Signer | None 
     return make(IMAGE, header=header(stamp, camera), format="jpeg", data=np.frombuffer(jpeg + end, np.uint8))
 
 
-def read_picture(raw: bytes, camera: str) -> PictureMessage:
+def read_picture(camera: str, raw: bytes) -> PictureMessage:
     """Read a message on the topic of a camera.
 
     Raises:

@@ -10,7 +10,7 @@ from bokeh.document import Document
 from bokeh.models.widgets.markups import Div
 from tornado.ioloop import IOLoop
 
-from roletrust_env.live.journal import PublishedTrust
+from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards

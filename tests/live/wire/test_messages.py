@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from roletrust_env.live.journal import JournalEntry
-from roletrust_env.live.trust_tracker import Team, Trust
+from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.wire import messages
 
 NAMES = st.from_regex(r"[a-z_0-9]{1,12}", fullmatch=True)

@@ -16,7 +16,7 @@ from rich.progress import Progress
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.live.journal import JournalEntry, read_journal
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model

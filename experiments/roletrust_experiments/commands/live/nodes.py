@@ -9,7 +9,7 @@ from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env import Scenario as Rules
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
 from roletrust_env.game.policy import Channel
-from roletrust_env.live.trust_tracker import Team
+from roletrust_env.live.team import Team
 from roletrust_env.storage.files import replacing
 from roletrust_env.storage.scenario_files import printable
 from roletrust_env.trust import TrustModel

@@ -30,7 +30,7 @@ def view(
     [cyan]roletrust live view --keys keys[/]
     """
     require_view()
-    from roletrust_env.live.trust_tracker import Team
+    from roletrust_env.live.team import Team
     from roletrust_experiments.view.server import run_view_server
 
     def ready(server: "Server") -> None:
