@@ -54,7 +54,7 @@ def test_games_take_what_was_foreseen(scenario, games, rounds, models, attacked)
 
 
 def test_measured_attackers_take_what_was_foreseen():
-    from roletrust_agents.learned.network_attacker import NetworkAttacker
+    from roletrust_agents.learned.coalition_attacker import NetworkAttacker
     from roletrust_agents.learned.policy import play_task
     from roletrust_agents.learned.saved import load_attacker, task_from_card
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roletrust_agents.learned.coalition_attacker import attacker_for
+from roletrust_agents.learned.coalition_attacker import attacker_for, with_knowledge
 from roletrust_agents.learned.network import Network
-from roletrust_agents.learned.network_attacker import with_knowledge
 from roletrust_env.envs.attack_env import task_spaces
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError

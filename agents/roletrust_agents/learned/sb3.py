@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from roletrust_agents.learned.coalition_attacker import NetworkAttacker
 from roletrust_agents.learned.network import Floats
-from roletrust_agents.learned.network_attacker import NetworkAttacker
 from roletrust_agents.learned.policy import LearnedPolicy, policy_for
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.envs.attack_env import task_spaces

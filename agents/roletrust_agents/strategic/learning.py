@@ -1,13 +1,164 @@
-"""Independent learners: each agent follows the slope of its own reward, while all others do the same."""
+"""How strategic agents learn: games that they play, steps uphill, and what deviating brings."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from roletrust_agents.strategic.playing import LEARNED, mean_rewards
-from roletrust_agents.strategic.strategies import BOUNDS, Floats, Side, StrategyProfile, departure
+from roletrust_agents.strategic.strategies import (
+    BOUNDS,
+    HONEST,
+    Floats,
+    Side,
+    StrategyProfile,
+    departure,
+    uniform_population,
+)
+from roletrust_env.game.consumer import buy
 from roletrust_env.game.game import Game
+from roletrust_env.game.rollout import rollout
+
+LEARNED, MEASURED, DEVIATED, SEARCHED_BEST = range(4)
+"""Kinds of random numbers: those that agents learn from, and those of the three measurements."""
+
+
+class Played(NamedTuple):
+    """What games came to, means over their rounds.
+
+    Attributes:
+        rewards: Reward of each agent, raters first, shape (N, ...).
+        quality: Mean quality that the providers chose, as a share of what they are able to, shape (...).
+        welfare: Welfare, shape (...), see `play`.
+        utility: Quality that consumers got as a share of the best that was on offer, shape (...).
+    """
+
+    rewards: Floats
+    quality: Floats
+    welfare: Floats
+    utility: Floats
+
+
+def mean_rewards(
+    game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: tuple[int, ...], rows: int
+) -> Floats:
+    """Return the mean reward of each agent in each game, raters first, shape (N, K, *batch).
+
+    Args:
+        game: Game to play.
+        population: Parameters of the agents, with axes for the rows and for the batch.
+        seed: Random seed.
+        batch: Shape of the batch.
+        rows: Number of rows K of games that meet the same noise.
+    """
+    noise = game.random(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+    total: Floats | float = 0.0
+    for played in rollout(population.seated(game), noise, noise, batch, rows=rows):
+        total = total + played.rewards
+    return np.asarray(total, np.float64) / game.scenario.max_cycles
+
+
+def play(game: Game, population: StrategyProfile, seed: tuple[int, ...], batch: tuple[int, ...], rows: int) -> Played:
+    """Play games and measure them, arguments as for `mean_rewards`.
+
+    Welfare is what consumers get, less what it costs:
+
+        W = mean over rounds of (mean over raters of the quality that each gets where it trusts most
+                                 - mean over providers of the cost of their services)
+
+    A rater goes by the trust that it knows, see `Game.known_trust`. A cost is the part of a provider's trust that its
+    reward lacks, so that the rules of the game have it. Trust itself is no part of welfare.
+    """
+    noise = game.random(int(np.random.SeedSequence(seed).generate_state(1)[0]))
+    weight, roster = game.scenario.rewards.provider_trust, game.roster
+    sums: list[Floats | float] = [0.0] * 5
+    for before, actions, state, rewards in rollout(population.seated(game), noise, noise, batch, rows=rows):
+        offered = game.offered(before, actions, state)
+        trust = game.known_trust(before)
+        bought = buy(trust, np.broadcast_to(offered[None, ...], trust.shape), axis=1)
+        cost = weight * game.published(state)[1] - roster.providers(rewards)
+        parts = (
+            rewards,
+            actions.quality.mean(axis=0),
+            bought.got.mean(axis=0),
+            bought.best.mean(axis=0),
+            cost.mean(axis=0),
+        )
+        sums = [whole + part for whole, part in zip(sums, parts, strict=True)]
+    earned, quality, got, best, cost = (np.asarray(part, np.float64) / game.scenario.max_cycles for part in sums)
+    return Played(earned, quality, got - cost, np.divide(got, best, out=np.zeros_like(got), where=best > 0))
+
+
+_FINE: dict[Side, tuple[tuple[float, ...], ...]] = {
+    "providers": ((0.0, 0.25, 0.5, 0.75, 1.0), (-1.0, -0.5, 0.0, 0.5, 1.0)),
+    "raters": ((-1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0), (0.0, 0.1, 0.25, 0.5, 1.0)),
+}
+_COARSE: dict[Side, tuple[tuple[float, float], ...]] = {
+    "providers": tuple(product((0.0, 0.5, 1.0), (-1.0, 0.0, 1.0))),
+    "raters": (HONEST["raters"], (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0)),
+}
+
+
+class BestResponse(NamedTuple):
+    """The best deviation of one agent in R runs.
+
+    Attributes:
+        gain: Reward that it has more than its own strategy, in games that did not choose it, shape (R,).
+        parameters: Parameters of the best deviation, shape (2, R).
+    """
+
+    gain: Floats
+    parameters: Floats
+
+
+def best_response(game: Game, population: StrategyProfile, side: Side, seed: int, games: int) -> BestResponse:
+    """Search the best deviation of the first agent of a role from a population, while all others stay.
+
+    All strategies of a grid, and its own, play the same games. The best one is chosen in G games, and its gain is
+    measured in G others, so that a lucky choice is no gain. The gain may be below 0 for that reason, and is 0 if the
+    agent's own strategy is the best.
+
+    Args:
+        game: Game to play.
+        population: Parameters of all agents in R runs, shape (2, n, R) for each role.
+        side: Role of the agent.
+        seed: Random seed.
+        games: Number of games G.
+    """
+    grid = np.array(list(product(*_FINE[side])))  # (K, 2)
+    runs, many = population.providers.shape[-1], len(grid) + 1
+    parts = {name: np.repeat(getattr(population, name)[:, :, None, :, None], many, axis=2) for name in HONEST}
+    parts[side][:, 0, 1:] = grid.T[:, :, None, None]
+    earned = mean_rewards(game, StrategyProfile(**parts), (DEVIATED, seed), (runs, 2 * games), rows=many)
+    roster = game.roster
+    own = (roster.providers(earned) if side == "providers" else roster.raters(earned))[0]  # (K + 1, R, 2 G)
+    choosing, measuring = (half.mean(axis=-1) for half in np.split(own, 2, axis=-1))
+    best, run = np.argmax(choosing, axis=0), np.arange(runs)
+    every = np.concatenate(
+        [getattr(population, side)[:, 0, None, :], np.repeat(grid.T[..., None], runs, axis=2)], axis=1
+    )
+    return BestResponse(measuring[best, run] - measuring[0], every[:, best, run])
+
+
+def best_welfare(game: Game, seed: int, runs: int, games: int) -> Floats:
+    """Return the highest welfare of populations in which the agents of a role play alike, shape (R,).
+
+    The population is chosen among those of a grid in G games for all runs together, and measured in G others.
+
+    Args:
+        game: Game to play.
+        seed: Random seed.
+        runs: Number of runs R.
+        games: Number of games G of each run.
+    """
+    pairs = list(product(_COARSE["providers"], _COARSE["raters"]))
+    provider, rater = (np.array(part).T for part in zip(*pairs, strict=True))
+    population = uniform_population(game, provider, rater, (1, 1))
+    welfare = play(game, population, (SEARCHED_BEST, seed), (runs, 2 * games), rows=len(pairs)).welfare
+    choosing, measuring = np.split(welfare, 2, axis=-1)
+    best: Floats = measuring[np.argmax(choosing.mean(axis=(1, 2)))].mean(axis=-1)
+    return best
+
 
 _MEAN, _SQUARE, _LEAST = 0.9, 0.99, 1e-8  # Adam
 _LAST = 0.1

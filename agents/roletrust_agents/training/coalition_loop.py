@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 
 from roletrust_agents.learned.saved import SavedAttacker, task_from_card
+from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_ppo import CoalitionPpoTraining
 from roletrust_agents.training.coalition_training import CoalitionTraining, Validated
 from roletrust_agents.training.evolution import Evolution
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.gradients import GradientAscent
-from roletrust_agents.training.run import CurvePoint, OnReport, Run, TrainingReport, finish
-from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.runs import Checkpoint, CurvePoint, OnReport, Run, RunFolder, TrainingReport, finish
 from roletrust_agents.training.settings import (
     CoalitionPPOSettings,
     CoalitionSettings,

@@ -6,9 +6,9 @@ from itertools import chain
 from typing import Any, ClassVar
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.coalition_training import CoalitionTraining
 from roletrust_agents.training.evolution import Evolution
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.gradients import GradientAscent
 from roletrust_agents.training.settings import (
     CoalitionSettings,
@@ -107,7 +107,7 @@ class EvolutionSearch(CoalitionSearch):
 
 @refuse_unknown
 @dataclass(frozen=True)
-class Strategy(CoalitionSearch):
+class EvolutionStrategySearch(CoalitionSearch):
     """Evolution strategy of a coalition for one task, see `EvolutionStrategy`.
 
     For the other attributes see `CoalitionSearch`.
@@ -134,7 +134,7 @@ class Strategy(CoalitionSearch):
 
 @refuse_unknown
 @dataclass(frozen=True)
-class Gradients(CoalitionSearch):
+class GradientSearch(CoalitionSearch):
     """Gradients through the game for one task, see `GradientAscent`.
 
     The search knows the trust model, as that of evolution does. The coalition that it finds observes no more than its

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from roletrust_agents.training.adam import Adam
-from roletrust_agents.training.evolution_strategy import falling_rate, slope_of
+from roletrust_agents.training.adam_training import Adam, falling_rate, slope_of
 from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attackers import read_record
 from roletrust_env.evaluation.measurement import SEARCHED, TaskArguments, mean_rewards

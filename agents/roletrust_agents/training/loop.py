@@ -21,8 +21,17 @@ from roletrust_agents.training.learners import (
     parameters_bytes,
     set_parameters,
 )
-from roletrust_agents.training.run import GAMES, CurvePoint, OnReport, Run, TrainingReport, finish, score_of
-from roletrust_agents.training.runs import Checkpoint, RunFolder
+from roletrust_agents.training.runs import (
+    GAMES,
+    Checkpoint,
+    CurvePoint,
+    OnReport,
+    Run,
+    RunFolder,
+    TrainingReport,
+    finish,
+    score_of,
+)
 from roletrust_agents.training.settings import OnPolicySettings, learner_settings
 from roletrust_env.evaluation.resources import trial_size, try_out
 from roletrust_env.game.attack_task import AttackTask

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from roletrust_agents.learned.network_attacker import NetworkAttacker
+from roletrust_agents.learned.coalition_attacker import NetworkAttacker
 from roletrust_agents.training.settings import Algo
 from roletrust_env.evaluation.measurement import TaskArguments, check_games_memory
 from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError

@@ -124,7 +124,7 @@ class EvolutionSettings(CoalitionSettings):
 
 
 class StrategySettings(CoalitionSettings):
-    """Settings of an evolution strategy, see `roletrust_agents.training.evolution_strategy`."""
+    """Settings of an evolution strategy, see `roletrust_agents.training.adam_training`."""
 
     steps: Natural = 400_000
     games: Natural = 4

@@ -34,7 +34,7 @@ from roletrust_experiments.plots.figure_files import write_figure
 if TYPE_CHECKING:
     from roletrust_agents.learned.cards import ModelCard
     from roletrust_agents.learned.saved import SavedAttacker
-    from roletrust_agents.training.run import CurvePoint, Run, TrainingReport
+    from roletrust_agents.training.runs import CurvePoint, Run, TrainingReport
 
 _SINGLE = {"PPO": "ppo", "SAC": "sac", "recurrent-PPO": "recurrent-ppo"}
 _COALITIONS = {
@@ -165,7 +165,7 @@ def train(
     import torch
 
     from roletrust_agents.learned.cards import Price, TaskCard
-    from roletrust_agents.training.run import Run
+    from roletrust_agents.training.runs import Run
     from roletrust_agents.training.settings import make_settings
 
     torch.set_num_threads(threads)
@@ -234,7 +234,7 @@ def _run_in(folder: RunFolder, planned: "Run | None", resume: bool) -> "Run":
     Raises:
         ValueError: There is neither, or the folder holds a run that must not be continued.
     """
-    from roletrust_agents.training.run import Run
+    from roletrust_agents.training.runs import Run
 
     config, out = folder.config(), folder.path
     if config is None:
@@ -255,7 +255,7 @@ def _train(run: "Run", folder: RunFolder) -> None:
     """Train a run from its last checkpoint or from the beginning."""
     from roletrust_agents.learned.saved import task_from_card
     from roletrust_agents.training import coalition_loop, loop
-    from roletrust_agents.training.run import versions
+    from roletrust_agents.training.runs import versions
 
     coalition, games = run.algo in _COALITIONS.values(), run.settings["games"]
     learn = coalition_loop.train if coalition else loop.train

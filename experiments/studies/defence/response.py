@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy
+from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_agents.training.universal import known_starts
 from roletrust_env.benchmarking.known_attacks import KnownAttack

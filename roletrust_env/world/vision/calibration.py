@@ -10,8 +10,6 @@ from roletrust_env.world.vision.degrade import degrade, transmit
 from roletrust_env.world.vision.detector import best_margin, view
 from roletrust_env.world.vision.scene import RenderedScene
 
-__all__ = ["fit_calibration", "labelled_margins"]
-
 _SPAN_S = 120.0  # the times are drawn from the first two minutes
 
 

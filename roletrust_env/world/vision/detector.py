@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from roletrust_env.world.vision.camera import Frame
 
-__all__ = ["OFFSET", "SLOPE", "best_margin", "probability", "view"]
-
 GreyFrame = NDArray[np.uint8]
 
 SLOPE = 3.54

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from roletrust_agents.strategic.deviations import best_response, best_welfare
-from roletrust_agents.strategic.learning import LearningSettings, learn
+from roletrust_agents.strategic.learning import LearningSettings, best_response, best_welfare, learn
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     departure,
@@ -89,7 +88,7 @@ def test_nothing_is_gained_where_ratings_are_free_of_reward_or_service_of_cost(s
 
 def test_a_best_response_is_that_of_a_loop_over_the_grid():
     """The gain is what `mean_rewards` says of the deviation alone, in the games that did not choose it."""
-    from roletrust_agents.strategic.playing import DEVIATED, mean_rewards
+    from roletrust_agents.strategic.learning import DEVIATED, mean_rewards
 
     played = game("leave-one-out")
     others = uniform_population(played, (0.5, 0.0), (0.4, 0.0), (1,))

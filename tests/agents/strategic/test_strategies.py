@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from roletrust_agents.strategic.playing import mean_rewards, play
+from roletrust_agents.strategic.learning import mean_rewards, play
 from roletrust_agents.strategic.strategies import (
     BOUNDS,
     HONEST,

@@ -6,9 +6,9 @@ import pytest
 pytest.importorskip("torch")
 
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.training.adam_training import EvolutionStrategy
 from roletrust_agents.training.defence import AttackerMixture, Climb, train_defence
 from roletrust_agents.training.defence_learners import ParameterLearner, learner_of
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_agents.training.universal import universal_coalitions
 from roletrust_env import make_scenario

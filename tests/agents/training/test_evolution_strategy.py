@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from small_market import TASK, assert_continues, run
 
+from roletrust_agents.training.adam_training import EvolutionStrategy, slope_of
 from roletrust_agents.training.coalition_methods import EvolutionSearch, EvolutionStrategySearch, GradientSearch
 from roletrust_agents.training.coalition_ppo import CoalitionPpo
-from roletrust_agents.training.evolution_strategy import EvolutionStrategy, slope_of
 from roletrust_agents.training.settings import StrategySettings
 from roletrust_env.evaluation.attackers import record_of
 from roletrust_env.evaluation.search import Budget, UnsuitableError
