@@ -41,9 +41,9 @@ def library_of(like: Array) -> str:
     return f"{type(like).__module__.partition('.')[0]} {str(like.dtype).rpartition('.')[2]}"
 
 
-def largest(array: Array) -> Array:
-    """Return the maximum along the first axis, see `total`."""
-    return np.maximum.reduce(array) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=0)
+def largest(array: Array, axis: int = 0) -> Array:
+    """Return the maximum along an axis, see `total`."""
+    return np.maximum.reduce(array, axis) if isinstance(array, np.ndarray) else namespace(array).max(array, axis=axis)
 
 
 def total(array: Array, axis: int) -> Array:
@@ -57,11 +57,6 @@ def total(array: Array, axis: int) -> Array:
 def copy(array: Array) -> Array:
     """Return a copy of an array. A compiler does not support the copies of `asarray`."""
     return array.copy() if isinstance(array, np.ndarray) else array + 0
-
-
-def computed(array: Array) -> Array:
-    """Return an array whose values are there. Only fused sums put values off, see `roletrust_env.trust.fused`."""
-    return array.compute() if hasattr(array, "compute") else array
 
 
 def cast(array: Array, dtype: Any) -> Array:

@@ -46,9 +46,9 @@ class Grudge:
     def start(self, like):
         return GrudgeState(0 * like[0] + self.initial, 0 * like[:, 0] + 1)
 
-    def update(self, state, ratings, mask):
-        xp, trust = namespace(ratings), state.providers
-        lowest = xp.min(xp.where(mask, ratings, trust[None, ...]), axis=0)
+    def update(self, state, ratings):
+        xp, trust = namespace(ratings.values), state.providers
+        lowest = xp.min(xp.where(ratings.weights > 0, ratings.values, trust[None, ...]), axis=0)
         return state._replace(providers=xp.where(lowest < trust, lowest, trust + self.rise * (lowest - trust)))
 
     def rater_trust(self, state):

@@ -16,8 +16,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust import Traits, TrustModel, trust_models
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.edge_state import edge_model
+from roletrust_env.trust.edge_state import edge_model, runs_on_edges
 from roletrust_experiments.commands.console import console, number_table, option, print_next, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed, Threads
 from studies.costs_edges import show_lists
@@ -141,7 +140,7 @@ def _costs_of_lists(names: list[str] | None, sizes: Sequence[int], threads: int,
     scenario = make_scenario("paper-3x3")
     models = {name: parse_trust_model(name, scenario) for name in names or trust_models()}
     if names is None:
-        models = {name: model for name, model in models.items() if isinstance(model, Central)}
+        models = {name: model for name, model in models.items() if runs_on_edges(model)}
     chosen = {name: edge_model(model) for name, model in models.items()}
     with progress_bar() as progress:
         task = progress.add_task("", total=len(chosen) * len(set(sizes)))

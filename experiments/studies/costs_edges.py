@@ -15,28 +15,22 @@ from studies.timing.edge_costs import EdgeCell, EdgeCosts
 from studies.timing.edges import EACH, PLAIN, bytes_per_s
 
 _TITLE = "What the trust models cost on lists of ratings"
-_HEADINGS = ("model", "ratings", "sums", "ms a round", "M ratings/s", "least - greatest", "memory")
-_PAGE_HEADINGS = ("ms a round", "M ratings/s", "memory")  # for each way to add up; a dash is what is left out
+_HEADINGS = ("model", "ratings", "ms a round", "M ratings/s", "least - greatest", "memory")
 
 
 def show_lists(found: EdgeCosts, copying: Timing, machine: str, out: Path | None) -> None:
     """Print the table of the rounds, and write it."""
     caption = (
         f"One round in float64 in which all pairs rate again, {EACH} ratings for each rater and each provider, the "
-        f"median of the repeats; sums: NumPy on the list (edges), or compiled by numba (fused); {PLAIN}: the round of "
-        "role-trust by hand; memory: peak from nothing to the end of a round, with the ratings. Copying an array moves "
-        f"{bytes_per_s(copying) / 1e9:.1f} GB/s."
+        f"median of the repeats; {PLAIN}: the round of role-trust by hand; memory: peak from nothing to the end of a "
+        f"round, with the ratings. Copying an array moves {bytes_per_s(copying) / 1e9:.1f} GB/s."
     )
     lines = _lines(found)
     table = number_table(_TITLE, caption, *_HEADINGS[1:])
     for name, *numbers in lines:
         table.add_row(escape(name), *numbers)
     console.print(table)
-    reasons = [
-        f"{name} on {size:,} ratings, {way}: {cell.left_out}"
-        for (name, way, size), cell in found.items()
-        if cell.left_out
-    ]
+    reasons = [f"{name} on {size:,} ratings: {cell.left_out}" for (name, size), cell in found.items() if cell.left_out]
     for reason in reasons:
         console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
     if out is None:
@@ -48,7 +42,7 @@ def show_lists(found: EdgeCosts, copying: Timing, machine: str, out: Path | None
 
 
 def _lines(found: EdgeCosts) -> list[list[str]]:
-    return [[name, f"{size:,}", way, *_numbers(cell)] for (name, way, size), cell in found.items()]
+    return [[name, f"{size:,}", *_numbers(cell)] for (name, size), cell in found.items()]
 
 
 def _numbers(cell: EdgeCell) -> tuple[str, str, str, str]:
@@ -67,22 +61,22 @@ def _each(timing: Timing) -> list[float]:
 
 def _cells(found: EdgeCosts) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
     """Return the header and the rows of the CSV file."""
-    header: tuple[str, ...] = ("model", "sums", "ratings_asked", "ratings", "ns_per_rating", "ns_per_rating_least")
+    header: tuple[str, ...] = ("model", "ratings_asked", "ratings", "ns_per_rating", "ns_per_rating_least")
     header += ("ns_per_rating_greatest", "peak_bytes", "left_out")
     rows: list[tuple[Any, ...]] = []
-    for (name, way, size), cell in found.items():
+    for (name, size), cell in found.items():
         if cell.timing is None:
-            rows.append((name, way, size, None, None, None, None, None, cell.left_out))
+            rows.append((name, size, None, None, None, None, None, cell.left_out))
             continue
         each = Spread.of(1e9 * s for s in _each(cell.timing))
-        rows.append((name, way, size, cell.timing.contestant.ratings, *each, cell.memory, None))
+        rows.append((name, size, cell.timing.contestant.ratings, *each, cell.memory, None))
     return header, rows
 
 
 def _page(found: EdgeCosts, caption: str, reasons: Sequence[str], machine: str) -> str:
     """Return the tables as a page of Markdown, one for each number of ratings."""
     parts = [f"# {_TITLE}", caption]
-    for size in dict.fromkeys(size for _, _, size in found):
+    for size in dict.fromkeys(size for _, size in found):
         headings, *lines = _by_model(found, size)
         parts += [f"## {size:,} ratings", markdown_table(headings, lines, names=1)]
     if reasons:
@@ -92,12 +86,9 @@ def _page(found: EdgeCosts, caption: str, reasons: Sequence[str], machine: str) 
 
 
 def _by_model(found: EdgeCosts, size: int) -> Iterator[list[str]]:
-    """Yield the headings of a table, and a row for each model with columns for each way to add up."""
-    ways = list(dict.fromkeys(way for _, way, _ in found))
-    yield ["model", *(f"{heading}, {way}" for way in ways for heading in _PAGE_HEADINGS)]
-    for name in dict.fromkeys(name for name, _, _ in found):
-        line = [name]
-        for way in ways:
-            time, rate, spread, memory = _numbers(found.get((name, way, size), EdgeCell(None)))
-            line += [time, rate if rate == "-" else f"{rate} ({spread})", memory]
-        yield line
+    """Yield the headings of a table, and a row for each model; a dash is what is left out."""
+    yield ["model", "ms a round", "M ratings/s", "memory"]
+    for (name, of), cell in found.items():
+        if of == size:
+            time, rate, spread, memory = _numbers(cell)
+            yield [name, time, rate if rate == "-" else f"{rate} ({spread})", memory]

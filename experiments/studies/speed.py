@@ -98,8 +98,6 @@ def speed(
             skipped += missing
         ratings, _ = _race(_raters(plan, seed), plan, "Ratings", progress)
         lists = measure_edges(plan.edges, plan.stream, plan.repeats, plan.slice_s, seed, progress)
-    if importlib.util.find_spec("numba") is None:
-        skipped.append("numba is not installed: pip install 'roletrust-env[numba]'")
     targets = _targets(steps, ratings) + ([] if quick else [*edge_targets(lists), _learner(seed)])
     for table in (_steps_table(steps, threads), _ratings_table(ratings), edges_table(lists), _targets_table(targets)):
         console.print(table)

@@ -99,8 +99,6 @@ def edge_targets(lists: Lists) -> list[Target]:
     memory = [lists.memory[ten, name] / 1e9 for size, name in lists.memory if size == ten]
     return [
         Target("M ratings/s of a list of 1,000,000", 10.0, True, found.get((million, timing.EDGES))),
-        Target("the same, fused", 100.0, True, found.get((million, timing.FUSED))),
-        Target("M ratings/s of a list of 10,000,000, fused", 30.0, True, found.get((ten, timing.FUSED))),
         Target("GB of memory for a list of 10,000,000", 3.0, False, Spread.of([max(memory)]) if memory else None),
         Target("M ratings/s of a stream in batches of 10,000", 2.5, True, streams.get(10_000)),
     ]

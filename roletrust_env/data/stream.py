@@ -53,18 +53,17 @@ class TrustStream:
         scale: tuple[float, float] = (0.0, 1.0),
         every: float | None = None,
         same_agents: bool = False,
-        fused: bool = False,
     ) -> None:
-        """Start without agents. With `fused`, sums are compiled by numba, see `Ledger`.
+        """Start without agents.
 
         Raises:
-            ValueError: The model does not run on edges, the scale is empty, a round has no length, or numba is missing.
+            ValueError: The model does not run on edges, the scale is empty, or a round has no length.
         """
         check_scale(scale)
         if every is not None:
             every = _length(every)
         self.model, self.scale, self.every, self.same_agents = edge_model(model), scale, every, same_agents
-        self._ledger = Ledger(self.model, one_role=not same_agents, fused=fused)
+        self._ledger = Ledger(self.model, one_role=not same_agents)
         self._raters = NameIndex("raters")
         self._providers = self._raters if same_agents else NameIndex("providers")
         self._start: float | None = None

@@ -15,6 +15,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array
 from roletrust_env.trust.model import Traits
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.world.scenario import Scenario
 
 _LENGTH = 8  # bytes of the length of a message
@@ -85,7 +86,7 @@ class IsolatedModel:
             raise ValueError(f"{self} works on NumPy arrays, not on {type(like).__name__}")
         return self._state(like, self._ask("start", like, peers))
 
-    def update(self, state: IsolatedState, ratings: Array, mask: Array) -> IsolatedState:
+    def update(self, state: IsolatedState, ratings: Ratings) -> IsolatedState:
         """Return the state after one more round. See `TrustModel.update`.
 
         Raises:
@@ -94,7 +95,7 @@ class IsolatedModel:
         numbers = np.unique(state.number)
         if len(numbers) != 1:
             raise ValueError(f"{self} cannot mix games of different states")
-        return self._state(ratings, self._ask("update", int(numbers[0]), ratings, mask))
+        return self._state(ratings.values, self._ask("update", int(numbers[0]), ratings.values, ratings.mask))
 
     def rater_trust(self, state: IsolatedState) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""

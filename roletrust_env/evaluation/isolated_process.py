@@ -14,6 +14,7 @@ import numpy as np
 from roletrust_env.evaluation.isolated import read, write
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust.model import Traits, start_model
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.world import Scenario
 
 _STATES = 8
@@ -42,7 +43,7 @@ class _Model:
         """Play a round, and return the number of the state and its trust."""
         if number not in self._states:
             raise ValueError(f"it keeps the latest {_STATES} states only, so games cannot go back further")
-        return self._kept(self._model.update(self._states[number], ratings, mask))
+        return self._kept(self._model.update(self._states[number], Ratings(ratings, mask)))
 
     def _kept(self, state: Any) -> list[Any]:
         model = self._model

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.edge_state import edge_model, start_on_edges, takes_peers
-from roletrust_env.trust.edges import sum_at
 from roletrust_env.trust.ledger import Floats, Ledger
 from roletrust_env.trust.model import TrustModel, start_model
 from roletrust_env.trust.model_checks import check_trust_model, needs_watching, watched_update
+from roletrust_env.trust.ratings import Ratings, sum_at
 from roletrust_env.world.access import meet
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Encounters, Scenario
@@ -141,8 +141,8 @@ class GridCells:
     ) -> tuple[Any, Array, Array]:
         """See `Cells.update`."""
         if self._watched:
-            return watched_update(self._model, trust, ratings, rated, round)
-        after = self._model.update(trust, ratings, rated)
+            return watched_update(self._model, trust, Ratings(ratings, rated), round)
+        after = self._model.update(trust, Ratings(ratings, rated))
         return after, *self.read(after)
 
     def read(self, trust: Any) -> tuple[Array, Array]:

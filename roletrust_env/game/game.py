@@ -22,7 +22,6 @@ from roletrust_env.game.state import Actions, Counts, Noise, State, fitted, inte
 from roletrust_env.game.views import Layout, ProviderView, RaterView, make_views
 from roletrust_env.randomness import Random
 from roletrust_env.trust import TrustModel
-from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world import access, mobility, rating_delivery
 from roletrust_env.world.heterogeneity import AgentPropertySampler
@@ -83,7 +82,6 @@ class Game:
             self._duty = None if always else (self._constant(rating), self._constant(providing))
         open_to_all = always and not self.presence.changes and isinstance(scenario.access, Everyone)
         self._lossless = scenario.ratings.lost == scenario.ratings.late == 0
-        self._takes_full_rounds = Traits.of(trust_model).takes_full_rounds
         self._everyone = open_to_all and not roster.n_both  # then no service is ever masked
         self._payoff = Payoff(scenario, roster, like)
         # The state of the model after the last round with its published trust, so that the trust is read out once.
@@ -189,8 +187,7 @@ class Game:
         full = state.full and self._lossless and withheld is None
         if full:
             ratings = copy(ratings)  # whoever sent them may write to theirs again
-        mask = None if full and self._takes_full_rounds else rated
-        trust, tor, top = cells.update(state.trust, state.met, ratings, mask, state.round)
+        trust, tor, top = cells.update(state.trust, state.met, ratings, None if full else rated, state.round)
         if self._on_numpy:
             self._published = trust, (tor, top)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.trees import map_leaves
-from roletrust_env.trust import TrustModel
+from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import start_model
 
 _TRIALS, _ROUNDS = 18, 12
@@ -57,11 +57,11 @@ def _grows_once(model: TrustModel[Any], random: np.random.Generator, trial: int)
         whole = start_model(model, np.zeros(many), peers)
         part = start_model(model, np.zeros(few), peers[: few[0], : few[1]])
         for one, there in zip(ratings[:_ROUNDS], mask[:_ROUNDS], strict=True):
-            whole = model.update(whole, one, there)
-            part = model.update(part, one[: few[0], : few[1]].copy(), there[: few[0], : few[1]].copy())
+            whole = model.update(whole, Ratings(one, there))
+            part = model.update(part, Ratings(one[: few[0], : few[1]].copy(), there[: few[0], : few[1]].copy()))
         grown = grown_state(model, part, peers)
         for one, there in zip(ratings[_ROUNDS:], mask[_ROUNDS:], strict=True):
-            whole, grown = model.update(whole, one, there), model.update(grown, one, there)
+            whole, grown = (model.update(state, Ratings(one, there)) for state in (whole, grown))
             if not (_near(model.rater_trust, whole, grown) and _near(model.provider_trust, whole, grown)):
                 return False
     except Exception:  # a model of another package may have any state

@@ -12,6 +12,7 @@ from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import watched_update
+from roletrust_env.trust.ratings import Ratings
 
 
 class TrustTracker:
@@ -77,7 +78,7 @@ class TrustTracker:
             values[self.team.raters.index(name), : len(row)] = [np.nan if rating is None else rating for rating in row]
         mask = ~np.isnan(values)
         values[~mask] = 0
-        self._state = watched_update(self._model, self._state, values, mask, self._round)[0]
+        self._state = watched_update(self._model, self._state, Ratings(values, mask), self._round)[0]
         self._round = self._round + 1
         self._rated += mask.sum(axis=1)
         self._provided += mask.sum(axis=0)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trees import arrays
-from roletrust_env.trust import Traits, TrustModel
+from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import start_model
 from roletrust_env.trust.model_checks import check_trust_model as check_one_round
 
@@ -19,19 +19,23 @@ Floats = npt.NDArray[Any]
 Shape = tuple[int, ...]
 
 
-class Ratings(NamedTuple):
+class Round(NamedTuple):
     """The ratings of one round, shape (S, P, ...), and the mask of the pairs that met; NaN outside the mask."""
 
     ratings: Floats
     mask: npt.NDArray[np.bool_]
 
     @classmethod
-    def of(cls, ratings: Floats, mask: npt.NDArray[np.bool_]) -> "Ratings":
+    def of(cls, ratings: Floats, mask: npt.NDArray[np.bool_]) -> "Round":
         """Return the ratings with NaN outside the mask."""
         return cls(np.where(mask, ratings, ratings.dtype.type(np.nan)), mask)
 
+    def given(self, asarray: Callable[..., Any] = np.asarray) -> Ratings:
+        """Return them as a model gets them, in another array library."""
+        return Ratings(asarray(self.ratings), asarray(self.mask))
 
-def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0) -> list[Ratings]:
+
+def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0) -> list[Round]:
     """Return rounds of random ratings, with some in which no pair, every pair or not every agent takes part.
 
     Args:
@@ -45,7 +49,7 @@ def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: 
         mask = rng.random(shape) < rng.choice([0.0, 0.5, 0.5, 0.8, 1.0])
         mask[rng.integers(shape[0]), :, ...] &= rng.random() < 0.5
         mask[:, rng.integers(shape[1]), ...] &= rng.random() < 0.5
-        rounds.append(Ratings.of(rng.random(shape).astype(np.float32).astype(dtype), mask))
+        rounds.append(Round.of(rng.random(shape).astype(np.float32).astype(dtype), mask))
     return rounds
 
 
@@ -60,7 +64,7 @@ def some_peers(shape: Shape) -> npt.NDArray[np.bool_]:
 
 def play_rounds(
     model: TrustModel[Any],
-    rounds: Iterable[Ratings],
+    rounds: Iterable[Round],
     like: Array,
     peers: npt.NDArray[np.bool_] | None = None,
     asarray: Callable[..., Any] = np.asarray,
@@ -76,8 +80,8 @@ def play_rounds(
     """
     peers = some_peers(like.shape) if peers is None else peers
     state = start_model(model, like, asarray(peers))
-    for ratings, mask in rounds:
-        state = model.update(state, asarray(ratings), asarray(mask))
+    for played in rounds:
+        state = model.update(state, played.given(asarray))
     return state
 
 
@@ -90,7 +94,7 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
     """Check that a trust model keeps to the contract of `TrustModel`.
 
     The model has to keep shapes and dtypes, return trust in [0, 1], leave its inputs, its state and itself unchanged,
-    ignore ratings outside the mask, and treat the games of a batch independently, on NumPy and on torch.
+    take rounds without ratings and full ones, and treat the games of a batch independently, on NumPy and on torch.
 
     Args:
         model: Trust model.
@@ -119,12 +123,11 @@ def check_trust_model(model: TrustModel[Any], *, torch: bool = True) -> None:
         for dtype in (np.float32, np.float64):
             check_kinds(model, shape, dtype)
         check_purity(model, shape)
-        check_masks(model, shape)
+        check_silence(model, shape)
         check_batch(model, (*shape[:2], 3))
         if with_torch:
             check_torch(model, shape)
-    if Traits.of(model).takes_full_rounds:
-        check_full_rounds(model, (3, 4, 2))
+    check_full_rounds(model, (3, 4, 2))
     try:
         for seed in range(3):
             check_permutation(model, seed)
@@ -136,8 +139,8 @@ def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
     """Check shapes, dtypes and ranges in every round; the state must keep the shape and dtype of its arrays."""
     state = start_model(model, np.zeros(shape, dtype), some_peers(shape))
     before = _kinds(model, state, shape)
-    for ratings, mask in random_rounds(shape, dtype=dtype):
-        state = model.update(state, ratings, mask)
+    for played in random_rounds(shape, dtype=dtype):
+        state = model.update(state, played.given())
         _require(
             _kinds(model, state, shape) == before, model, "update changes the shape or dtype of its state; keep both"
         )
@@ -148,9 +151,7 @@ def check_kinds(model: TrustModel[Any], shape: Shape, dtype: Any) -> None:
                 trust.dtype == dtype, model, f"{name} is {trust.dtype}; it must be {np.dtype(dtype)}, as the ratings"
             )
             inside = bool(np.all((trust >= 0) & (trust <= 1)))
-            _require(
-                inside, model, f"{name} is NaN or outside [0, 1]; clip it, and keep NaN outside the mask out of it"
-            )
+            _require(inside, model, f"{name} is NaN or outside [0, 1]; clip it, and divide only where a rating is")
 
 
 def check_purity(model: TrustModel[Any], shape: Shape) -> None:
@@ -158,16 +159,15 @@ def check_purity(model: TrustModel[Any], shape: Shape) -> None:
     itself = copy.deepcopy(vars(model)) if hasattr(model, "__dict__") else {}
     rounds = random_rounds(shape)
     state = play_rounds(model, [], np.zeros(shape))
-    for ratings, mask in rounds:
+    for played in rounds:
         before = [np.copy(leaf) for leaf in arrays(state)]
-        given = ratings.copy(), mask.copy()
-        after = model.update(state, *given)
+        given, right = played.given(), played.given()
+        after = model.update(state, given)
         same = all(map(_equal, arrays(state), before))
         _require(same, model, "update changes the state that it is given; return a new one")
-        _require(
-            _equal(given[0], ratings) and _equal(given[1], mask), model, "update writes to its arguments; copy them"
-        )
-        again = model.update(state, ratings, mask)
+        same = _equal(given.values, right.values) and _equal(given.weights, right.weights)
+        _require(same, model, "update writes to its arguments; copy them")
+        again = model.update(state, right)
         same = all(map(_equal, read_trust(model, after), read_trust(model, again)))
         _require(same, model, "the same round has two results; keep all memory in the state, and use no random numbers")
         state = after
@@ -180,15 +180,10 @@ def check_purity(model: TrustModel[Any], shape: Shape) -> None:
     _require(same, model, "the model changes its own attributes; keep all memory in the state")
 
 
-def check_masks(model: TrustModel[Any], shape: Shape) -> None:
-    """Check that ratings outside the mask have no effect, and that a round without ratings is valid."""
-    rounds = random_rounds(shape)
-    others = [Ratings(np.where(mask, ratings, 0.5), mask) for ratings, mask in rounds]
-    found, expected = (read_trust(model, play_rounds(model, played, np.zeros(shape))) for played in (rounds, others))
-    advice = "ratings outside the mask count; replace them first, by xp.where(mask, ratings, 0)"
-    _require(all(map(_near, found, expected)), model, advice)
-    silence = Ratings.of(np.zeros(shape), np.zeros(shape, bool))
-    for played in ([silence] * 3, [*rounds, silence]):
+def check_silence(model: TrustModel[Any], shape: Shape) -> None:
+    """Check that a round without ratings is valid, before any other and after many."""
+    silence = Round.of(np.zeros(shape), np.zeros(shape, bool))
+    for played in ([silence] * 3, [*random_rounds(shape), silence]):
         for trust in read_trust(model, play_rounds(model, played, np.zeros(shape))):
             inside = bool(np.all((trust >= 0) & (trust <= 1)))
             _require(inside, model, "trust is NaN or outside [0, 1] where no pair met; divide only where a rating is")
@@ -199,7 +194,7 @@ def check_batch(model: TrustModel[Any], shape: Shape) -> None:
     rounds = random_rounds(shape)
     together = read_trust(model, play_rounds(model, rounds, np.zeros(shape)))
     for index in np.ndindex(shape[2:]):
-        single = [Ratings(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
+        single = [Round(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
         alone = read_trust(model, play_rounds(model, single, np.zeros(shape[:2])))
         same = all(map(_near, alone, (trust[..., *index] for trust in together)))
         _require(same, model, "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only")
@@ -211,7 +206,7 @@ def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
     rounds, peers = random_rounds(shape, seed=seed), some_peers(shape)
     raters, providers = read_trust(model, play_rounds(model, rounds, np.zeros(shape), peers))
     i, j = _moved(shape[0], rng), _moved(shape[1], rng)
-    permuted = [Ratings(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
+    permuted = [Round(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
     found = read_trust(model, play_rounds(model, permuted, np.zeros(shape), peers[i][:, j]))
     same = all(map(_near, found, (raters[i], providers[j])))
     _require(same, model, "the order of the agents counts; if that is no intention, treat all agents alike")
@@ -221,13 +216,18 @@ def check_full_rounds(model: TrustModel[Any], shape: Shape) -> None:
     """Check that a mask of None has the result of a mask that is true everywhere, in any order of rounds."""
     rng = np.random.default_rng(1)
     state = masked = play_rounds(model, [], np.zeros(shape))
-    for ratings, mask in random_rounds(shape, 30):
+    for played in random_rounds(shape, 30):
         if rng.random() < 0.6:
-            ratings, mask = rng.random(shape), np.ones(shape, bool)
-        state = model.update(state, ratings, None if mask.all() else mask)
-        masked = model.update(masked, ratings, mask)
+            played = Round(rng.random(shape), np.ones(shape, bool))
+        state = model.update(state, Ratings(played.ratings) if played.mask.all() else played.given())
+        masked = model.update(masked, played.given())
         same = all(map(_near, read_trust(model, state), read_trust(model, masked)))
-        _require(same, model, "the mask None differs from a mask of true; correct it, or set takes_full_rounds = False")
+        _require(
+            same,
+            model,
+            "a round without a mask differs from one with a mask that is true everywhere; use ratings.weights, which "
+            "every round has",
+        )
 
 
 def check_torch(model: TrustModel[Any], shape: Shape) -> None:
@@ -246,7 +246,7 @@ def check_torch(model: TrustModel[Any], shape: Shape) -> None:
     _require(all(map(_near, found, expected)), model, f"torch and NumPy have different results; {_ON_TORCH}")
 
 
-_ON_TORCH = "use operators and roletrust_env.arrays.namespace(ratings) in place of numpy"
+_ON_TORCH = "use operators and roletrust_env.arrays.namespace(ratings.values) in place of numpy"
 
 
 def _tensors() -> list[Any]:

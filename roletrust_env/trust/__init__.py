@@ -1,6 +1,6 @@
 """Trust models: pure functions over arrays, from ratings to the trust of raters and providers."""
 
-from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust, smooth
+from roletrust_env.trust.algorithms import agent_trust, provider_trust, rater_trust
 from roletrust_env.trust.model import (
     Traits,
     TrustModel,
@@ -11,20 +11,39 @@ from roletrust_env.trust.model import (
 from roletrust_env.trust.model_checks import check_trust_model
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.trust.models.central.role_trust import RoleTrust
-from roletrust_env.trust.ratings import masked_mean
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    PairAge,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    mean,
+    smooth,
+    weighted_mean,
+)
 
 __all__ = [
+    "PROVIDER",
+    "RATER",
     "Mean",
+    "PairAge",
+    "PerPair",
+    "PerProvider",
+    "PerRater",
+    "Ratings",
     "RoleTrust",
     "Traits",
     "TrustModel",
     "agent_trust",
     "check_trust_model",
     "make_trust_model",
-    "masked_mean",
+    "mean",
     "provider_trust",
     "rater_trust",
     "register_trust_model",
     "smooth",
     "trust_models",
+    "weighted_mean",
 ]

@@ -11,7 +11,7 @@ from functools import reduce
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, is_compiling, namespace
-from roletrust_env.trust.ratings import TINY, MaskedRatings, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerProvider, PerRater, Ratings, smooth
 
 _SINC = (-0.64493406, 0.16680776, -0.023938661, 0.0021907927, -0.00012584944)
 """Coefficients of `_sinc_polynomial`, the constant first."""
@@ -47,8 +47,8 @@ def rater_trust(ratings: Array, mask: Array, *, previous: Array, lam: float) -> 
     if not 0.5 <= lam <= 1:
         raise ValueError(f"lam is {lam!r}; for the trust of a rater it must lie in [0.5, 1]")
     _check_shapes(ratings, mask=(mask, "SP"), previous=(previous, "S"))
-    masked = MaskedRatings.of(ratings, mask)
-    return smooth(rater_quality(masked), previous, lam, masked.given)
+    played = Ratings(ratings, mask)
+    return smooth(rater_quality(played), previous, lam, played.count(RATER))
 
 
 def provider_trust(
@@ -93,9 +93,9 @@ def provider_trust(
         last_ratings=(last_ratings, "SP"),
         elapsed=(elapsed, "SP"),
     )
-    masked = MaskedRatings.of(ratings, mask)
-    quality = provider_quality(masked, tor, last_ratings, _like(elapsed, ratings))
-    return smooth(quality, previous, lam, masked.received)
+    played = Ratings(ratings, mask)
+    quality = provider_quality(played, tor, last_ratings, _like(elapsed, ratings))
+    return smooth(quality, previous, lam, played.count(PROVIDER))
 
 
 def agent_trust(tor: Array, top: Array, *, rated: Array, provided: Array, initial: float) -> Array:
@@ -152,21 +152,22 @@ def rater_quality(ratings: Ratings, root: Root | None = None) -> Array:
     xp = namespace(ratings.values)
     root = root or xp.sqrt
     # Relative to the best rating, raters who agree are exactly 0 from the average; sqrt would magnify rounding.
-    best = ratings.of_providers(ratings.largest_over_raters(ratings.values))
+    best = ratings.gather(ratings.reduce(ratings.values, PROVIDER, "max"), PROVIDER)
     blocks = ratings.blocks()
     if len(blocks) == 1:
         below = ratings.weigh(ratings.values - best)
-        average = ratings.sum_over_raters(below) * _share(ratings.received)
-        return _nearness(ratings, below - ratings.of_providers(average), root)
-    parts = [ratings.rows(some) for some in blocks]
-    average = reduce(operator.add, (part.sum_over_raters(part.weigh(part.values - best)) for part in parts))
-    average = average * _share(ratings.received)
+        average = ratings.reduce(below, PROVIDER) * _inverse(ratings.count(PROVIDER))
+        return _nearness(ratings, below - ratings.gather(average, PROVIDER), root)
+    parts = [ratings.rows(block) for block in blocks]
+    average = reduce(operator.add, (part.reduce(part.weigh(part.values - best), PROVIDER) for part in parts))
+    average = average * _inverse(ratings.count(PROVIDER))
     return xp.concat([_nearness(part, part.weigh(part.values - best) - average, root) for part in parts])
 
 
 def _nearness(ratings: Ratings, apart: Array, root: Root) -> Array:
     """Return 1 minus the mean root of the distances of each rater's ratings to the average ratings."""
-    return 1.0 - ratings.sum_over_providers(ratings.weigh(root(without_rounding(abs(apart))))) * _share(ratings.given)
+    distance = ratings.reduce(ratings.weigh(root(without_rounding(abs(apart)))), RATER)
+    return 1.0 - distance * _inverse(ratings.count(RATER))
 
 
 def without_rounding(gap: Array) -> Array:
@@ -189,42 +190,23 @@ def provider_quality(ratings: Ratings, tor: Array, last_ratings: Array, elapsed:
         worth = reduce(
             operator.add,
             (
-                _worth(ratings.rows(some), tor[some], last_ratings[some], None if elapsed is None else elapsed[some])
-                for some in blocks
+                _worth(ratings.rows(rows), tor[rows], last_ratings[rows], None if elapsed is None else elapsed[rows])
+                for rows in blocks
             ),
         )
-    return worth * _share(ratings.received)
+    return worth * _inverse(ratings.count(PROVIDER))
 
 
 def _worth(ratings: Ratings, tor: Array, last_ratings: Array, elapsed: Array | None) -> Array:
     """Return the sum over raters of rho * ToR * f, shape (P, ...)."""
     steady = sinc(ratings.values - last_ratings)
     rho = sinc(1.0 - ratings.values) * (steady if elapsed is None else steady**elapsed)
-    return ratings.sum_over_raters(rho * ratings.of_raters(tor) * ratings.values)
+    return ratings.reduce(rho * ratings.gather(tor, RATER) * ratings.values, PROVIDER)
 
 
-def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
-    """Return the exponential mean lam * value + (1 - lam) * previous, and the previous value where the count is 0.
-
-    It is computed as a step from the previous value, so that it is exact where the step is 0.
-
-    Args:
-        value: Mean of a round, as from `Ratings.mean_over_raters`.
-        previous: Exponential mean before the round.
-        lam: Weight of the newest round.
-        count: Number of values in the mean; 0 where there are none.
-    """
-    return previous + lam * occurred(count) * (value - previous)
-
-
-def _share(count: Array) -> Array:
+def _inverse(count: Array) -> Array:
     """Return the factor that turns a sum of so many values into a mean, and an empty sum into 0."""
     return 1.0 / (count + TINY)
-
-
-def occurred(count: Array) -> Array:
-    """Return 1 where a count is above 0 and 0 where it is 0, in the dtype of the count."""
-    return count / (count + TINY)
 
 
 def safe_power(base: Array, exponent: float) -> Array:

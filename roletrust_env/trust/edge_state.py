@@ -5,24 +5,36 @@ from typing import Any
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trees import Kind, map_kinds
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.edges import EdgeRatings, edge_ratings
-from roletrust_env.trust.model import Traits, start_model
+from roletrust_env.trees import Kind, arrays, kinds, map_kinds
+from roletrust_env.trust.model import Traits, TrustModel, start_model
+from roletrust_env.trust.ratings import Ratings
 
 
-def edge_model(model: Any) -> Central:
+def runs_on_edges(model: Any) -> bool:
+    """Return whether a model is central, and its state says of every array which agents or pairs it is about."""
+    if Traits.of(model).family != "central":
+        return False
+    grid = np.zeros((1, 1))
+    state = start_model(model, grid, grid > 0)
+    try:
+        return hasattr(state, "_fields") and len(list(kinds(state))) == len(arrays(state))
+    except NameError:  # an annotation that is known to type checkers alone
+        return False
+
+
+def edge_model(model: Any) -> TrustModel[Any]:
     """Return a model if it runs on edges.
 
     Raises:
-        ValueError: The model is not written with the operations of `Ratings`, such as a personal model.
+        ValueError: The model is personal, or an array of its state says not what it is about, see `PerRater`.
     """
-    if not isinstance(model, Central):
+    if not runs_on_edges(model):
         raise ValueError(
-            f"trust model {model!r} does not run on edges: it is no central model of roletrust_env.trust.central; "
-            "play its ratings on a grid"
+            f"trust model {model!r} does not run on edges: it is no central model whose state says by PerRater, "
+            "PerProvider, PerPair and PairAge what its arrays are about; play its ratings on a grid"
         )
-    return model
+    checked: TrustModel[Any] = model
+    return checked
 
 
 def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None, twins: Array | None = None) -> Any:
@@ -35,7 +47,7 @@ def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None
         model: Central model.
         shape: Number of raters S and number of providers P.
         like: Array of the library, dtype and device to use; float64 on NumPy if left out.
-        twins: Place of the rater that is the same agent as each provider, see `EdgeCells`.
+        twins: Place of the rater that is the same agent as each provider, see `Ratings`.
     """
     like = np.zeros(()) if like is None else like
     xp = namespace(like)
@@ -46,14 +58,14 @@ def start_on_edges(model: Any, shape: tuple[int, int], like: Array | None = None
         return xp.zeros(sizes[kind], dtype=leaf.dtype, device=leaf.device) + leaf.reshape(-1)[0]
 
     state = map_kinds(spread, start_model(model, grid, grid > 0))
-    return model.after_round(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
+    return model.update(state, no_ratings(grid[:, 0], shape, twins)) if takes_peers(model) else state
 
 
-def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) -> EdgeRatings:
+def no_ratings(like: Array, shape: tuple[int, int], twins: Array | None = None) -> Ratings:
     """Return a round without ratings and without known pairs; `like` shows library and dtype."""
     xp = namespace(like)
     nobody = xp.zeros(0, dtype=xp.int64, device=like.device)
-    return edge_ratings(nobody, nobody, like[:0], shape, twins=twins)
+    return Ratings(like[:0], raters=nobody, providers=nobody, shape=shape, twins=twins)
 
 
 def takes_peers(model: Any) -> bool:

@@ -6,11 +6,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from roletrust_env.trees import leaves
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.edges import merge_repeats
+from roletrust_env.trust.edge_state import runs_on_edges
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats, Ledger
 from roletrust_env.trust.model import start_model
+from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 MEMORY = 2e9
 """Bytes that a state on a grid may take. An update takes some times as much for a moment."""
@@ -82,7 +82,7 @@ class GridLedger:
         raters, providers, values, _ = merge_repeats(raters, providers, values, pair)
         ratings, mask = np.zeros(self.shape), np.zeros(self.shape, bool)
         ratings[raters, providers], mask[raters, providers] = values, True
-        self._state = self.model.update(self._state, ratings, mask)
+        self._state = self.model.update(self._state, Ratings(ratings, mask))
         self.rounds += 1
 
     def skip(self, rounds: int) -> None:
@@ -103,7 +103,7 @@ def make_ledger(model: Any, shape: tuple[int, int], *, one_role: bool = True) ->
     if hasattr(model, "ledger"):
         own: AnyLedger = model.ledger(shape)
         return own
-    if not isinstance(model, Central):
+    if not runs_on_edges(model):
         return GridLedger(model, shape, one_role=one_role)
     ledger = Ledger(model, one_role=one_role)
     ledger.join(*shape)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from roletrust_env.arrays import Array, is_compiling, namespace, total
+from roletrust_env.trust.ratings import Ratings
 
 
 class Personal:
@@ -49,13 +50,6 @@ def others(like: Array) -> Array:
 # --- a round ----------------------------------------------------------------------------------------
 
 
-def mask_ratings(ratings: Array, mask: Array) -> tuple[Array, Array]:
-    """Return the ratings, 0 outside the mask, and the mask as numbers, each of shape (S, P, ...)."""
-    xp = namespace(ratings)
-    met = xp.astype(mask, ratings.dtype)
-    return xp.where(mask, ratings, met), met
-
-
 def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
     """Return a function's results for all judges, computed in blocks, so S^2 P values are never in memory at once.
 
@@ -73,7 +67,7 @@ def compare_opinions(outcomes: Array, met: Array, worth: Callable[[Array], Array
     """Return the value of a round's opinions to each judge, summed over common providers, shape (S, S, ...).
 
     Args:
-        outcomes: Ratings f, shape (S, P, ...), see `mask_ratings`.
+        outcomes: Ratings f, shape (S, P, ...), 0 outside the mask.
         met: Flag, 1 where i rated j, 0 elsewhere, shape (S, P, ...).
         worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]| in [0, 1].
     """
@@ -83,11 +77,6 @@ def compare_opinions(outcomes: Array, met: Array, worth: Callable[[Array], Array
         return total(met[some, None] * met[None] * worth(apart), 2)
 
     return by_judges(of, outcomes)
-
-
-def is_rated(met: Array) -> Array:
-    """Return whether the provider was rated in the round, boolean, shape (P, ...). Only then is trust in it updated."""
-    return total(met, 0) > 0
 
 
 def in_common(met: Array) -> Array:
@@ -141,16 +130,15 @@ def nothing_yet(like: Array, length: int) -> Array:
     return namespace(like).zeros((length, *like.shape), dtype=like.dtype, device=like.device)
 
 
-def remember(memory: Array, newest: Array, mask: Array) -> Array:
+def push(memory: Array, newest: Array, ratings: Ratings) -> Array:
     """Return the memory of each judge's last ratings of each provider, the newest first, after one more round.
 
     Args:
         memory: Memory before the round, shape (length, S, P, ...).
-        newest: Values to put in front where the mask is true, shape (S, P, ...); the oldest value is dropped there.
-        mask: Mask m, shape (S, P, ...), boolean.
+        newest: Values to put in front for pairs with a rating, shape (S, P, ...); the oldest value is dropped there.
+        ratings: Ratings of the round, on a grid.
     """
-    xp = namespace(memory)
-    return xp.where(mask, xp.concat([newest[None], memory[:-1]]), memory)
+    return ratings.write(memory, namespace(memory).concat([newest[None], memory[:-1]]))
 
 
 def mean(sums: Array, weights: Array) -> Array:

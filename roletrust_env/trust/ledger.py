@@ -7,12 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from roletrust_env.trees import Kind, kinds, map_kinds
-from roletrust_env.trust.central import Central
 from roletrust_env.trust.edge_state import start_on_edges, takes_peers
-from roletrust_env.trust.edges import EdgeCells, EdgeRatings, merge_repeats
-from roletrust_env.trust.fused import FusedCells, FusedRatings
-from roletrust_env.trust.fused_kernels import numba
 from roletrust_env.trust.key_index import Ints, KeyIndex
+from roletrust_env.trust.model import Traits, TrustModel
+from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,23 +38,15 @@ class Ledger:
         rounds: Number of rounds so far.
     """
 
-    def __init__(self, model: Central, *, one_role: bool = True, fused: bool = False) -> None:
+    def __init__(self, model: TrustModel[Any], *, one_role: bool = True) -> None:
         """Start without agents.
 
         Args:
             model: Central model.
             one_role: Whether raters and providers are different agents. Otherwise rater 7 and provider 7 are one agent.
-            fused: Whether sums are compiled loops, see `roletrust_env.trust.fused`: some seconds for the first round,
-                and less for large ones after it.
-
-        Raises:
-            ValueError: Sums are to be fused, and numba is not installed.
         """
-        self._cells: type[EdgeCells] = FusedCells if fused else EdgeCells
-        self._ratings: type[EdgeRatings] = FusedRatings if fused else EdgeRatings
-        if fused:
-            numba()
         self.model, self.rounds = model, 0
+        self._local = Traits.of(model).local
         self._one_role = one_role
         self._sizes: dict[str, int] = {"rater": 0, "provider": 0}
         self._start = start_on_edges(model, (1, 1))
@@ -98,7 +88,7 @@ class Ledger:
         pair = self._index.places(keys) if self._remembers else keys
         self._grow("pair", self.n_pairs)
         raters, providers, values, pair = merge_repeats(raters, providers, values, pair)
-        if self.model.local:
+        if self._local:
             self._play_touched(raters, providers, values, pair)
         elif all(self.shape):  # without agents there is nothing to compute
             self._play_all(raters, providers, values, pair)
@@ -106,7 +96,7 @@ class Ledger:
 
     def skip(self, rounds: int) -> None:
         """Play so many rounds without ratings."""
-        if self.model.local:
+        if self._local:
             self.rounds += rounds
             return
         nobody = np.zeros(0, np.int64)
@@ -215,8 +205,8 @@ class Ledger:
                 leaf[places[kind]] = new
             return leaf
 
-        cells = self._cells(one.places, other.places, (one.size, other.size))
-        after = self.model.after_round(map_kinds(taken, self._state), self._ratings(cells, values, cells, None))
+        ratings = Ratings(values, raters=one.places, providers=other.places, shape=(one.size, other.size))
+        after = self.model.update(map_kinds(taken, self._state), ratings)
         self._state = map_kinds(put, self._state, after)
 
     def _touched(self, kind: str, places: Ints) -> _Touched:
@@ -236,10 +226,22 @@ class Ledger:
         """Update all agents and all known pairs."""
         twins = np.arange(self._sizes["provider"]) if takes_peers(self.model) and not self._one_role else None
         keys = self._index.keys
-        known = self._cells(keys >> _PROVIDER_BITS, keys & ((1 << _PROVIDER_BITS) - 1), self.shape, twins=twins)
-        cells = self._cells(raters, providers, self.shape, twins=twins)
-        ratings = self._ratings(cells, values, known, pair if self._remembers else None)
-        after = self.model.after_round(self._view(), ratings)
+        ratings = Ratings(
+            values,
+            raters=raters,
+            providers=providers,
+            shape=self.shape,
+            twins=twins,
+            pairs=Ratings(
+                None,
+                raters=keys >> _PROVIDER_BITS,
+                providers=keys & ((1 << _PROVIDER_BITS) - 1),
+                shape=self.shape,
+                twins=twins,
+            ),
+            slots=pair if self._remembers else None,
+        )
+        after = self.model.update(self._view(), ratings)
         sizes = {**self._sizes, "pair": self.n_pairs, "age": self.n_pairs}
 
         def put(kind: Kind, leaf: Floats, new: Floats) -> Floats:

@@ -4,6 +4,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkabl
 
 from roletrust_env.arrays import Array
 from roletrust_env.registry import Registry
+from roletrust_env.trust.ratings import Ratings
 
 State = TypeVar("State")
 
@@ -16,7 +17,9 @@ class TrustModel(Protocol[State]):
     (S, P, ...), where `provider_trust` returns what is published.
 
     A model is immutable. Its memory is a state, a NamedTuple of arrays that `update` replaces. A model written with
-    operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for one game and for a batch.
+    operators and `roletrust_env.arrays.namespace` runs on NumPy and torch, for one game and for a batch. A central
+    model that is written with the operations of `Ratings`, and whose state says by `PerRater`, `PerProvider`, `PerPair`
+    and `PairAge` what each array is about, runs on a list of edges, too.
 
     Class attributes describe the model, see `Traits`. All of them but `rates_raters` are optional.
 
@@ -37,15 +40,14 @@ class TrustModel(Protocol[State]):
         """
         ...
 
-    def update(self, state: State, ratings: Array, mask: Any) -> State:
+    def update(self, state: State, ratings: Ratings) -> State:
         """Return the state after one more round.
 
         Args:
             state: State before the round, which must not be changed.
-            ratings: Ratings f, shape (S, P, ...), in [0, 1] where the mask is true, anything elsewhere. The state may
-                keep them: they are not written to afterwards.
-            mask: Mask m, shape (S, P, ...), boolean, true where rater i rated provider j in this round. For a
-                model with `takes_full_rounds`, None means that all raters rated all providers.
+            ratings: Ratings of the round. On a grid, its `values` are f, shape (S, P, ...), in [0, 1] where rater i
+                rated provider j and 0 elsewhere, and its `weights` are 1 there and 0 elsewhere. The state may keep
+                them: they are not written to afterwards. Edges come only to a central model that runs on them.
         """
         ...
 
@@ -67,8 +69,8 @@ class Traits(NamedTuple):
         source: Paper that describes it.
         differentiable: Whether trust follows ratings without jumps, so that gradients are of use.
         cost: Growth of time and memory with S raters and P providers, such as `"S P"` or `"S^2 P"`.
-        takes_full_rounds: Whether `update` accepts None for a mask that is true everywhere, which is faster. A class
-            that overrides `update` has to set it again.
+        local: Whether a round changes only agents and pairs with ratings in it, and takes nothing from others. Then a
+            log of many agents is played in the time that its ratings take.
         takes_peers: Whether `start` takes a second argument, `peers`, see `TrustModel.start`.
     """
 
@@ -77,20 +79,13 @@ class Traits(NamedTuple):
     source: str = ""
     differentiable: bool = True
     cost: str = "S P"
-    takes_full_rounds: bool = False
+    local: bool = False
     takes_peers: bool = False
 
     @classmethod
     def of(cls, model: Any) -> "Traits":
         """Return the properties of a model, or of a model class."""
-        said = {name: getattr(model, name) for name in cls._fields if hasattr(model, name)}
-        for kind in (model if isinstance(model, type) else type(model)).__mro__:
-            if "takes_full_rounds" in {**vars(kind), **getattr(model, "__dict__", {})}:
-                break
-            if "update" in vars(kind):  # a class that overrides `update` need not accept None
-                said.pop("takes_full_rounds", None)
-                break
-        return cls()._replace(**said)
+        return cls(**{name: getattr(model, name) for name in cls._fields if hasattr(model, name)})
 
 
 def start_model(model: TrustModel[State], like: Array, peers: Array) -> State:

@@ -1,5 +1,6 @@
 """Checks of trust models from other packages: before a game, and in each round."""
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, copy, is_compiling, library_of, namespace
 from roletrust_env.trust.model import State, TrustModel, start_model
+from roletrust_env.trust.ratings import Ratings
 
 
 def needs_watching(model: TrustModel[Any]) -> bool:
@@ -36,59 +38,82 @@ def check_trust_model(model: TrustModel[Any], peers: Array, like: Array) -> None
             the wrong shape or is not in [0, 1]; or if the second play of the round has another result.
     """
     xp, where = namespace(like), f"trust model {model!r} cannot play one round"
-    ratings = xp.zeros((*peers.shape, 1), dtype=like.dtype, device=like.device) + 0.25
-    mask = ratings > 0
+    _check_update(model)
+    values = xp.zeros((*peers.shape, 1), dtype=like.dtype, device=like.device) + 0.25
+    mask = values > 0
     mask[0, 0] = False
+    ratings = Ratings(values, mask)
+    given = copy(ratings.values)
     try:
-        start = start_model(model, ratings, peers)
+        start = start_model(model, values, peers)
     except Exception as error:  # a model of another package may raise anything
         raise ValueError(f"{where}: {type(error).__name__}: {error}{_on_library(like)}") from error
-    _, *trusts = _updated(model, start, ratings, mask, where, _on_library(like))
+    _, *trusts = _updated(model, start, ratings, where, _on_library(like))
     if not needs_watching(model):
         return
-    if not bool((ratings == 0.25).all()) or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
+    same = bool((ratings.values == given).all()) and bool((ratings.weights == given / 0.25).all())
+    if not same or bool(mask[0, 0].any()) or int(mask.sum()) != len(peers[0]) * len(peers) - 1:
         raise ValueError(f"{where}: it writes to the ratings or to the mask, which it must leave as they are")
     first = [copy(trust) for trust in trusts]
-    for changes, state in (("itself", start_model(model, ratings, peers)), ("the state it is given", start)):
-        _, *again = _updated(model, state, ratings, mask, where)
+    for changes, state in (("itself", start_model(model, values, peers)), ("the state it is given", start)):
+        _, *again = _updated(model, state, ratings, where)
         if any(bool((abs(one - other) > 1e-6).any()) for one, other in zip(first, again, strict=True)):
             raise ValueError(f"{where} twice alike: it changes {changes}, and must return what it remembers anew")
 
 
 def watched_update(
-    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, round: Array
+    model: TrustModel[State], state: State, ratings: Ratings, round: Array
 ) -> tuple[State, Array, Array]:
     """Return the state after a round and the trust of raters and of providers, once these are checked.
 
     Args:
         model: Trust model, see `TrustModel`.
         state: State of the model before the round.
-        ratings: Ratings, see `TrustModel.update`.
-        mask: Mask, see `TrustModel.update`.
+        ratings: Ratings on a grid, see `TrustModel.update`.
         round: Number of rounds played so far, (...), for the error.
 
     Raises:
         ValueError: If the model raises an exception, or if a read-out has another shape than (S, ...) and (P, ...) or
             another dtype than the ratings, is NaN or outside [0, 1]. The message names the model and the round.
     """
-    if is_compiling(ratings):  # compiled code cannot raise errors
-        after = model.update(state, ratings, mask)
+    if is_compiling(ratings.values):  # compiled code cannot raise errors
+        after = model.update(state, ratings)
         return after, model.rater_trust(after), model.provider_trust(after)
     where = f"trust model {model!r}, round {int(round.reshape(-1)[0])}"
-    return _updated(model, state, ratings, mask, where)
+    return _updated(model, state, ratings, where)
+
+
+def _check_update(model: TrustModel[Any]) -> None:
+    """Refuse a model whose `update` cannot be called with a state and ratings alone, such as one with a mask.
+
+    Raises:
+        ValueError: Its `update` needs another argument.
+    """
+    try:
+        signature = inspect.signature(model.update)
+    except (TypeError, ValueError):  # a callable without a signature, which the first round tries
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError:
+        raise ValueError(
+            f"trust model {model!r} has update{signature}; it must be update(state, ratings), where ratings is a "
+            "roletrust_env.trust.Ratings: ratings.values are 0 and ratings.weights are 0 where there is no rating"
+        ) from None
 
 
 def _updated(
-    model: TrustModel[State], state: State, ratings: Array, mask: Array | None, where: str, advice: str = ""
+    model: TrustModel[State], state: State, ratings: Ratings, where: str, advice: str = ""
 ) -> tuple[State, Array, Array]:
     """Return the state after a round, and the valid trust of raters and providers."""
     try:
-        after = model.update(state, ratings, mask)
+        after = model.update(state, ratings)
         of_raters, of_providers = model.rater_trust(after), model.provider_trust(after)
     except Exception as error:  # a model of another package may raise anything
         raise ValueError(f"{where}: {type(error).__name__}: {error}{advice}") from error
-    _check("rater_trust", of_raters, (len(ratings), *ratings.shape[2:]), ratings, where)
-    _check("provider_trust", of_providers, tuple(ratings.shape[1:]), ratings, where)
+    values = ratings.values
+    _check("rater_trust", of_raters, (len(values), *values.shape[2:]), values, where)
+    _check("provider_trust", of_providers, tuple(values.shape[1:]), values, where)
     return after, of_raters, of_providers
 
 
@@ -104,7 +129,7 @@ def _check(name: str, trust: Any, needed: tuple[int, ...], ratings: Array, where
     if trust.dtype != ratings.dtype:
         raise ValueError(
             f"{where}: {name} is of dtype {trust.dtype}; it must be {ratings.dtype}, as the ratings are; create arrays "
-            "with dtype=ratings.dtype, or from the ratings by arithmetic"
+            "with dtype=ratings.values.dtype, or from the ratings by arithmetic"
         )
     wrong = trust[~((trust >= 0) & (trust <= 1))]
     if len(wrong):
@@ -118,6 +143,6 @@ def _on_library(like: Array) -> str:
             "" if like.dtype == np.float64 else f"; the game runs on {library_of(like)}, see the dtype of the ratings"
         )
     return (
-        f"; the game runs on {library_of(like)}: call the functions of roletrust_env.arrays.namespace(ratings) in "
-        "place of those of numpy"
+        f"; the game runs on {library_of(like)}: call the functions of roletrust_env.arrays.namespace(ratings.values) "
+        "in place of those of numpy"
     )

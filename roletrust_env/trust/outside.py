@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from hashlib import sha256
 from math import prod
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.outside_links import LinkError
 from roletrust_env.trust.outside_sessions import MOST_GAMES, AnswerError, Answers, Numbers, Sessions
+from roletrust_env.trust.ratings import Ratings
 
 KINDS = ("exec", "http", "https")
 """Beginnings of an address, before its first colon."""
@@ -69,21 +70,21 @@ class OutsideModel:
         numbers, answers = self._begin(like)
         return _state(like, numbers, np.zeros_like(numbers), answers)
 
-    def update(self, state: OutsideState, ratings: Array, mask: Any) -> OutsideState:
+    def update(self, state: OutsideState, ratings: Ratings) -> OutsideState:
         """Send a round of ratings, and return the state with the trust that comes back. See `TrustModel.update`.
 
         Raises:
             ValueError: The other side fails, its answer is wrong, or the game has gone on there.
         """
-        shape = (*ratings.shape[:2], -1)
+        values, shape = ratings.values, (*ratings.shape, -1)
         numbers, rounds = (np.asarray(part).reshape(-1) for part in (state.game, state.round))
-        numbers = self._at_hand(numbers, rounds, ratings)
-        given, rated = (np.asarray(part).reshape(shape) for part in (ratings, mask))
+        numbers = self._at_hand(numbers, rounds, values)
+        given, rated = (np.asarray(part).reshape(shape) for part in (values, ratings.weights > 0))
         try:
             answers = self._sessions().play(numbers, rounds + 1, given, rated)
         except (LinkError, AnswerError) as error:
             raise ValueError(f"{self}: {error}") from None
-        return _state(ratings, numbers, rounds + 1, answers)
+        return _state(values, numbers, rounds + 1, answers)
 
     def rater_trust(self, state: OutsideState) -> Array:
         """Return the trust of each rater; 1 if the model has none. See `TrustModel.rater_trust`."""

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, is_compiling, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings
 
 STEPS = 60
 """Maximum number of iterations. NumPy stops when only rounding moves."""
@@ -31,7 +30,7 @@ class PairMeansState(NamedTuple):
 
 
 @checked_dataclass
-class ByPairMeans(Central):
+class ByPairMeans:
     """Base of trust models that are defined by equations between raters and providers, over the means of the pairs.
 
     Attributes:
@@ -46,19 +45,19 @@ class ByPairMeans(Central):
         nothing = namespace(like).zeros_like(like)
         return PairMeansState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
 
-    def after_round(self, state: PairMeansState, ratings: Ratings) -> PairMeansState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: PairMeansState, ratings: Ratings) -> PairMeansState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, pairs, none = namespace(ratings.values), ratings.pairs, 0 * state.sums
-        sums = state.sums + ratings.remember(none, ratings.values)
-        counts = state.counts + ratings.remember(none, 1.0)
+        sums = state.sums + ratings.write(none, ratings.values)
+        counts = state.counts + ratings.write(none, 1.0)
         rated = xp.where(counts > 0, none + 1, none)
         of_raters, of_providers = self._solved(pairs, sums / xp.where(counts > 0, counts, 1.0), rated)
-        given, received = pairs.sum_over_providers(rated), pairs.sum_over_raters(rated)
+        given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
         tor = xp.where(given > 0, xp.clip(self._rater_score(of_raters), 0.0, 1.0), self.initial)
         top = xp.where(received > 0, xp.clip(self._provider_score(of_providers), 0.0, 1.0), self.initial)
         return PairMeansState(tor, top, sums, counts)
 
-    def _solved(self, pairs: Cells, means: Array, rated: Array) -> tuple[Array, Array]:
+    def _solved(self, pairs: Ratings, means: Array, rated: Array) -> tuple[Array, Array]:
         """Return the solution of the equations: a number for each rater and one for each provider."""
         xp = namespace(means)
         of_raters, of_providers = self._first(pairs, rated)
@@ -69,13 +68,13 @@ class ByPairMeans(Central):
                 break
         return of_raters, of_providers
 
-    def _first(self, pairs: Cells, rated: Array) -> tuple[Array, Array]:
+    def _first(self, pairs: Ratings, rated: Array) -> tuple[Array, Array]:
         """Return what the iteration starts from."""
-        return 0 * pairs.sum_over_providers(rated), 0 * pairs.sum_over_raters(rated)
+        return 0 * pairs.reduce(rated, RATER), 0 * pairs.reduce(rated, PROVIDER)
 
     @abstractmethod
     def _step(
-        self, pairs: Cells, means: Array, rated: Array, of_raters: Array, of_providers: Array
+        self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
         """Return the numbers of raters and of providers after one more iteration; `rated` is 1 for known pairs."""
 

@@ -8,7 +8,7 @@ import math
 
 from roletrust_env.arrays import Array, largest, namespace, total
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.ratings import TINY, Cells, MaskedRatings
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, Ratings
 
 _REST = 1e-15  # a relative step this small is rounding
 
@@ -24,7 +24,38 @@ def shared(peers: Array, like: Array) -> Array:
     return xp.zeros_like(like) + xp.astype(peers, like.dtype).reshape(*peers.shape, *[1] * (like.ndim - 2))
 
 
-def walk(pairs: Cells, links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+def n_agents(pairs: Ratings, peers: PerPair) -> Array:
+    """Return the number of agents N, shape (...): an agent of two roles counts once.
+
+    Args:
+        pairs: Pairs of raters and providers, on a grid or on edges.
+        peers: Flag, 1 where a rater and a provider are one agent. On edges the twins tell.
+    """
+    if pairs.raters is None:
+        return sum(peers.shape[:2]) - total(total(peers, 0), 0)
+    return sum(pairs.shape) - (0 if pairs.twins is None else int((pairs.twins >= 0).sum()))
+
+
+def not_self(pairs: Ratings, peers: PerPair) -> Array:
+    """Return 1 for each pair of two agents, and 0 for an agent's pair with itself; see `n_agents`."""
+    if pairs.raters is None:
+        return 1 - peers
+    two = pairs.raters >= 0 if pairs.twins is None else pairs.twins[pairs.providers] != pairs.raters
+    return namespace(peers).astype(two, peers.dtype)
+
+
+def own_role(pairs: Ratings, values: PerProvider, peers: PerPair) -> Array:
+    """Return the provider's value of each rater that provides, and 0 of others, shape (S, ...); see `n_agents`."""
+    if pairs.raters is None:
+        return total(peers * values, 1)
+    xp = namespace(values)
+    own = xp.zeros(pairs.shape[0], dtype=values.dtype, device=values.device)
+    if pairs.twins is not None:
+        own[pairs.twins[pairs.twins >= 0]] = values[pairs.twins >= 0]
+    return own
+
+
+def walk(pairs: Ratings, links: Array, peers: Array, start: Trusts, a: float) -> Trusts:
     """Return where a random walker is found that follows links, or restarts with probability a: PageRank.
 
         v = (1 - a) C^T v + a start,   C[i, j] = links[i, j] / sum over j of links[i, j]
@@ -35,7 +66,7 @@ def walk(pairs: Cells, links: Array, peers: Array, start: Trusts, a: float) -> T
     Args:
         pairs: Pairs of raters and providers, on a grid or on edges.
         links: Weights of at least 0, one for each pair; those of an agent to itself are ignored.
-        peers: Pairs, see `Cells.agents`.
+        peers: Pairs, see `n_agents`.
         start: Distribution over the agents at the start; an agent of two roles is in both arrays and counts once.
         a: Probability of a restart, in (0, 1].
 
@@ -43,35 +74,35 @@ def walk(pairs: Cells, links: Array, peers: Array, start: Trusts, a: float) -> T
         The probabilities divided by the largest, so that the most trusted agent has trust 1.
     """
     xp = namespace(links)
-    links = pairs.apart(peers) * links
-    rows = pairs.sum_over_providers(links)
-    links, follows = links / pairs.of_raters(rows + TINY), rows / (rows + TINY)
-    find = _solved if isinstance(pairs, MaskedRatings) else _walked
+    links = not_self(pairs, peers) * links
+    rows = pairs.reduce(links, RATER)
+    links, follows = links / pairs.gather(rows + TINY, RATER), rows / (rows + TINY)
+    find = _solved if pairs.raters is None else _walked
     tor, top = find(pairs, links, follows, peers, start, a)
     most = xp.maximum(largest(tor), largest(top))
     return Trusts(tor / most, top / most)
 
 
-def _walked(pairs: Cells, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+def _walked(pairs: Ratings, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
     """Return v after as many steps as it takes until rounding is all that moves; `follows` is 1 for raters with links.
 
     An agent of two roles is found as a provider.
     """
-    xp, many = namespace(links), pairs.agents(peers)
-    provides = pairs.of_own_role(xp.ones_like(start.top), peers)
+    xp, many = namespace(links), n_agents(pairs, peers)
+    provides = own_role(pairs, xp.ones_like(start.top), peers)
     tor, top = 1 / many + 0 * start.tor, 1 / many + 0 * start.top
     for _ in range(math.ceil(math.log(_REST) / math.log1p(-a)) if a < 1 else 1):
         before = top
         anyone = (1 - a) * (1 - (follows * tor).sum()) / many
-        top = (1 - a) * pairs.sum_over_raters(links * pairs.of_raters(tor)) + anyone + a * start.top
+        top = (1 - a) * pairs.reduce(links * pairs.gather(tor, RATER), PROVIDER) + anyone + a * start.top
         alone = anyone + a * start.tor
-        tor = pairs.of_own_role(top, peers) + (1 - provides) * alone
+        tor = own_role(pairs, top, peers) + (1 - provides) * alone
         if bool((abs(top - before) <= _REST * top).all()):
             break
     return Trusts(tor, top)
 
 
-def _solved(pairs: Cells, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
+def _solved(pairs: Ratings, links: Array, follows: Array, peers: Array, start: Trusts, a: float) -> Trusts:
     """Return v from S linear equations.
 
     All agents without links add the same number to each agent, so the raters' part of v is that number times one
@@ -80,9 +111,9 @@ def _solved(pairs: Cells, links: Array, follows: Array, peers: Array, start: Tru
     xp = namespace(links)
     spread, restarted = _from_both(xp.ones_like(follows), a * start.tor, links, peers, 1 - a)
     lost = xp.clip(1 - total(follows * restarted, 0), 0.0, 1.0)  # rounding may leave less than 0
-    anyone = (1 - a) * lost / (pairs.agents(peers) + (1 - a) * total(follows * spread, 0))
+    anyone = (1 - a) * lost / (n_agents(pairs, peers) + (1 - a) * total(follows * spread, 0))
     tor = anyone * spread + restarted
-    return Trusts(tor, (1 - a) * total(links * pairs.of_raters(tor), 0) + anyone + a * start.top)
+    return Trusts(tor, (1 - a) * total(links * pairs.gather(tor, RATER), 0) + anyone + a * start.top)
 
 
 def _from_both(one: Array, other: Array, links: Array, peers: Array, on: float) -> tuple[Array, Array]:

@@ -1,15 +1,16 @@
 """The ratings of one round, on a grid of all pairs or as a list of edges: one set of operations for both.
 
-A trust model is written once, with these operations. On a grid, a cell is an entry of an array of shape (S, P, ...).
-On edges, a cell is an entry of an array of shape (E,), and only the pairs that exist have one.
+A trust model is written once, with these operations. On a grid, values of ratings have shape (S, P, ...), and every
+axis after the second is batch. On edges they have shape (E,), for E pairs that have a rating: time and memory grow with
+the number of ratings, not with S times P.
 """
 
-from abc import ABC, abstractmethod
-from typing import Annotated, Any, TypeAlias
+from copy import copy
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from roletrust_env.arrays import Array, largest, namespace, total
+from roletrust_env.arrays import Array, largest, namespace, ones, total
 
 PerRater: TypeAlias = Annotated[Any, "rater"]
 """Array with an entry for each rater, shape (S, ...)."""
@@ -23,248 +24,292 @@ PerPair: TypeAlias = Annotated[Any, "pair"]
 PairAge: TypeAlias = Annotated[Any, "age"]
 """Number of rounds since the last rating of each pair, 0 where there is none; otherwise as `PerPair`."""
 
-_LARGE, _BLOCK = 1_000_000, 100_000
-"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
+Side: TypeAlias = Literal[0, 1]
+"""Role of an agent in a rating, `RATER` or `PROVIDER`: on a grid, the axis of the agents of this role."""
+
+RATER: Final = 0
+PROVIDER: Final = 1
 
 TINY = 1e-30
 """Number that replaces a branch at 0; elsewhere it is lost in rounding."""
 
+_LARGE, _BLOCK = 1_000_000, 100_000
+"""Number of ratings above which NumPy works in blocks, and the size of a block: about 30 raters of 3,000 providers."""
 
-class Cells(ABC):
-    """Pairs of raters and providers, and the operations that a trust model needs on one value for each pair.
+
+class Ratings:
+    """The ratings of one round, and the operations that a trust model needs on one value for each rating.
 
     Attributes:
+        values: Ratings in [0, 1], and 0 outside the mask: shape (S, P, ...) on a grid, (E,) on edges; None for pairs
+            without ratings, see `pairs`.
+        mask: Mask on a grid, boolean, shape (S, P, ...); None if every pair has a rating.
         shape: Number of raters S and number of providers P.
+        raters: Place of the rater of each rating, whole, shape (E,), in [0, S); None on a grid.
+        providers: Place of the provider of each rating, whole, shape (E,), in [0, P); None on a grid.
+        twins: Place of the rater that is the same agent as the provider, shape (P,), -1 where there is none; None on a
+            grid, and if no agent has two roles.
+        slots: Place of each rating's pair among the known pairs, shape (E,); None if these are the pairs of the round.
+
+    Example:
+        >>> f, m = np.array([[0.9, 0.4], [0.5, np.nan]]), np.array([[True, True], [True, False]])
+        >>> grid = Ratings(f, m)
+        >>> edges = Ratings(f[m], raters=np.r_[0, 0, 1], providers=np.r_[0, 1, 0], shape=(2, 2))
+        >>> mean(grid, grid.values, PROVIDER), mean(edges, edges.values, PROVIDER)
+        (array([0.7, 0.4]), array([0.7, 0.4]))
     """
 
-    shape: tuple[int, int]
-
-    @abstractmethod
-    def of_raters(self, values: Array) -> Array:
-        """Return the rater's value for each cell, from shape (S, ...), in a shape that broadcasts with the cells."""
-
-    @abstractmethod
-    def of_providers(self, values: Array) -> Array:
-        """Return the provider's value for each cell, from shape (P, ...), in a shape that broadcasts with the cells."""
-
-    @abstractmethod
-    def sum_over_raters(self, cells: Array) -> Array:
-        """Return the sum over the raters of each provider, shape (P, ...)."""
-
-    @abstractmethod
-    def sum_over_providers(self, cells: Array) -> Array:
-        """Return the sum over the providers of each rater, shape (S, ...)."""
-
-    @abstractmethod
-    def largest_over_raters(self, cells: Array) -> Array:
-        """Return the largest of 0 and each provider's cells, shape (P, ...). No cell is below 0."""
-
-    def weighted_mean_over_raters(self, cells: Array, weights: Array) -> Array:
-        """Return the weighted mean over the raters of each provider, shape (P, ...), and 0 where all weights are 0.
+    def __init__(
+        self,
+        values: Array,
+        mask: Array | None = None,
+        *,
+        raters: Array | None = None,
+        providers: Array | None = None,
+        shape: tuple[int, int] | None = None,
+        twins: Array | None = None,
+        pairs: "Ratings | None" = None,
+        slots: Array | None = None,
+    ) -> None:
+        """Take ratings on a grid; with raters, providers and a shape, take edges, at most one for each pair.
 
         Args:
-            cells: Values, finite also where the weight is 0.
-            weights: Weights of at least 0, in a shape that broadcasts with the cells.
+            values: Ratings, in [0, 1] where the mask is true, anything elsewhere. They must not be written to later.
+            mask: See `Ratings`.
+            raters: See `Ratings`.
+            providers: See `Ratings`.
+            shape: See `Ratings`.
+            twins: See `Ratings`.
+            pairs: Known pairs on edges, which have a memory; None if these are the pairs of the round.
+            slots: See `Ratings`; needed with `pairs`.
+
+        Raises:
+            ValueError: The mask has another shape than the ratings.
         """
-        return self.sum_over_raters(weights * cells) / (self.sum_over_raters(weights) + TINY)
+        self.values, self.mask = values, mask
+        self.raters, self.providers, self.twins, self.slots, self._pairs = raters, providers, twins, slots, pairs
+        self.shape: tuple[int, int] = values.shape[:2] if shape is None else shape
+        self._weights: Array | None = None
+        self._counts: list[Array | None] = [None, None]
+        if mask is not None:
+            if mask.shape != values.shape:
+                raise ValueError(
+                    f"mask has shape {tuple(mask.shape)}; it must be that of the ratings, {tuple(values.shape)}"
+                )
+            xp = namespace(values)
+            self._weights = xp.astype(mask, values.dtype)
+            self.values = xp.where(mask, values, self._weights)
 
-    def weighted_mean_over_providers(self, cells: Array, weights: Array) -> Array:
-        """Return the weighted mean over the providers of each rater, shape (S, ...), and 0 where all weights are 0."""
-        return self.sum_over_providers(weights * cells) / (self.sum_over_providers(weights) + TINY)
+    @property
+    def full(self) -> bool:
+        """Whether this is a grid in which every rater rated every provider."""
+        return self.raters is None and self.mask is None
 
-    # --- agents of two roles, for models that take peers ----------------------------------------------
+    @property
+    def weights(self) -> Array:
+        """Weight of each pair, in the dtype and shape of the ratings: 1 with a rating, 0 without. Read only."""
+        return ones(self.values) if self._weights is None else self._weights
 
-    @abstractmethod
-    def agents(self, peers: PerPair) -> Array:
-        """Return the number of agents N: an agent of two roles counts once.
+    @property
+    def pairs(self) -> "Ratings":
+        """All pairs that have a memory. On a grid these are the pairs of the round, on edges the pairs known so far."""
+        return self if self._pairs is None else self._pairs
+
+    def gather(self, agents: Array, side: Side) -> Array:
+        """Return the agent's value for each rating, in a shape that broadcasts with the ratings.
+
+        Multiplied by `weights`, it has the shape of the ratings, which `reduce` needs.
 
         Args:
-            peers: Flag, 1 where a rater and a provider are one agent. On edges the cells themselves know that.
+            agents: A value for each agent of a side, shape (S, ...) or (P, ...).
+            side: Role of these agents.
         """
+        if self.raters is None:
+            return agents[:, None, ...] if side == RATER else agents
+        return agents[self.raters if side == RATER else self.providers]
 
-    @abstractmethod
-    def apart(self, peers: PerPair) -> Array:
-        """Return 1 for each cell whose rater and provider are two agents, and 0 for an agent's cell with itself."""
+    def reduce(self, values: Array, side: Side, op: Literal["sum", "max"] = "sum") -> Array:
+        """Return the sum, or the largest, of the values of each agent's ratings, shape (S, ...) or (P, ...).
 
-    @abstractmethod
-    def of_own_role(self, values: Array, peers: PerPair) -> Array:
-        """Return the provider's value of each rater that provides, from shape (P, ...), and 0 of others, (S, ...)."""
-
-
-class Ratings(Cells):
-    """The ratings of one round, prepared once for all the means that a model takes of them.
-
-    Attributes:
-        values: Ratings, one for each cell, in [0, 1]; on a grid 0 where there is none.
-        received: Number of ratings of each provider, shape (P, ...); one number where it is S for all.
-        given: Number of ratings by each rater, shape (S, ...); one number where it is P for all.
-        full: Whether the cells are a grid in which every rater rated every provider.
-    """
-
-    values: Array
-    received: Array
-    given: Array
-    full: bool = False
-
-    @property
-    @abstractmethod
-    def pairs(self) -> Cells:
-        """All pairs that have a memory. On a grid these are the cells of the round, on edges the pairs known so far."""
-
-    @abstractmethod
-    def recall(self, memory: PerPair) -> Array:
-        """Return the memory of the pair of each cell of the round."""
-
-    @abstractmethod
-    def remember(self, memory: PerPair, cells: Array | float) -> PerPair:
-        """Return a memory with the new values where the pair has a rating in this round, and as it was elsewhere."""
-
-    def pass_time(self, ages: PairAge) -> PairAge:
-        """Return the ages after the round: 1 for a pair with a rating in it, 1 more for others that ever had one."""
-        return self.remember(ages + ages / (ages + TINY), 1.0)
-
-    @abstractmethod
-    def weigh(self, cells: Array) -> Array:
-        """Return the cells with a rating, and 0 for those without."""
-
-    @abstractmethod
-    def mean_over_raters(self, cells: Array) -> Array:
-        """Return the mean over the ratings of each provider, shape (P, ...), and 0 where there are none."""
-
-    @abstractmethod
-    def mean_over_providers(self, cells: Array) -> Array:
-        """Return the mean over the ratings by each rater, shape (S, ...), and 0 where there are none."""
-
-    @abstractmethod
-    def in_order(self) -> tuple[Cells, Array, Array]:
-        """Return each provider's ratings in ascending order: cells, values, and places among the provider's ratings.
-
-        On a grid, cells without a rating come last.
+        Args:
+            values: A value for each rating, in the shape of the ratings, 0 where there is none. For `"max"`, no value
+                may be below 0.
+            side: Role of the agents of the result: for `PROVIDER`, the values of a provider's raters are added up.
+            op: `"sum"`, or `"max"`: the largest of 0 and the values.
         """
+        if self.raters is None:
+            return total(values, 1 - side) if op == "sum" else largest(values, 1 - side)
+        at = sum_at if op == "sum" else largest_at
+        return at(self.raters if side == RATER else self.providers, values, self.shape[side])
 
-    def blocks(self) -> list[slice]:
-        """Return slices of raters whose ratings fit into a processor's cache; one slice if the library does that."""
-        return [slice(None)]
+    def count(self, side: Side) -> Array:
+        """Return the number of ratings of each agent, shape (S, ...) or (P, ...); one number if this is full."""
+        known = self._counts[side]
+        if known is None:
+            known = self._counts[side] = self.shape[1 - side] if self.full else self.reduce(self.weights, side)
+        return known
 
-    def rows(self, some: slice) -> "Ratings":
-        """Return the ratings of some raters; `received` still counts all."""
-        return self
+    def rated(self, side: Side) -> Array:
+        """Return whether each agent has a rating, boolean, shape (S, ...) or (P, ...)."""
+        return self.reduce(self.weights, side) > 0
 
+    def weigh(self, values: Array) -> Array:
+        """Return the values with a rating, and 0 for those without."""
+        return values if self._weights is None else self._weights * values
 
-class MaskedRatings(Ratings):
-    """The ratings of one round on a grid: an array of shape (S, P, ...), and a mask.
+    def read(self, memory: PerPair) -> Array:
+        """Return the memory of the pair of each rating."""
+        return memory if self.slots is None else memory[self.slots]
 
-    Attributes:
-        values: Ratings inside the mask and 0 elsewhere, shape (S, P, ...).
-        mask: Mask, boolean, shape (S, P, ...); None if every rater rated every provider.
-        weights: Weights, 1 inside the mask and 0 elsewhere, shape (S, P, ...), in the dtype of the ratings; None if
-            every rater rated every provider.
-    """
+    def write(self, memory: PerPair, values: Array | float) -> PerPair:
+        """Return a memory with new values where the pair has a rating in this round, and as it was elsewhere.
 
-    def __init__(self, values: Array, mask: Array | None, weights: Array | None, received: Array, given: Array) -> None:
-        self.values, self.mask, self.weights = values, mask, weights
-        self.received, self.given, self.full = received, given, mask is None
-        self.shape = values.shape[:2]
-
-    @classmethod
-    def of(cls, ratings: Array, mask: Array | None) -> "MaskedRatings":
-        """Return the ratings inside a mask, both of shape (S, P, ...); None is a mask that is true everywhere."""
-        if mask is None:
-            return cls(ratings, None, None, *ratings.shape[:2])
-        xp = namespace(ratings)
-        weights = xp.astype(mask, ratings.dtype)
-        values = xp.where(mask, ratings, weights)
-        return cls(values, mask, weights, total(weights, 0), total(weights, 1))
-
-    @property
-    def pairs(self) -> "MaskedRatings":
-        """The cells of the round."""
-        return self
-
-    def of_raters(self, values: Array) -> Array:
-        """Return the values with an axis for the providers. See `Cells.of_raters`."""
-        return values[:, None, ...]
-
-    def of_providers(self, values: Array) -> Array:
-        """Return the values. See `Cells.of_providers`."""
-        return values
-
-    def sum_over_raters(self, cells: Array) -> Array:
-        """Return the sum along the first axis. See `Cells.sum_over_raters`."""
-        return total(cells, 0)
-
-    def sum_over_providers(self, cells: Array) -> Array:
-        """Return the sum along the second axis. See `Cells.sum_over_providers`."""
-        return total(cells, 1)
-
-    def largest_over_raters(self, cells: Array) -> Array:
-        """Return the maximum along the first axis. See `Cells.largest_over_raters`."""
-        return largest(cells)
-
-    def recall(self, memory: Array) -> Array:
-        """Return the memory. See `Ratings.recall`."""
-        return memory
-
-    def remember(self, memory: Array, cells: Array | float) -> Array:
-        """Return the new values inside the mask. See `Ratings.remember`."""
+        Args:
+            memory: Memory before the round, which is not changed.
+            values: A value for each rating, or one number.
+        """
         xp = namespace(memory)
-        if self.mask is None:
-            return xp.zeros_like(memory) + cells if isinstance(cells, float) else cells
-        return xp.where(self.mask, cells, memory)
+        if self.raters is None:
+            if self.mask is not None:
+                return xp.where(self.mask, values, memory)
+            return xp.zeros_like(memory) + values if isinstance(values, float) else values
+        after = xp.empty_like(memory) if self.slots is None else memory + 0
+        after[slice(None) if self.slots is None else self.slots] = values
+        return after
 
-    def weigh(self, cells: Array) -> Array:
-        """Return the cells inside the mask, and 0 elsewhere."""
-        return cells if self.weights is None else self.weights * cells
+    def sorted_by_provider(self) -> tuple["Ratings", Array, Array]:
+        """Return each provider's ratings in ascending order: pairs, values, and places among the provider's ratings.
 
-    def mean_over_raters(self, cells: Array) -> Array:
-        """Return the mean along the first axis. See `Ratings.mean_over_raters`."""
-        return masked_mean(cells, self.mask, axis=0)[0]
-
-    def mean_over_providers(self, cells: Array) -> Array:
-        """Return the mean along the second axis. See `Ratings.mean_over_providers`."""
-        return masked_mean(cells, self.mask, axis=1)[0]
-
-    def in_order(self) -> tuple[Cells, Array, Array]:
-        """Return the ratings sorted along the first axis. See `Ratings.in_order`."""
+        On a grid, pairs without a rating come last, with the value infinity.
+        """
         xp, values = namespace(self.values), self.values
-        if self.weights is not None:
-            values = xp.where(self.weights > 0, values, float("inf"))  # absent ratings come last
-        place = xp.arange(len(values), dtype=values.dtype, device=values.device)
-        return self, xp.sort(values, axis=0), place.reshape(-1, *[1] * (values.ndim - 1))
-
-    def agents(self, peers: Array) -> Array:
-        """Return the number of agents, shape (...). See `Cells.agents`."""
-        return sum(peers.shape[:2]) - total(total(peers, 0), 0)
-
-    def apart(self, peers: Array) -> Array:
-        """Return the complement of the peers. See `Cells.apart`."""
-        return 1 - peers
-
-    def of_own_role(self, values: Array, peers: Array) -> Array:
-        """Return the values of the raters that provide. See `Cells.of_own_role`."""
-        return total(peers * values, 1)
+        if self.raters is None or self.providers is None:
+            if self.mask is not None:
+                values = xp.where(self.mask, values, float("inf"))
+            place = xp.arange(len(values), dtype=values.dtype, device=values.device)
+            return self, xp.sort(values, axis=0), place.reshape(-1, *[1] * (values.ndim - 1))
+        order = xp.argsort(values, stable=True)
+        order = order[xp.argsort(self.providers[order], stable=True)]
+        raters, providers, received = self.raters[order], self.providers[order], self.count(PROVIDER)
+        first = xp.cumulative_sum(received) - received
+        place = xp.arange(len(order), dtype=values.dtype, device=values.device) - first[providers]
+        return Ratings(None, raters=raters, providers=providers, shape=self.shape), values[order], place
 
     def blocks(self) -> list[slice]:
         """Return slices of raters whose ratings fit into a processor's cache; one slice if the library does that."""
-        raters, values = len(self.values), self.values
-        if not isinstance(values, np.ndarray) or values.size <= _LARGE:
-            return [slice(raters)]
-        rows = max(1, _BLOCK * raters // values.size)
-        return [slice(at, at + rows) for at in range(0, raters, rows)]
+        values = self.values
+        if self.raters is not None or not isinstance(values, np.ndarray) or values.size <= _LARGE:
+            return [slice(None)]
+        rows = max(1, _BLOCK * len(values) // values.size)
+        return [slice(at, at + rows) for at in range(0, len(values), rows)]
 
-    def rows(self, some: slice) -> "MaskedRatings":
-        """Return the ratings of some raters; `received` still counts all."""
-        if self.mask is None or self.weights is None:
-            return MaskedRatings(self.values[some], None, None, self.received, self.given)
-        return MaskedRatings(self.values[some], self.mask[some], self.weights[some], self.received, self.given[some])
+    def rows(self, block: slice) -> "Ratings":
+        """Return the ratings of some raters on a grid; the providers' counts are still those of all raters."""
+        part, given = copy(self), self.count(RATER)
+        part._counts = [given if self.full else given[block], self.count(PROVIDER)]
+        part.values, part.shape = self.values[block], (len(self.values[block]), self.shape[1])
+        if self.mask is not None and self._weights is not None:
+            part.mask, part._weights = self.mask[block], self._weights[block]
+        return part
 
 
-def masked_mean(values: Array, mask: Array | None, *, axis: int) -> tuple[Array, Array]:
-    """Return the mean of the values inside the mask along an axis, 0 where there are none, and their number.
+def mean(ratings: Ratings, values: Array, side: Side) -> Array:
+    """Return the mean of the values of each agent's ratings, shape (S, ...) or (P, ...), and 0 where there are none.
 
-    A mask of None is true everywhere.
+    Args:
+        ratings: Ratings of the round.
+        values: A value for each rating, finite; values without a rating do not count.
+        side: Role of the agents.
     """
-    if mask is None:
-        return values.mean(axis=axis), values.shape[axis]
-    count = mask.sum(axis=axis, dtype=values.dtype)
-    return namespace(values).where(mask, values, 0.0).sum(axis=axis) / (count + TINY), count
+    if ratings.full:
+        return values.mean(axis=1 - side)
+    if ratings.mask is not None:
+        values = namespace(values).where(ratings.mask, values, 0.0)
+        return values.sum(axis=1 - side) / (ratings.count(side) + TINY)
+    return ratings.reduce(values, side) / (ratings.count(side) + TINY)
+
+
+def weighted_mean(pairs: Ratings, values: Array, weights: Array, side: Side) -> Array:
+    """Return the weighted mean of each agent's values, shape (S, ...) or (P, ...), and 0 where all weights are 0.
+
+    Args:
+        pairs: Ratings of the round, or pairs that have a memory.
+        values: A value for each of them, finite also where the weight is 0.
+        weights: Weights of at least 0, in a shape that broadcasts with the values.
+        side: Role of the agents.
+    """
+    return pairs.reduce(weights * values, side) / (pairs.reduce(weights, side) + TINY)
+
+
+def smooth(value: Array, previous: Array, lam: float, count: Array) -> Array:
+    """Return the exponential mean lam * value + (1 - lam) * previous, and the previous value where the count is 0.
+
+    It is computed as a step from the previous value, so that it is exact where the step is 0.
+
+    Args:
+        value: Mean of a round, as from `mean`.
+        previous: Exponential mean before the round.
+        lam: Weight of the newest round.
+        count: Number of values in the mean, see `Ratings.count`; 0 where there are none.
+    """
+    return previous + lam * occurred(count) * (value - previous)
+
+
+def occurred(count: Array) -> Array:
+    """Return 1 where a count is above 0 and 0 where it is 0, in the dtype of the count."""
+    return count / (count + TINY)
+
+
+def aged(ratings: Ratings, ages: PairAge) -> PairAge:
+    """Return the ages after the round: 1 for a pair with a rating in it, 1 more for others that ever had one."""
+    only_these = ratings.raters is not None and ratings.slots is None
+    return ratings.write(ages if only_these else ages + ages / (ages + TINY), 1.0)
+
+
+def merge_repeats(raters: Array, providers: Array, values: Array, pair: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the ratings of a round as edges with one rating for each pair: the mean of its ratings.
+
+    A rater has one voice about a provider in a round. Otherwise it could outvote others by repeating itself, and the
+    ratings of a round, which have no order, would need one.
+
+    Args:
+        raters: Place of the rater of each rating, shape (E,).
+        providers: Place of the provider of each rating, shape (E,).
+        values: Ratings, shape (E,).
+        pair: Number that tells pairs apart, whole, shape (E,).
+
+    Returns:
+        The raters, the providers, the values and the pairs; the arguments themselves if no pair repeats.
+
+    Example:
+        >>> _, _, values, pair = merge_repeats(np.r_[0, 0, 1], np.r_[1, 1, 0], np.r_[0.2, 0.6, 1.0], np.r_[1, 1, 2])
+        >>> values, pair
+        (array([0.4, 1. ]), array([1, 2]))
+    """
+    xp = namespace(values)
+    ordered = xp.sort(pair)
+    if not bool((ordered[1:] == ordered[:-1]).any()):
+        return raters, providers, values, pair
+    distinct, which = xp.unique_inverse(pair)
+    one = xp.zeros_like(distinct)
+    one[which] = xp.arange(len(pair), dtype=distinct.dtype, device=distinct.device)
+    average = sum_at(which, values, len(distinct)) / sum_at(which, xp.ones_like(values), len(distinct))
+    return raters[one], providers[one], average, distinct
+
+
+def sum_at(places: Array, values: Array, length: int) -> Array:
+    """Return the sum of the values at each place, shape (length,), in the dtype of the values."""
+    if isinstance(values, np.ndarray):
+        return np.bincount(places, weights=values, minlength=length).astype(values.dtype, copy=False)
+    xp = namespace(values)
+    return xp.zeros(length, dtype=values.dtype, device=values.device).index_add(0, places, values)
+
+
+def largest_at(places: Array, values: Array, length: int) -> Array:
+    """Return the largest of 0 and the values at each place, shape (length,)."""
+    xp = namespace(values)
+    most = xp.zeros(length, dtype=values.dtype, device=values.device)
+    if isinstance(values, np.ndarray):
+        np.maximum.at(most, places, values)
+        return most
+    return most.scatter_reduce(0, places, values, "amax")

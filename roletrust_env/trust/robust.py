@@ -4,8 +4,8 @@ from abc import abstractmethod
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Trusts, smooth
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, mean, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -22,15 +22,17 @@ def middle_mean(ratings: Ratings, cut: Array) -> Array:
     Returns:
         Shape (P, ...); 0 where there are no ratings.
     """
-    xp, count = namespace(ratings.values), ratings.received
-    cells, values, place = ratings.in_order()
-    kept = xp.clip(cells.of_providers(count - cut) - place, 0, 1) - xp.clip(cells.of_providers(cut) - place, 0, 1)
-    return cells.weighted_mean_over_raters(xp.where(place < cells.of_providers(count), values, 0.0), kept)
+    xp, count = namespace(ratings.values), ratings.count(PROVIDER)
+    cells, values, place = ratings.sorted_by_provider()
+    kept = xp.clip(cells.gather(count - cut, PROVIDER) - place, 0, 1) - xp.clip(
+        cells.gather(cut, PROVIDER) - place, 0, 1
+    )
+    return weighted_mean(cells, xp.where(place < cells.gather(count, PROVIDER), values, 0.0), kept, PROVIDER)
 
 
 def median(ratings: Ratings) -> Array:
     """Return the median of each provider's ratings, shape (P, ...); of an even number, the mean of the middle two."""
-    return middle_mean(ratings, (ratings.received - 1) / 2)
+    return middle_mean(ratings, (ratings.count(PROVIDER) - 1) / 2)
 
 
 @checked_dataclass
@@ -46,15 +48,13 @@ class ByCentre(Smoothed):
         initial: Trust before any rating, in [0, 1].
     """
 
-    takes_full_rounds = True
-
     @abstractmethod
     def centre(self, ratings: Ratings) -> Array:
         """Return the centre of each provider's ratings, shape (P, ...), in [0, 1] also for an unrated provider."""
 
-    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         centre = self.centre(ratings)
-        distance = ratings.mean_over_providers(abs(ratings.values - ratings.of_providers(centre)))
-        tor = smooth(1 - distance, state.tor, self.lam, ratings.given)
-        return Trusts(tor, smooth(centre, state.top, self.lam, ratings.received))
+        distance = mean(ratings, abs(ratings.values - ratings.gather(centre, PROVIDER)), RATER)
+        tor = smooth(1 - distance, state.tor, self.lam, ratings.count(RATER))
+        return Trusts(tor, smooth(centre, state.top, self.lam, ratings.count(PROVIDER)))

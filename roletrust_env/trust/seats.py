@@ -7,6 +7,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.trust.model import Traits, TrustModel, start_model
+from roletrust_env.trust.ratings import Ratings
 
 
 class SeatedState(NamedTuple):
@@ -61,10 +62,10 @@ class RandomSeats:
             start_model(self.model, like, peers), *(xp.asarray(one.copy(), device=like.device) for one in spread)
         )
 
-    def update(self, state: SeatedState, ratings: Array, mask: Any) -> SeatedState:
+    def update(self, state: SeatedState, ratings: Ratings) -> SeatedState:
         """Return the state after one more round. See `TrustModel.update`."""
-        seen = None if mask is None else _seen(mask, state)
-        return state._replace(inner=self.model.update(state.inner, _seen(ratings, state), seen))
+        mask = None if ratings.mask is None else _seen(ratings.mask, state)
+        return state._replace(inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask)))
 
     def rater_trust(self, state: SeatedState) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""

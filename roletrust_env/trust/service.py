@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from roletrust_env.errors import explain
 from roletrust_env.trust.model import TrustModel, start_model
+from roletrust_env.trust.ratings import Ratings
 
 MOST_GAMES = 100_000
 """Number of games that a service remembers."""
@@ -127,7 +128,7 @@ class TrustService:
             if mask[rater, provider]:
                 raise ValueError(f"game {game} has two ratings of provider {provider} by rater {rater} in a round")
             ratings[rater, provider], mask[rater, provider] = rating, True
-        state = self._model_answer(self._model.update, before.state, ratings, mask)
+        state = self._model_answer(self._model.update, before.state, Ratings(ratings, mask))
         return _Played(message.round + 1, shape, state)
 
 

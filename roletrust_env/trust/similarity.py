@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
-from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import by_judges, in_common
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import Ratings, occurred
 
 
 class Experience(NamedTuple):
@@ -25,9 +24,9 @@ class Experience(NamedTuple):
         xp = namespace(like)
         return cls(xp.zeros_like(like), xp.zeros_like(like))
 
-    def after(self, masked: MaskedRatings) -> "Experience":
+    def after(self, ratings: Ratings) -> "Experience":
         """Return the experience after one more round."""
-        return Experience(self.counts + masked.weights, self.sums + masked.values)
+        return Experience(self.counts + ratings.weights, self.sums + ratings.values)
 
 
 class Likened(NamedTuple):

@@ -3,11 +3,10 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.central import Central
 
 
 @checked_dataclass
-class Smoothed(Central):
+class Smoothed:
     """Base of trust models that remember nothing but trust: initial state and read-outs.
 
     Attributes:

@@ -12,6 +12,7 @@ from roletrust_env import Policy
 from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.models.central.mean import Mean
 
 GROUPS = [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}]
@@ -40,19 +41,18 @@ def results(stored):
 class FirstRaters(Mean):
     """A mean of the first raters only, since compromised agents often are the last ones."""
 
-    takes_full_rounds = False
-
-    def update(self, state, ratings, mask):
-        early = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1)) < len(mask) // 2
-        return super().update(state, ratings, mask & early)
+    def update(self, state, ratings):
+        rated = ratings.weights > 0
+        early = np.arange(len(rated)).reshape(-1, *[1] * (rated.ndim - 1)) < len(rated) // 2
+        return super().update(state, Ratings(ratings.values, rated & early))
 
 
 class _Faulty(Mean):
     """Mean that misbehaves from the second round on."""
 
-    def update(self, state, ratings, mask=None):
+    def update(self, state, ratings):
         self.misbehave()
-        return super().update(state, ratings, mask)
+        return super().update(state, ratings)
 
     def misbehave(self):
         pass

@@ -9,8 +9,6 @@ from roletrust_env.trust.models.central.mean import Mean
 class OffTheStack(Mean):
     """A model that reads the abilities of providers off the state of the game, on the stack of its callers."""
 
-    takes_full_rounds = False
-
     def provider_trust(self, state: Any) -> Any:
         """The abilities, if they can be found."""
         frame = sys._getframe()

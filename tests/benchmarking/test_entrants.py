@@ -17,6 +17,7 @@ from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.entrants import name_entrants, pack, register_packed
 from roletrust_env.benchmarking.sources import fingerprint, hashes
 from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.world import make_scenario
@@ -62,12 +63,12 @@ class Tired(Mean):
 
     calls, limit = 0, 10**9
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+    def update(self, state: Any, ratings: Ratings) -> Any:
         """See `TrustModel.update`."""
         Tired.calls += 1
         if Tired.calls > Tired.limit:
             raise RuntimeError("tired")
-        return super().update(state, ratings, mask)
+        return super().update(state, ratings)
 
 
 def test_results_of_other_parameters_are_not_mixed(tmp_path: Path) -> None:

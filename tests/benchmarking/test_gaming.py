@@ -15,7 +15,7 @@ from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.verification import check_bias, check_fresh
 from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.measurement import HELD_OUT, attacked_rollout, exact_task, random_sources
-from roletrust_env.trust import register_trust_model
+from roletrust_env.trust import Ratings, register_trust_model
 
 PUBLIC = 0
 """Seed of every suite of the package."""
@@ -42,7 +42,7 @@ class Oracle:
             trust = trust + first.before.properties.ability - 0.5
         return trust.astype(like.dtype)
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+    def update(self, state: Any, ratings: Ratings) -> Any:
         return state
 
     def rater_trust(self, state: Any) -> Any:

@@ -12,7 +12,7 @@ from roletrust_env.benchmarking.schema import AttackResult, CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.worst_case import attack_scores, worst_cases
-from roletrust_env.trust import register_trust_model
+from roletrust_env.trust import Ratings, register_trust_model
 from roletrust_env.trust.models.central.mean import Mean
 
 TRACKS = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}
@@ -197,10 +197,10 @@ def test_a_model_that_ignores_ratings_is_last(played: list[StoredCell]) -> None:
 class FirstFive(Mean):
     """A mean of five raters, as compromised agents often are the last ones."""
 
-    takes_full_rounds = False
-
-    def update(self, state, ratings, mask):  # type: ignore[no-untyped-def]
-        return super().update(state, ratings, mask & (np.arange(len(mask)) < 5).reshape(-1, *[1] * (mask.ndim - 1)))
+    def update(self, state, ratings):  # type: ignore[no-untyped-def]
+        rated = ratings.weights > 0
+        first = (np.arange(len(rated)) < 5).reshape(-1, *[1] * (rated.ndim - 1))
+        return super().update(state, Ratings(ratings.values, rated & first))
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_a_random_model_is_a_caveat() -> None:
 
 def test_a_model_without_a_played_cell_is_not_run_for_a_caveat() -> None:
     class Bomb(Mean):
-        def update(self, state: object, ratings: object, mask: object = None) -> object:
+        def update(self, state: object, ratings: Ratings) -> object:
             raise SystemExit(3)
 
     register_trust_model("bomb", Bomb)

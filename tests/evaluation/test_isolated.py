@@ -14,6 +14,7 @@ from roletrust_env.evaluation.attackers import Scripted
 from roletrust_env.evaluation.isolated import IsolatedModel
 from roletrust_env.evaluation.measurement import Scores, exact_task, measure
 from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_trust_model
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model_checks import needs_watching
 from roletrust_env.trust.seats import RandomSeats
@@ -24,16 +25,16 @@ import os
 from roletrust_env.trust.models.central.mean import Mean
 
 class Leaving(Mean):
-    def update(self, state, ratings, mask):
+    def update(self, state, ratings):
         os._exit(3)
 
 class Talking(Mean):
-    def update(self, state, ratings, mask):
+    def update(self, state, ratings):
         print("Let me speak", flush=True)
-        return super().update(state, ratings, mask)
+        return super().update(state, ratings)
 
 class Raising(Mean):
-    def update(self, state, ratings, mask):
+    def update(self, state, ratings):
         raise KeyError("two\\nlines")
 
 class Objects(Mean):
@@ -85,7 +86,7 @@ def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool
 def test_it_learns_the_settings_of_the_scenario() -> None:
     model = IsolatedModel("mean", SCENARIO)
     like, peers = np.zeros((2, 1, 1)), np.zeros((2, 1), bool)
-    state = model.update(model.start(like, peers), like, like == 0)
+    state = model.update(model.start(like, peers), Ratings(like, like == 0))
     assert model.provider_trust(state) == pytest.approx(0.125)  # a quarter of the initial 0.5
 
 
@@ -93,13 +94,13 @@ def test_games_go_on_from_the_latest_states_only() -> None:
     model, like = IsolatedModel("mean", SCENARIO), np.zeros((2, 1, 2))
     first = state = model.start(like, like[..., 0] > 0)
     for _ in range(7):
-        state = model.update(state, like, like == 0)
-    again = model.update(first, like, like == 0)  # the eighth state back
+        state = model.update(state, Ratings(like, like == 0))
+    again = model.update(first, Ratings(like, like == 0))  # the eighth state back
     assert again.top == pytest.approx(0.125)
     with pytest.raises(ValueError, match="keeps the latest 8 states only"):
-        model.update(first, like, like == 0)
+        model.update(first, Ratings(like, like == 0))
     with pytest.raises(ValueError, match="cannot mix games"):
-        model.update(state._replace(number=np.array([1, 2])), like, like == 0)
+        model.update(state._replace(number=np.array([1, 2])), Ratings(like, like == 0))
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ class Crowd(Mean):
     def start(self, like):
         return CountState(len(like), like[0] * 0 + 0.5)
 
-    def update(self, state, ratings, mask):
+    def update(self, state, ratings):
         return state._replace(top=(state.top * 0 + state.raters / (1 + state.raters)))
 
     def rater_trust(self, state):

@@ -40,9 +40,9 @@ def test_the_trust_of_an_agent_is_weighted_by_the_services_that_it_rated_and_pro
 def test_the_model_is_updated_with_zeros_where_there_is_no_rating_and_with_the_number_of_the_round(monkeypatch):
     updates = []
 
-    def update(model, state, ratings, mask, round):
-        updates.append((ratings.tolist(), mask.tolist(), int(round)))
-        return watched_update(model, state, ratings, mask, round)
+    def update(model, state, ratings, round):
+        updates.append((ratings.values.tolist(), ratings.mask.tolist(), int(round)))
+        return watched_update(model, state, ratings, round)
 
     monkeypatch.setattr(trust_tracker, "watched_update", update)
     tracker = TrustTracker(make_trust_model("mean"), TEAM, [{"sr_0": [0.5]}])  # before the second provider came

@@ -1,15 +1,13 @@
 """`python -m studies.costs --ratings`: a round of every central model on lists of ratings."""
 
 import csv
-import importlib.util
 from math import inf
 from pathlib import Path
 
 import pytest
 from study_line import run
 
-from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.central import Central
+from roletrust_env.trust import TrustModel, make_trust_model
 from roletrust_env.trust.edge_state import edge_model
 from studies.timing import edge_costs
 from studies.timing.edge_costs import measure_lists
@@ -18,20 +16,17 @@ from studies.timing.models import Limits
 
 pytestmark = pytest.mark.slow
 
-WAYS = {"edges", "fused"} if importlib.util.find_spec("numba") is not None else {"edges"}
 
-
-def central(*names: str) -> dict[str, Central]:
+def central(*names: str) -> dict[str, TrustModel]:
     return {name: edge_model(make_trust_model(name)) for name in names}
 
 
-def test_a_list_has_a_row_for_each_model_and_way(tmp_path: Path) -> None:
+def test_a_list_has_a_row_for_each_model(tmp_path: Path) -> None:
     result = run("costs", "--ratings", "300", "--model", "mean", "--model", "beta", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     with (tmp_path / "edge-costs.csv").open() as file:
         rows = list(csv.DictReader(file))
-    wanted = {(PLAIN, "edges"), *((name, way) for name in ("mean", "beta") for way in WAYS)}
-    assert {(row["model"], row["sums"]) for row in rows} == wanted
+    assert [row["model"] for row in rows] == [PLAIN, "mean", "beta"]
     for row in rows:
         assert 150 < int(row["ratings"]) <= int(row["ratings_asked"]) == 300
         assert 0 < float(row["ns_per_rating_least"]) <= float(row["ns_per_rating"])
@@ -39,7 +34,7 @@ def test_a_list_has_a_row_for_each_model_and_way(tmp_path: Path) -> None:
     page = (tmp_path / "edge-costs.md").read_text()
     assert "## 300 ratings" in page
     assert {line.split(" | ")[0] for line in page.splitlines() if line.startswith("| ")} >= {"| mean", "| beta"}
-    assert {line.count("|") for line in page.splitlines() if line.startswith("| ")} == {2 + 3 * len(WAYS)}
+    assert {line.count("|") for line in page.splitlines() if line.startswith("| ")} == {5}
     assert "GB/s" in page
 
 
@@ -49,16 +44,10 @@ def test_a_longer_list_is_left_out_by_what_the_shorter_one_took(monkeypatch: pyt
         (Limits(seconds=inf, memory=200 * edge_costs.BYTES), "MB"),
     ):
         found = measure_lists(central("mean"), [200, 20], limits=limits, repeats=1, slice_s=1e-9)
-        assert found["mean", "edges", 20].timing is not None
-        assert found["mean", "edges", 200].timing is None
-        assert reason in found["mean", "edges", 200].left_out
-        assert found[PLAIN, "edges", 200].timing is not None
-
-
-def test_without_numba_there_are_no_fused_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(edge_costs.importlib.util, "find_spec", lambda name: None)
-    found = measure_lists(central("mean"), [20], repeats=1, slice_s=1e-9)
-    assert {way for _, way, _ in found} == {"edges"}
+        assert found["mean", 20].timing is not None
+        assert found["mean", 200].timing is None
+        assert reason in found["mean", 200].left_out
+        assert found[PLAIN, 200].timing is not None
 
 
 def test_a_list_that_does_not_fit_is_refused_before_it_is_drawn(tmp_path: Path) -> None:
@@ -72,7 +61,7 @@ def test_a_list_that_does_not_fit_is_refused_before_it_is_drawn(tmp_path: Path) 
 
 
 def test_a_rating_takes_the_memory_that_is_assumed() -> None:
-    cell = measure_lists({}, [100_000], repeats=1, slice_s=1e-9)[PLAIN, "edges", 100_000]
+    cell = measure_lists({}, [100_000], repeats=1, slice_s=1e-9)[PLAIN, 100_000]
     assert 0.8 < cell.memory / (100_000 * edge_costs.BYTES) < 1.2
 
 

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("robustrep")
 
 from roletrust_env.testing import check_trust_model
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.grid_ledger import make_ledger
 from studies.attackers.robustrep import RobustRep
 
@@ -26,7 +27,7 @@ def test_trust_is_the_lower_median_over_raters_of_their_median_ratings() -> None
     model = RobustRep(initial=0.3, window=3)
     state = model.start(np.zeros((5, 3, 2)))
     for given, seen in zip(ratings, mask, strict=True):
-        state = model.update(state, given, seen)
+        state = model.update(state, Ratings(given, seen))
     expected = np.full((3, 2), 0.3)
     for provider, game in np.ndindex(3, 2):
         pairs = [(ratings[1:, rater, provider, game], mask[1:, rater, provider, game]) for rater in range(5)]
@@ -55,7 +56,7 @@ def test_on_a_log_it_is_the_same_without_a_window() -> None:
         before = deepcopy(ledger)
         ledger.play(raters, providers, given[seen])
         ledger.skip(1)
-        state = model.update(state, given, seen)
+        state = model.update(state, Ratings(given, seen))
         np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state))
         assert before.rounds == ledger.rounds - 2
     assert (ledger.rater_trust == 1).all()

@@ -1,10 +1,9 @@
 """Contestants with ratings as edges: all compute the same."""
 
-import importlib.util
-
 import numpy as np
 import pytest
 
+from roletrust_env.trust import make_trust_model
 from studies.speed_edges import Lists, edge_targets
 from studies.timing import edges as timing
 from studies.timing.contestants import Contestant, Timing
@@ -13,14 +12,11 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("ratings", [300, 3000])
-@pytest.mark.parametrize("fused", [False, True])
-def test_the_sums_by_hand_are_those_of_the_model(ratings: int, fused: bool) -> None:
-    if fused and importlib.util.find_spec("numba") is None:
-        pytest.skip("the extra `numba` is not installed")
+def test_the_sums_by_hand_are_those_of_the_model(ratings: int) -> None:
     edges = timing.Edges.of(ratings, 0)
     assert 0.5 * ratings < len(edges.raters) <= ratings
     tor, top, last = timing.plain(edges)()
-    state = timing.on_edges(edges, fused=fused)()
+    state = timing.on_edges(edges, make_trust_model("role-trust"))()
     np.testing.assert_allclose(state.tor, tor, atol=1e-12)
     np.testing.assert_allclose(state.top, top, atol=1e-12)
     assert np.array_equal(state.last, last)
@@ -38,13 +34,13 @@ def test_promises_are_about_the_sizes_they_name() -> None:
         return Timing(Contestant(name, 1, 1, lambda: None, ratings), (seconds,))
 
     rounds = {
-        1_000_000: [taken(timing.EDGES, 1_000_000, 0.1), taken(timing.FUSED, 999_990, 0.01)],
-        10_000_000: [taken(timing.FUSED, 10_000_000, 0.5)],
+        1_000_000: [taken(timing.EDGES, 1_000_000, 0.1)],
+        10_000_000: [taken(timing.EDGES, 10_000_000, 0.5)],
     }
     lists = Lists(
-        rounds, {(10_000_000, timing.FUSED): 2 * 10**9}, [taken("stream", 10_000, 0.01)], taken("copy", 10, 1)
+        rounds, {(10_000_000, timing.EDGES): 2 * 10**9}, [taken("stream", 10_000, 0.01)], taken("copy", 10, 1)
     )
     found = [target.found.median if target.found else None for target in edge_targets(lists)]
-    assert found == pytest.approx([10, 99.999, 20, 2, 1])
-    assert [target.ok for target in edge_targets(lists)] == [True, False, False, True, False]
-    assert [target.found for target in edge_targets(lists._replace(rounds={}, memory={}, streams=[]))] == [None] * 5
+    assert found == pytest.approx([10, 2, 1])
+    assert [target.ok for target in edge_targets(lists)] == [True, True, False]
+    assert [target.found for target in edge_targets(lists._replace(rounds={}, memory={}, streams=[]))] == [None] * 3

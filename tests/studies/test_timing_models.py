@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roletrust_env.trust import Mean, RoleTrust
+from roletrust_env.trust import Mean, Ratings, RoleTrust
 from studies.timing.contestants import Contestant, Timing
 from studies.timing.models import (
     LIBRARIES,
@@ -55,9 +55,9 @@ def test_a_model_may_ask_who_is_who_and_nobody_rates_itself() -> None:
             seen.append(peers)
             return super().start(like)
 
-        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-            seen.append(mask)
-            return super().update(state, ratings, mask)
+        def update(self, state: Any, ratings: Ratings) -> Any:
+            seen.append(ratings.mask)
+            return super().update(state, ratings)
 
     trust_update("sociable", Sociable(), Size(2, 3), "NumPy", seed=0).step()
     assert np.array_equal(seen[0], np.eye(2, 3, dtype=bool))
@@ -66,10 +66,10 @@ def test_a_model_may_ask_who_is_who_and_nobody_rates_itself() -> None:
 
 def test_a_model_that_fails_is_left_out_and_harms_no_other() -> None:
     class Broken(Mean):
-        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-            if len(ratings) > 2:
+        def update(self, state: Any, ratings: Ratings) -> Any:
+            if ratings.shape[0] > 2:
                 raise RuntimeError("too many raters\nand a long story")
-            return super().update(state, ratings, mask)
+            return super().update(state, ratings)
 
     found = quickly({"broken": Broken(), "mean": Mean()}, (2, 3))
     assert found["broken", "NumPy", Size(2, 3)].timing

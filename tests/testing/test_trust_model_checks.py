@@ -8,6 +8,7 @@ import pytest
 from roletrust_env.arrays import namespace
 from roletrust_env.testing import check_trust_model
 from roletrust_env.testing import trust_models as checks
+from roletrust_env.trust import PROVIDER, Ratings, mean
 
 
 class Means(NamedTuple):
@@ -26,11 +27,9 @@ class Sound:
     def start(self, like: Any) -> Any:
         return Means(0 * namespace(like).ones_like(like[0]) + 0.5, 0 * namespace(like).ones_like(like[:, 0]) + 1)
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        xp = namespace(ratings)
-        number = xp.astype(mask, ratings.dtype).sum(axis=0) if xp is not np else mask.sum(axis=0, dtype=ratings.dtype)
-        total = xp.where(mask, ratings, 0 * xp.ones_like(ratings)).sum(axis=0)
-        return Means(xp.where(number > 0, total / (number + 1e-30), state.top), state.tor)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        top = mean(ratings, ratings.values, PROVIDER)
+        return Means(namespace(top).where(ratings.rated(PROVIDER), top, state.top), state.tor)
 
     def rater_trust(self, state: Any) -> Any:
         return state.tor
@@ -40,58 +39,53 @@ class Sound:
 
 
 class WritesToState(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        after = super().update(state, ratings, mask)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        after = super().update(state, ratings)
         state.top[...] = after.top
         return state
 
 
 class WritesToRatings(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        after = super().update(state, ratings, mask)
-        ratings[...] = 0
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        after = super().update(state, ratings)
+        ratings.values[...] = 0
         return after
 
 
 class RemembersInItself(Sound):
     rounds = 0
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+    def update(self, state: Any, ratings: Ratings) -> Any:
         self.rounds += 1
-        return super().update(state, ratings, mask)
+        return super().update(state, ratings)
 
 
 class IsRandom(Sound):
     def __init__(self) -> None:
         self.random = np.random.default_rng(0).random
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        after = super().update(state, ratings, mask)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        after = super().update(state, ratings)
         return after._replace(top=0.5 * after.top + 0.5 * self.random())
 
 
-class ReadsBeyondTheMask(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        return Means(namespace(ratings).nan_to_num(ratings).mean(axis=0), state.tor)
-
-
 class DividesByNothing(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
+    def update(self, state: Any, ratings: Ratings) -> Any:
         with np.errstate(all="ignore"):
-            return Means(np.where(mask, ratings, 0).sum(axis=0) / mask.sum(axis=0, dtype=ratings.dtype), state.tor)
+            return Means(ratings.values.sum(axis=0) / ratings.weights.sum(axis=0), state.tor)
 
 
 class MixesGames(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        after = super().update(state, ratings, mask)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        after = super().update(state, ratings)
         return after._replace(top=0.5 * after.top + 0.5 * after.top.mean())
 
 
 class ChangesItsShapes(Sound):
     """Remembers one round more each time."""
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        return super().update(state, ratings, mask)._replace(tor=namespace(ratings).concat([state.tor, state.tor[:1]]))
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        return super().update(state, ratings)._replace(tor=namespace(state.tor).concat([state.tor, state.tor[:1]]))
 
     def rater_trust(self, state: Any) -> Any:
         return state.tor[: 3 if len(state.tor) > 3 else None]
@@ -101,8 +95,8 @@ class CountsInAPythonNumber(Sound):
     def start(self, like: Any) -> Any:
         return (super().start(like), 0)
 
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        return (super().update(state[0], ratings, mask), state[1] + 1)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        return (super().update(state[0], ratings), state[1] + 1)
 
     def rater_trust(self, state: Any) -> Any:
         return state[0].tor
@@ -112,24 +106,22 @@ class CountsInAPythonNumber(Sound):
 
 
 class FavoursTheFirst(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        after = super().update(state, ratings, mask)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        after = super().update(state, ratings)
         top = 1 * after.top
         top[0] = 1
         return after._replace(top=top)
 
 
 class MistakesNone(Sound):
-    takes_full_rounds = True
-
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        return Means(0 * ratings[0] + 0.1, state.tor) if mask is None else super().update(state, ratings, mask)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        return super().update(state, ratings) if ratings.mask is not None else state._replace(top=0 * state.top + 0.1)
 
 
 class NumpyOnly(Sound):
-    def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-        top = np.where(mask.any(axis=0), np.where(mask, ratings, 0).max(axis=0), state.top)
-        return Means(top.astype(ratings.dtype), state.tor)
+    def update(self, state: Any, ratings: Ratings) -> Any:
+        top = np.where(ratings.rated(PROVIDER), np.array(ratings.values).max(axis=0), state.top)
+        return Means(top.astype(ratings.values.dtype), state.tor)
 
 
 def test_a_sound_model_passes() -> None:
@@ -143,12 +135,11 @@ def test_a_sound_model_passes() -> None:
         (WritesToRatings(), "writes to the ratings|writes to its arguments; copy them"),
         (RemembersInItself(), "changes its own attributes; keep all memory in the state"),
         (IsRandom(), "it changes itself|two results"),
-        (ReadsBeyondTheMask(), "ratings outside the mask count; replace them first, by xp.where"),
         (DividesByNothing(), r"outside \[0, 1\]"),
         (MixesGames(), "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only"),
         (ChangesItsShapes(), "update changes the shape or dtype of its state; keep both"),
         (CountsInAPythonNumber(), "the state holds 0; a state is a NamedTuple of arrays"),
-        (MistakesNone(), "the mask None differs from a mask of true"),
+        (MistakesNone(), "a round without a mask differs from one with a mask that is true everywhere"),
     ],
     ids=lambda model: type(model).__name__,
 )
@@ -182,7 +173,7 @@ def test_a_model_for_numpy_only_is_told_what_to_change() -> None:
     pytest.importorskip("torch")
     check_trust_model(NumpyOnly(), torch=False)
     with pytest.raises(
-        ValueError, match=r"game runs on torch float32: .*namespace\(ratings\) in place of those of numpy"
+        ValueError, match=r"game runs on torch float32: .*namespace\(ratings\.values\) in place of those of numpy"
     ):
         check_trust_model(NumpyOnly())
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from roletrust_env.trust import TrustModel
+from roletrust_env.trust import Ratings, TrustModel
 
 History = list[list[list[float | None]]]
 """Ratings by round, rater and provider; None where there is none."""
@@ -41,7 +41,7 @@ def played(model: TrustModel[Any], histories: list[History], like: Any) -> list[
     state = model.start(asarray(cells[0], dtype=like.dtype))
     found = []
     for ratings in cells:
-        state = model.update(state, asarray(ratings, dtype=like.dtype), asarray(~np.isnan(ratings)))
+        state = model.update(state, Ratings(asarray(ratings, dtype=like.dtype), asarray(~np.isnan(ratings))))
         found.append((np.asarray(model.rater_trust(state)), np.asarray(model.provider_trust(state))))
     return [[(tor[:, e].tolist(), top[:, e].tolist()) for tor, top in found] for e in range(len(histories))]
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import torch
 
+from roletrust_env.trust import Ratings
+
 Matrix = list[list[Any]]
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (5, 1), (4, 6), (1, 1)], ids=str)
@@ -55,8 +57,8 @@ def assert_follows(model: Any, reference: Callable[[int, int], Reference], shape
     state = model.start(f[0])
     single = model.start(torch.asarray(f[0], dtype=torch.float32))
     for now in range(len(f)):
-        state = model.update(state, f[now], m[now])
-        single = model.update(single, torch.asarray(f[now], dtype=torch.float32), torch.asarray(m[now]))
+        state = model.update(state, Ratings(f[now], m[now]))
+        single = model.update(single, Ratings(torch.asarray(f[now], dtype=torch.float32), torch.asarray(m[now])))
         wanted = [one.round(f[now, ..., e].tolist(), m[now, ..., e].tolist()) for e, one in enumerate(slow)]
         for read, expected in (
             (model.rater_trust, [each.raters for each in wanted]),
@@ -73,7 +75,7 @@ def play(model: Any, *rounds: Sequence[Sequence[float | None]]) -> Any:
     for each in rounds:
         f = np.asarray(each, dtype=float)  # None becomes NaN
         state = model.start(f) if state is None else state
-        state = model.update(state, f, ~np.isnan(f))
+        state = model.update(state, Ratings(f, ~np.isnan(f)))
     return state
 
 
@@ -84,7 +86,7 @@ def assert_gradients_are_finite(model: Any) -> None:
     ratings = torch.asarray(f).requires_grad_()
     state = model.start(ratings[0].detach())
     for now, each in enumerate(ratings):
-        state = model.update(state, each, torch.asarray(m[now]))
+        state = model.update(state, Ratings(each, torch.asarray(m[now])))
     (model.rater_trust(state).sum() + model.provider_trust(state).sum()).backward()
     assert bool(torch.isfinite(ratings.grad).all())
     assert bool((ratings.grad[-1][m[-1]] != 0).any())

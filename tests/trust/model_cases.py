@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_env.testing.trust_models import Ratings as Round
+from roletrust_env.testing.trust_models import Round, random_rounds
 from roletrust_env.testing.trust_models import play_rounds as play
-from roletrust_env.testing.trust_models import random_rounds
 from roletrust_env.testing.trust_models import read_trust as read
 from roletrust_env.testing.trust_models import some_peers as who_is_who
 from roletrust_env.trees import arrays
-from roletrust_env.trust import Traits, TrustModel, make_trust_model, trust_models
+from roletrust_env.trust import Ratings, Traits, TrustModel, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 
 __all__ = ["EVERY_MODEL", "Round", "arrays", "play", "random_rounds", "read", "who_is_who"]
@@ -55,7 +54,7 @@ def assert_matches(model: TrustModel[Any], reference: Reference, count: int = 15
         ]
         for (ratings, mask), *games in zip(rounds, *slow, strict=True):
             expected = [np.stack(trust, -1) for trust in zip(*games, strict=True)]
-            state = model.update(state, ratings, mask)
-            single = model.update(single, torch.asarray(ratings.astype(np.float32)), torch.asarray(mask))
+            state = model.update(state, Ratings(ratings, mask))
+            single = model.update(single, Ratings(torch.asarray(ratings.astype(np.float32)), torch.asarray(mask)))
             assert_close(read(model, state), expected, 1e-9)
             assert_close(read(model, single), expected, 1e-4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from roletrust_env.trust import RoleTrust
+from roletrust_env.trust import Ratings, RoleTrust
 from roletrust_env.trust import ratings as prepared
 
 
@@ -16,10 +16,10 @@ def test_blocks_of_raters_add_up_to_all_of_them(
     blocked = whole = model.start(np.zeros(shape))
     for t in range(20):
         ratings, mask = rng.random(shape), None if t % 3 else rng.random(shape) < 0.6
-        whole = model.update(whole, ratings, mask)
+        whole = model.update(whole, Ratings(ratings, mask))
         with monkeypatch.context() as patch:
             patch.setattr(prepared, "_LARGE", 3)
             patch.setattr(prepared, "_BLOCK", block)
-            blocked = model.update(blocked, ratings, mask)
+            blocked = model.update(blocked, Ratings(ratings, mask))
         for one, other in zip(blocked[:4], whole[:4], strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)

@@ -10,10 +10,8 @@ from hypothesis import given, settings
 from model_cases import assert_close, having, named, read
 
 from roletrust_env.trees import map_kinds
-from roletrust_env.trust import Traits, TrustModel, trust_models
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.edge_state import edge_model, no_ratings, start_on_edges
-from roletrust_env.trust.edges import EdgeCells, edge_ratings
+from roletrust_env.trust import Ratings, Traits, TrustModel, trust_models
+from roletrust_env.trust.edge_state import edge_model, no_ratings, runs_on_edges, start_on_edges
 from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.model import start_model
 
@@ -52,7 +50,7 @@ def grid_trust(model: TrustModel[Any], shape: tuple[int, int], rounds: list[Edge
     state = start_model(model, np.zeros(shape), np.zeros(shape, bool) if peers is None else peers)
     found = []
     for edges in rounds:
-        state = model.update(state, *on_grid(edges, shape))
+        state = model.update(state, Ratings(*on_grid(edges, shape)))
         found.append(read(model, state))
     return found
 
@@ -141,7 +139,7 @@ def test_a_local_model_in_a_round_of_few_changes_only_them(name: str) -> None:
     for edges in rounds:
         before = ledger.rater_trust, ledger.provider_trust
         ledger.play(*edges)
-        if model.local:
+        if Traits.of(model).local:
             away = np.setdiff1d(np.arange(300), edges[0]), np.setdiff1d(np.arange(200), edges[1])
             after = ledger.rater_trust, ledger.provider_trust
             assert all(np.array_equal(a[x], b[x]) for a, b, x in zip(before, after, away, strict=True))
@@ -155,15 +153,14 @@ def test_edges_on_torch(name: str, dtype: torch.dtype, tolerance: float) -> None
     model, shape = edge_model(named(name)), (9, 7)
     rounds, like = random_log(5, shape), torch.zeros((), dtype=dtype)
     everyone = torch.arange(63)
-    known = EdgeCells(everyone // 7, everyone % 7, shape)
+    known = Ratings(None, raters=everyone // 7, providers=everyone % 7, shape=shape)
     state = start_on_edges(model, shape, like)
     state = map_kinds(lambda kind, leaf: leaf.new_zeros(63) if kind in ("pair", "age") else leaf, state)
     for raters, providers, values in rounds:
-        places = torch.asarray(raters), torch.asarray(providers)
-        ratings = edge_ratings(
-            *places, torch.asarray(values, dtype=dtype), shape, known=known, slots=places[0] * 7 + places[1]
-        )
-        state = model.after_round(state, ratings)
+        i, j = torch.asarray(raters), torch.asarray(providers)
+        given = torch.asarray(values, dtype=dtype)
+        ratings = Ratings(given, raters=i, providers=j, shape=shape, pairs=known, slots=i * 7 + j)
+        state = model.update(state, ratings)
     assert all(trust.dtype == dtype for trust in read(model, state))
     assert_close(read(model, state), grid_trust(named(name), shape, rounds)[-1], tolerance)
 
@@ -173,7 +170,7 @@ def test_the_start_on_edges_is_that_on_a_grid(name: str) -> None:
     model = edge_model(named(name))
     on_edges, grid = start_on_edges(model, (4, 3)), start_model(named(name), np.zeros((4, 3)), np.zeros((4, 3), bool))
     assert_close(read(model, on_edges), read(named(name), grid), 1e-12)
-    again = model.after_round(on_edges, no_ratings(np.zeros(1), (4, 3)))
+    again = model.update(on_edges, no_ratings(np.zeros(1), (4, 3)))
     assert_close(read(model, again), read(model, on_edges), 1e-12)
 
 
@@ -191,4 +188,4 @@ def test_a_personal_model_is_refused(name: str) -> None:
 
 
 def test_all_central_models_run_on_edges() -> None:
-    assert all(isinstance(named(name), Central) for name in CENTRAL)
+    assert all(runs_on_edges(named(name)) for name in CENTRAL)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from roletrust_env.trust import judges
+from roletrust_env.trust import PROVIDER, Ratings, judges
 
 
 def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,16 +25,17 @@ def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
     f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
-    outcomes, met = judges.mask_ratings(f, m)
+    ratings = Ratings(f, m)
+    outcomes, met = ratings.values, ratings.weights
     assert judges.compare_opinions(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
     assert judges.in_common(met).tolist() == [[2, 2], [2, 3]]
-    assert judges.is_rated(met).tolist() == [True, True, True]
+    assert ratings.rated(PROVIDER).tolist() == [True, True, True]
 
 
 def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
     memory = judges.nothing_yet(np.ones((1, 2)), 2)
     for f, m in (([1.0, 2.0], [1, 1]), ([3.0, 9.0], [1, 0]), ([4.0, 5.0], [1, 1])):
-        memory = judges.remember(memory, np.array([f]), np.array([m], bool))
+        memory = judges.push(memory, np.array([f]), Ratings(np.array([f]), np.array([m], bool)))
     assert memory.tolist() == [[[4, 5]], [[3, 2]]]
 
 

@@ -8,6 +8,7 @@ import torch
 
 import roletrust_env
 from roletrust_env import Game, JointPolicy, make_scenario, record
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.model_checks import needs_watching
 
 
@@ -31,7 +32,7 @@ class Turncoat:
     def start(self, like: Any) -> Trusts:
         return Trusts(0 * like[:, 0] + 0.5, 0 * like[0] + 0.5, 0)
 
-    def update(self, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+    def update(self, state: Trusts, ratings: Ratings) -> Trusts:
         return state._replace(rounds=state.rounds + 1)
 
     def rater_trust(self, state: Trusts) -> Any:
@@ -44,7 +45,7 @@ class Turncoat:
 class Broken(Turncoat):
     """Forgets to return its state."""
 
-    def update(self, state: Trusts, ratings: Any, mask: Any) -> Any:
+    def update(self, state: Trusts, ratings: Ratings) -> Any:
         return None
 
 
@@ -95,26 +96,26 @@ def test_a_model_that_cannot_play_at_all_is_refused_at_once() -> None:
 class Writer(Turncoat):
     """Sound, but for what it writes to."""
 
-    def update(self, state: Trusts, ratings: Any, mask: Any) -> Trusts:
-        return self.what(self, state, ratings, mask)
+    def update(self, state: Trusts, ratings: Ratings) -> Trusts:
+        return self.what(self, state, ratings)
 
 
-def forget_ratings(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
-    ratings[~mask] = 0
+def forget_ratings(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
+    ratings.values[0] = 1
     return state
 
 
-def widen_mask(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
-    mask[...] = True
+def widen_weights(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
+    ratings.weights[...] = 1
     return state
 
 
-def change_the_state(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+def change_the_state(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
     state.top[...] *= 0.5
     return state
 
 
-def remember_in_self(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trusts:
+def remember_in_self(self: Any, state: Trusts, ratings: Ratings) -> Trusts:
     self.rounds = getattr(self, "rounds", 0) + 1
     return state._replace(top=0 * state.top + 1 / self.rounds)
 
@@ -124,7 +125,7 @@ def remember_in_self(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trust
     ("what", "complaint"),
     [
         (forget_ratings, "writes to the ratings or to the mask"),
-        (widen_mask, "writes to the ratings or to the mask"),
+        (widen_weights, "writes to the ratings or to the mask"),
         (change_the_state, "twice alike: it changes the state it is given"),
         (remember_in_self, "twice alike: it changes itself"),
     ],
@@ -132,6 +133,16 @@ def remember_in_self(self: Any, state: Trusts, ratings: Any, mask: Any) -> Trust
 def test_a_model_that_is_no_function_is_refused_at_once(what: Any, complaint: str, like: Any) -> None:
     with pytest.raises(ValueError, match=rf"trust model Turncoat\(\) cannot play one round.*{complaint}"):
         Game(make_scenario("paper-3x3"), Writer(what), like)
+
+
+@pytest.mark.parametrize("name", ["mask", "present"])
+def test_an_update_with_a_third_argument_is_one_clear_error(name: str) -> None:
+    namespace: dict[str, Any] = {"Turncoat": Turncoat}
+    exec(f"class Old(Turncoat):\n    def update(self, state, ratings, {name}): return state", namespace)
+    wanted = rf"has update\(state, ratings, {name}\); it must be update\(state, ratings\)"
+    with pytest.raises(ValueError, match=wanted) as error:
+        Game(make_scenario("paper-3x3"), namespace["Old"](None))
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("like", [np.zeros((), np.float32), torch.zeros(())], ids=["numpy", "torch"])

@@ -11,6 +11,7 @@ from roletrust_env import Game, JointPolicy, make_scenario, record
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust import (
     Mean,
+    Ratings,
     RoleTrust,
     Traits,
     TrustModel,
@@ -99,22 +100,19 @@ def test_a_broken_package_harms_only_who_asks_for_it(install: Callable[[str, str
 # --- what a model is fit for ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("takes", [False, True])
-def test_a_model_is_spared_the_mask_only_if_it_says_that_it_takes_none(takes: bool) -> None:
+def test_a_full_round_has_no_mask() -> None:
     seen: list[Any] = []
 
     class Curious(Mean):
-        takes_full_rounds = takes
-
-        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-            seen.append(mask)
-            return super().update(state, ratings, mask)
+        def update(self, state: Any, ratings: Ratings) -> Any:
+            seen.append(ratings.mask)
+            return super().update(state, ratings)
 
     game = Game(make_scenario("paper-3x3").change(max_cycles=5), Curious())
     seen.clear()
     record(JointPolicy(game, {}), game.random(0))
     assert not seen[0].any()  # nothing has been served yet
-    assert all(mask is None if takes else mask.all() for mask in seen[1:])
+    assert all(mask is None for mask in seen[1:])
 
 
 class Neighbours(NamedTuple):
@@ -133,7 +131,7 @@ class Sociable:
     def start(self, like: Any, peers: Any) -> Neighbours:
         return Neighbours(0 * like[0] + peers.sum(axis=0).reshape(-1, *[1] * (like.ndim - 2)), 0 * like[:, 0] + 1)
 
-    def update(self, state: Neighbours, ratings: Any, mask: Any) -> Neighbours:
+    def update(self, state: Neighbours, ratings: Ratings) -> Neighbours:
         return state
 
     def rater_trust(self, state: Neighbours) -> Any:
@@ -156,18 +154,11 @@ def test_traits_have_usual_values() -> None:
     assert Traits.of(make_trust_model("role-trust")).source.startswith("Su")
 
 
-def test_a_model_that_overrides_the_update_of_another_is_given_the_mask() -> None:
-    """It has not said that its own takes None."""
-
+def test_a_model_may_drop_ratings_before_another_takes_them() -> None:
     class Deaf(RoleTrust):
-        def update(self, state: Any, ratings: Any, mask: Any) -> Any:
-            return super().update(state, ratings, mask & (ratings > 0.1))
-
-    class Renamed(RoleTrust):
-        pass
+        def update(self, state: Any, ratings: Ratings) -> Any:
+            return super().update(state, Ratings(ratings.values, (ratings.weights > 0) & (ratings.values > 0.1)))
 
     rules = make_scenario("paper-3x3").change(max_cycles=5, noise=0.0, perturbations=[])
     deaf, plain = (record(JointPolicy(game, {}), game.random(0)) for game in (Game(rules, Deaf()), Game(rules)))
     np.testing.assert_allclose(deaf.top, plain.top, rtol=0, atol=1e-12)
-    assert Traits.of(Renamed()).takes_full_rounds
-    assert not Traits.of(Deaf).takes_full_rounds

@@ -17,7 +17,7 @@ from roletrust_env import evaluate, make_scenario
 from roletrust_env.benchmarking.sources import hashes
 from roletrust_env.evaluation.specs import check_installed, named_factory, parse_trust_model
 from roletrust_env.testing import trust_models as checks
-from roletrust_env.trust import outside_sessions
+from roletrust_env.trust import Ratings, outside_sessions
 from roletrust_env.trust.model import registry
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_env.trust.outside_links import ProcessLink
@@ -49,7 +49,7 @@ def played(address, ratings=0.8, raters=2, providers=2):
     """The model and its state after one round of equal ratings."""
     model = OutsideModel(address)
     rounds = np.full((raters, providers, 3), ratings)
-    return model, model.update(model.start(np.zeros(rounds.shape)), rounds, rounds > 0)
+    return model, model.update(model.start(np.zeros(rounds.shape)), Ratings(rounds, rounds > 0))
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_they_keep_to_the_contract(service):
     model = OutsideModel(service)
     for shape in ((3, 3), (2, 5, 6)):
         checks.check_kinds(model, shape, np.float32)
-        checks.check_masks(model, shape)
+        checks.check_silence(model, shape)
         checks.check_batch(model, (*shape[:2], 3))
     checks.check_permutation(model)
     checks.check_torch(model, (3, 4))
@@ -100,7 +100,7 @@ def test_the_model_gets_ratings_and_nothing_else(tmp_path):
     ).format(answer="{'providers': [0.5] * message['providers']}")
     model = OutsideModel(program(tmp_path, text))
     ratings = np.array([[0.25, 0.5], [0.75, 1.0]])
-    model.update(model.start(np.zeros((2, 2))), ratings, np.array([[True, False], [True, True]]))
+    model.update(model.start(np.zeros((2, 2))), Ratings(ratings, np.array([[True, False], [True, True]])))
     begun, round = map(json.loads, log.read_text().splitlines())
     number = begun.pop("game")
     assert begun == {"round": 0, "raters": 2, "providers": 2, "ratings": []}
@@ -116,7 +116,7 @@ def test_the_messages_on_the_page_are_those_of_the_protocol(tmp_path):
     sent = outside_sessions._request(message["game"], message["round"], shape, message["ratings"])
     assert json.loads(sent) == message
     model = OutsideModel(echo(tmp_path, repr(answer)))
-    state = model.update(model.start(np.zeros(shape)), ratings, ratings == ratings)
+    state = model.update(model.start(np.zeros(shape)), Ratings(ratings, ratings == ratings))
     assert model.provider_trust(state).tolist() == answer["providers"]
     assert model.rater_trust(state).tolist() == answer["raters"]
 
@@ -177,22 +177,22 @@ def test_a_game_does_not_go_back(service):
     model = OutsideModel(service)
     start = model.start(np.zeros((2, 2)))
     ratings = np.full((2, 2), 0.9)
-    first = model.update(start, ratings, ratings > 0)
-    again = model.update(start, ratings, ratings > 0)  # a game without ratings begins again
+    first = model.update(start, Ratings(ratings, ratings > 0))
+    again = model.update(start, Ratings(ratings, ratings > 0))  # a game without ratings begins again
     assert (model.provider_trust(first) == model.provider_trust(again)).all()
-    model.update(first, ratings, ratings > 0)
+    model.update(first, Ratings(ratings, ratings > 0))
     with pytest.raises(ValueError, match="cannot go back to round 1 of a game"):
-        model.update(first, ratings, ratings > 0)
+        model.update(first, Ratings(ratings, ratings > 0))
 
 
 def test_old_games_are_forgotten(service, monkeypatch):
     monkeypatch.setattr(outside_sessions, "MOST_GAMES", 4)
     model = OutsideModel(service)
     ratings = np.full((2, 2, 3), 0.9)
-    old = model.update(model.start(ratings), ratings, ratings > 0)
+    old = model.update(model.start(ratings), Ratings(ratings, ratings > 0))
     model.start(ratings)
     with pytest.raises(ValueError, match="cannot go back"):
-        model.update(old, ratings, ratings > 0)
+        model.update(old, Ratings(ratings, ratings > 0))
 
 
 def test_the_process_ends_with_the_model(tmp_path):

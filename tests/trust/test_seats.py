@@ -6,7 +6,7 @@ import torch
 
 from roletrust_env import evaluate, make_trust_model, trust_models
 from roletrust_env.testing.trust_models import play_rounds, random_rounds
-from roletrust_env.trust import Traits
+from roletrust_env.trust import Ratings, Traits
 from roletrust_env.trust.models.central.mean import Mean
 from roletrust_env.trust.seats import RandomSeats
 
@@ -17,12 +17,10 @@ NOBODY = np.zeros((5, 4), bool)
 class FirstRaters(Mean):
     """A model that believes the first raters only, since compromised agents often are the last ones."""
 
-    takes_full_rounds = False
-
-    def update(self, state, ratings, mask):
-        mask = np.array(mask)
+    def update(self, state, ratings):
+        mask = ratings.weights > 0
         mask[len(mask) // 2 :] = False
-        return super().update(state, ratings, mask)
+        return super().update(state, Ratings(ratings.values, mask))
 
 
 @pytest.mark.parametrize("name", trust_models())
@@ -44,8 +42,8 @@ def test_an_agent_of_both_roles_is_refused():
 
 def test_the_same_round_has_the_same_result_twice():
     model, (first, second) = RandomSeats(make_trust_model("role-trust")), random_rounds(SHAPE)[:2]
-    state = model.update(model.start(np.zeros(SHAPE), NOBODY), *first)
-    one, other = (model.provider_trust(model.update(state, *second)) for _ in range(2))
+    state = model.update(model.start(np.zeros(SHAPE), NOBODY), Ratings(*first))
+    one, other = (model.provider_trust(model.update(state, Ratings(*second))) for _ in range(2))
     np.testing.assert_array_equal(one, other)
 
 
@@ -63,7 +61,7 @@ def test_it_is_the_same_on_torch():
     rounds, model = random_rounds(SHAPE), RandomSeats(make_trust_model("qor"), 5)
     state = model.start(torch.zeros(SHAPE, dtype=torch.float64), torch.tensor(NOBODY))
     for ratings, mask in rounds:
-        state = model.update(state, torch.tensor(ratings), torch.tensor(mask))
+        state = model.update(state, Ratings(torch.tensor(ratings), torch.tensor(mask)))
     here = model.provider_trust(play_rounds(model, rounds, np.zeros(SHAPE), NOBODY))
     np.testing.assert_allclose(model.provider_trust(state).numpy(), here, atol=1e-12)
 

@@ -90,10 +90,10 @@ class Broken(Mean):
     def provider_trust(self, state):
         return super().provider_trust(state) + (2 if (state.top > 0.6).any() else 0)
 
-    def update(self, state, ratings, mask=None):
-        if (ratings == 0.25).any():
+    def update(self, state, ratings):
+        if (ratings.values == 0.25).any():
             raise RuntimeError("a quarter")
-        return super().update(state, ratings, mask)
+        return super().update(state, ratings)
 
 
 def test_a_model_that_fails_is_one_error():

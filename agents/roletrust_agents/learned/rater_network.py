@@ -11,7 +11,7 @@ from pydantic import Field
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.models.central.leave_one_out import Compared, LeaveOneOut
-from roletrust_env.trust.ratings import TINY, Cells
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Ratings, weighted_mean
 
 Floats = npt.NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class RaterNetworkTrust(LeaveOneOut):
     Example:
         >>> model = RaterNetworkTrust(weights=tuple(start_weights()))
         >>> ratings = np.array([[0.9, 0.4], [0.9, 0.5], [0.1, 1.0]])
-        >>> state = model.update(model.start(ratings), ratings, ratings >= 0)
+        >>> state = model.update(model.start(ratings), Ratings(ratings))
         >>> model.rater_trust(state).round(3)
         array([0.178, 0.214, 0.081])
     """
@@ -96,7 +96,7 @@ class RaterNetworkTrust(LeaveOneOut):
         Field(min_length=SIZE, max_length=SIZE),
     ] = Field(kw_only=True)
 
-    def believed(self, pairs: Cells, compared: Compared) -> Array:
+    def believed(self, pairs: Ratings, compared: Compared) -> Array:
         """See `LeaveOneOut.believed`."""
         xp, evidence, like = namespace(compared.evidence), compared.evidence, compared.agreement
         own = {
@@ -105,11 +105,11 @@ class RaterNetworkTrust(LeaveOneOut):
         }
         deviation = _SCALE * (compared.apart - compared.view)
         distance = abs(deviation)
-        dispute = pairs.of_providers(pairs.weighted_mean_over_raters(distance, compared.voice))
+        dispute = pairs.gather(weighted_mean(pairs, distance, compared.voice, PROVIDER), PROVIDER)
         seen = xp.stack([deviation, distance, compared.above, compared.voice, dispute + 0 * deviation])
         pair = xp.tanh(_layer(own["pair.weight"], seen) + _column(own["pair.bias"], seen))
-        pooled = xp.stack([pairs.weighted_mean_over_providers(pair[k, ...], evidence) for k in range(UNITS)])
-        mass = pairs.sum_over_providers(evidence)
+        pooled = xp.stack([weighted_mean(pairs, pair[k, ...], evidence, RATER) for k in range(UNITS)])
+        mass = pairs.reduce(evidence, RATER)
         mean = (pooled * mass).sum(axis=1) / (mass.sum(axis=0) + TINY)
         rater = _layer(own["rater.weight"], pooled) + _layer(own["rater.mean"], mean)[:, None, ...]
         rater = xp.tanh(rater + _column(own["rater.bias"], pooled))

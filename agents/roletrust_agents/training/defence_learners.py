@@ -15,7 +15,7 @@ from roletrust_env.arrays import Array
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.specs import named_factory, parse_named
 from roletrust_env.parameters import Factor, Inside, Lam, LessThanHalf, Power, Ridge, Share
-from roletrust_env.trust import TrustModel
+from roletrust_env.trust import Ratings, TrustModel
 from roletrust_env.trust.model import registry
 
 _SCENARIO = ("initial",)  # what the scenario says about everybody is not learned
@@ -142,9 +142,9 @@ class TrustSideBySide:
         """Return the state before any rating. See `TrustModel.start`."""
         return self._players(like).start(like)
 
-    def update(self, state: Any, ratings: Array, mask: Any) -> Any:
+    def update(self, state: Any, ratings: Ratings) -> Any:
         """Return the state after one more round. See `TrustModel.update`."""
-        return self._players(ratings).update(state, ratings, mask)
+        return self._players(ratings.values).update(state, ratings)
 
     def rater_trust(self, state: Any) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
@@ -162,7 +162,7 @@ def _trust_after(model: TrustModel[Any], ratings: Array) -> Array:
     """Return both trusts after two rounds, (S + P, K, G)."""
     state = model.start(ratings)
     for now in (ratings, 1 - ratings):
-        state = model.update(state, now, now > 0.1)
+        state = model.update(state, Ratings(now, now > 0.1))
     return np.concatenate([model.rater_trust(state), model.provider_trust(state)])
 
 

@@ -8,9 +8,9 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.edges import merge_repeats
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats
+from roletrust_env.trust.ratings import Ratings, merge_repeats
 
 
 class Records(NamedTuple):
@@ -54,13 +54,13 @@ class RobustRep:
         empty = xp.stack([0 * like + xp.nan] * self.window)
         return Records(empty, 0 * like[:, 0] + 1, 0 * like[0] + self.initial)
 
-    def update(self, state: Records, ratings: Array, mask: Any) -> Records:
+    def update(self, state: Records, ratings: Ratings) -> Records:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        given = xp.where(mask, ratings, xp.nan)[None, ...]
+        xp, values = namespace(ratings.values), ratings.values
+        given = xp.where(ratings.weights > 0, values, xp.nan)[None, ...]
         records = xp.concat((state.ratings[1:], given))
         scores = _scores(np.asarray(records).reshape(*records.shape[:3], -1)).reshape(state.top.shape)
-        new = xp.asarray(scores, dtype=ratings.dtype, device=ratings.device)
+        new = xp.asarray(scores, dtype=values.dtype, device=values.device)
         return state._replace(ratings=records, top=xp.where(xp.isnan(new), state.top, new))
 
     def ledger(self, shape: tuple[int, int]) -> "VoteLog":

@@ -12,7 +12,7 @@ import numpy as np
 
 from roletrust_env.metrics import skill
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
-from roletrust_env.trust import Traits, make_trust_model, trust_models
+from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
 from studies.findings.finding import Finding, amount, exact
 from studies.findings.games import Effort
@@ -139,7 +139,7 @@ def trust_in(name: str, world: World) -> Trusted:
     model = make_trust_model(name)
     state = start_model(model, np.zeros(world.ratings.shape[1:]), np.zeros(world.ratings.shape[1:3], bool))
     for ratings, mask in zip(world.ratings, world.mask, strict=True):
-        state = model.update(state, ratings, mask)
+        state = model.update(state, Ratings(ratings, mask))
     published = np.asarray(model.provider_trust(state))
     if Traits.of(model).family != "personal":
         return Trusted(published, published[None])

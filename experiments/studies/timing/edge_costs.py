@@ -1,17 +1,13 @@
 """Cost of central models with ratings as a list: the time of a round, and its memory, by the number of ratings."""
 
-import importlib.util
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from roletrust_env.evaluation.resources import in_bytes, in_time
-from roletrust_env.trust.central import Central
+from roletrust_env.trust import TrustModel
 from studies.timing import edges as timing
 from studies.timing.contestants import Timing, measure
 from studies.timing.models import Limits
-
-LISTS = "edges", "fused"
-"""Ways to add up: NumPy, and loops compiled by numba."""
 
 LIMITS = Limits(seconds=10.0, memory=8e9)
 
@@ -27,12 +23,12 @@ class EdgeCell(NamedTuple):
     left_out: str = ""
 
 
-EdgeCosts = dict[tuple[str, str, int], EdgeCell]
-"""Rounds by the model's name, the way to add up and the number of ratings."""
+EdgeCosts = dict[tuple[str, int], EdgeCell]
+"""Rounds by the model's name and the number of ratings."""
 
 
 def measure_lists(
-    models: Mapping[str, Central],
+    models: Mapping[str, TrustModel[Any]],
     sizes: Sequence[int],
     *,
     limits: Limits = LIMITS,
@@ -63,20 +59,17 @@ def measure_lists(
             f"{in_bytes(limits.memory)} are allowed, {limits.memory / BYTES:,.0f} ratings"
         )
     found: EdgeCosts = {}
-    ways = LISTS if importlib.util.find_spec("numba") is not None else LISTS[:1]
     for size in sorted(sizes):
         edges = timing.Edges.of(size, seed)
-        found[timing.PLAIN, LISTS[0], size] = _timed(timing.by_hand(edges), repeats, slice_s)
+        found[timing.PLAIN, size] = _timed(timing.by_hand(edges), repeats, slice_s)
         for name, model in models.items():
             advance(f"{name}, {size:,} ratings")
-            for way in ways:
-                shorter = [cell for (one, of, n), cell in found.items() if (one, of) == (name, way) and n < size]
-                reason = _too_much(shorter[-1], size, limits) if shorter else ""
-                if reason:
-                    found[name, way, size] = EdgeCell(None, left_out=reason)
-                    continue
-                made = timing.round_of(name, model, edges, fused=way == LISTS[1])
-                found[name, way, size] = _timed(made, repeats, slice_s)
+            shorter = [cell for (other, n), cell in found.items() if other == name and n < size]
+            reason = _too_much(shorter[-1], size, limits) if shorter else ""
+            if reason:
+                found[name, size] = EdgeCell(None, left_out=reason)
+            else:
+                found[name, size] = _timed(timing.round_of(name, model, edges), repeats, slice_s)
     return found
 
 

@@ -1,6 +1,5 @@
 """Contestants with ratings as edges: a round of role-trust, the same sums in plain NumPy, and streams."""
 
-import importlib.util
 import itertools
 import tracemalloc
 from collections.abc import Callable
@@ -11,18 +10,15 @@ import numpy.typing as npt
 
 from roletrust_env.data import TrustStream
 from roletrust_env.trees import map_kinds
-from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.central import Central
+from roletrust_env.trust import Ratings, TrustModel, make_trust_model
 from roletrust_env.trust.edge_state import start_on_edges
-from roletrust_env.trust.edges import EdgeCells, EdgeRatings
-from roletrust_env.trust.fused import FusedCells, FusedRatings
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from studies.timing.contestants import Contestant, Timing
 
 EACH = 10
 """Ratings of each rater, and of each provider, on average."""
 
-PLAIN, EDGES, FUSED, COPY = "plain NumPy", "role-trust on edges", "role-trust, fused", "copy"
+PLAIN, EDGES, COPY = "plain NumPy", "role-trust on edges", "copy"
 
 _COPIED = 10_000_000  # numbers whose copying shows the bandwidth: more than a cache holds
 _COPIED_BYTES = 16  # a number is read and written
@@ -68,11 +64,8 @@ class Measured(NamedTuple):
 
 
 def rounds(edges: Edges) -> list[Measured]:
-    """Return a round of role-trust in which all pairs rate again: in plain NumPy, on edges and, with numba, fused."""
-    made = [by_hand(edges), round_of(EDGES, RoleTrust(), edges)]
-    if importlib.util.find_spec("numba") is not None:
-        made.append(round_of(FUSED, RoleTrust(), edges, fused=True))
-    return made
+    """Return a round of role-trust in which all pairs rate again: in plain NumPy, and on edges."""
+    return [by_hand(edges), round_of(EDGES, RoleTrust(), edges)]
 
 
 def by_hand(edges: Edges) -> Measured:
@@ -80,30 +73,21 @@ def by_hand(edges: Edges) -> Measured:
     return _measured(PLAIN, edges, lambda: plain(edges))
 
 
-def round_of(name: str, model: Central, edges: Edges, *, fused: bool = False) -> Measured:
+def round_of(name: str, model: TrustModel[Any], edges: Edges) -> Measured:
     """Return a round of a central model in which all pairs rate again."""
-    if fused:
-        on_edges(Edges.of(100, 0), model, fused=True)()  # compiles
-    return _measured(name, edges, lambda: on_edges(edges, model, fused=fused))
+    return _measured(name, edges, lambda: on_edges(edges, model))
 
 
-def on_edges(edges: Edges, model: Central | None = None, *, fused: bool = False) -> Callable[[], Any]:
-    """Return a function that plays the third round of a model, role-trust if left out, and returns the state after it.
-
-    The order of the pairs by rater and by provider, which fused sums need, is known then, as it is where pairs meet
-    again.
-    """
-    model, shape = model or RoleTrust(), (edges.side, edges.side)
-    cells = (FusedCells if fused else EdgeCells)(edges.raters, edges.providers, shape)
+def on_edges(edges: Edges, model: TrustModel[Any]) -> Callable[[], Any]:
+    """Return a function that plays the third round of a central model, and returns the state after it."""
+    shape = (edges.side, edges.side)
     state = map_kinds(
         lambda kind, leaf: np.zeros(len(edges.raters)) if kind in ("pair", "age") else leaf,
         start_on_edges(model, shape),
     )
 
     def after(state: Any, values: Floats) -> Any:
-        if isinstance(cells, FusedCells):
-            return model.after_round(state, FusedRatings(cells, values, cells, None))
-        return model.after_round(state, EdgeRatings(cells, values, cells, None))
+        return model.update(state, Ratings(values, raters=edges.raters, providers=edges.providers, shape=shape))
 
     for values in edges.values:
         state = after(state, values)

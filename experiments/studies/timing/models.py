@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from roletrust_env.arrays import namespace
 from roletrust_env.evaluation.resources import in_bytes, in_time
-from roletrust_env.trust import Traits, TrustModel
+from roletrust_env.trust import Ratings, Traits, TrustModel
 from roletrust_env.trust.model import start_model
 from studies.timing.compiling import compile_ahead
 from studies.timing.contestants import Contestant, Timing, compiled, measure, source
@@ -76,10 +76,10 @@ def trust_update(name: str, model: TrustModel[Any], size: Size, library: str, se
     ratings, others = (random.uniform(size) for _ in range(2))
     traits = Traits.of(model)
     peers = (namespace(like).eye(*size) > 0) & traits.takes_peers
-    mask = None if traits.takes_full_rounds and not traits.takes_peers else ~peers
+    mask = ~peers if traits.takes_peers else None
 
     def update(state: Any, ratings: Any) -> tuple[Any, Any, Any]:
-        state = model.update(state, ratings, mask)
+        state = model.update(state, Ratings(ratings, mask))
         return state, model.rater_trust(state), model.provider_trust(state)
 
     # After the second update every rating has a predecessor, as in the middle of a game.

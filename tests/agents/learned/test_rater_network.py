@@ -15,6 +15,7 @@ from roletrust_agents.learned.rater_network import SHAPES, SIZE, UNITS, RaterNet
 from roletrust_agents.learned.saved import digest
 from roletrust_agents.learned.saved_defence import DefenceCard, SavedTrust, load_defence, save_defence, weights_bytes
 from roletrust_env.testing import check_trust_model
+from roletrust_env.trust import Ratings
 from roletrust_env.trust.ledger import Ledger
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
@@ -76,7 +77,7 @@ def test_a_round_is_that_of_the_formulas(seed, raters, providers):
     ratings, mask = rng.random((raters, providers)), rng.random((raters, providers)) < 0.7
     vector = some_weights(seed)
     model = model_of(vector)
-    state = model.update(model.start(ratings), ratings, mask)
+    state = model.update(model.start(ratings), Ratings(ratings, mask))
     np.testing.assert_allclose(model.rater_trust(state), one_round(ratings, mask, vector), rtol=1e-9)
 
 
@@ -91,7 +92,7 @@ def test_it_plays_a_list_of_ratings_as_a_grid():
     state = model.start(np.zeros(shape))
     for _ in range(4):
         ratings, mask = rng.random(shape), rng.random(shape) < 0.4
-        state = model.update(state, ratings, mask)
+        state = model.update(state, Ratings(ratings, mask))
         ledger.play(*np.nonzero(mask), ratings[mask])
         np.testing.assert_allclose(ledger.rater_trust, model.rater_trust(state), rtol=1e-9)
         np.testing.assert_allclose(ledger.provider_trust, model.provider_trust(state), rtol=1e-9)
@@ -101,7 +102,7 @@ def test_it_begins_as_leave_one_out():
     rng = np.random.default_rng(0)
     ratings = rng.random((6, 4, 3))
     network, plain = model_of(start_weights()), LeaveOneOut()
-    pairs = [(model, model.update(model.start(ratings), ratings, ratings >= 0)) for model in (network, plain)]
+    pairs = [(model, model.update(model.start(ratings), Ratings(ratings, ratings >= 0))) for model in (network, plain)]
     seen, expected = (model.rater_trust(state) for model, state in pairs)
     np.testing.assert_allclose(seen, expected / (1 + math.exp(-3)))
     np.testing.assert_allclose(*(model.provider_trust(state) for model, state in pairs), atol=0.01)

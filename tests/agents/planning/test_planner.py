@@ -22,7 +22,7 @@ from roletrust_env.evaluation.measurement import (
 from roletrust_env.evaluation.search import Budget, HonestPlay, UnsuitableError, find
 from roletrust_env.evaluation.smooth import SOFT, SmoothRoleTrust
 from roletrust_env.game.make_task import make_task
-from roletrust_env.trust import RoleTrust
+from roletrust_env.trust import Ratings, RoleTrust
 
 
 def certain(rounds, **arguments):
@@ -108,7 +108,7 @@ def test_smooth_trust_is_near_the_true_one():
     states = [model.start(np.zeros((4, 3))) for model in (true, soft)]
     for _ in range(10):
         ratings, mask = random.random((4, 3)), random.random((4, 3)) < 0.7
-        states = [model.update(s, ratings, mask) for model, s in zip((true, soft), states, strict=True)]
+        states = [model.update(s, Ratings(ratings, mask)) for model, s in zip((true, soft), states, strict=True)]
     for one, other in zip(*states, strict=True):
         assert one == pytest.approx(other, abs=2 * SOFT**0.5)
 
@@ -119,7 +119,7 @@ def test_gradients_are_finite_where_raters_agree(model):
     like = torch.zeros((3, 2), dtype=torch.float64)
     note = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
     ratings, mask = like + note, torch.tensor([[True, False]] * 3)
-    state = model().update(model().start(like), ratings, mask)
+    state = model().update(model().start(like), Ratings(ratings, mask))
     (state.tor.sum() + state.top.sum()).backward()
     assert bool(torch.isfinite(note.grad))
 

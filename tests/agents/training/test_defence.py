@@ -17,6 +17,7 @@ from roletrust_env.evaluation.attackers import Scripted, record_of
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.game.make_task import make_task
 from roletrust_env.game.policy import registry as attackers
+from roletrust_env.trust import Ratings
 
 AGENTS = [{"role": "SR", "count": 5, "noise": 0.05}, {"role": "SP", "count": 4, "ability": [0.3, 1.0]}]
 SCENARIO = make_scenario("crowd-10x10").change(max_cycles=12, agents=AGENTS)
@@ -56,7 +57,7 @@ def test_models_side_by_side_play_as_each_alone(name):
 def played(model, ratings):
     state, mask = model.start(ratings), ratings > 0.3
     for now in (ratings, 1 - ratings, ratings**2):
-        state = model.update(state, now, mask)
+        state = model.update(state, Ratings(now, mask))
     own = [model.judge_trust(state)] if hasattr(model, "judge_trust") else []  # by which its consumers go
     return model.rater_trust(state), model.provider_trust(state), *own
 

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from roletrust_env.trust import Ratings
+
 SHAPES = [(1, 4), (4, 1), (1, 1), (3, 3), (5, 2), (6, 4)]
 KINDS = [(np.asarray, np.float64, 1e-9), (torch.asarray, np.float64, 1e-9), (torch.asarray, np.float32, 1e-4)]
 
@@ -32,7 +34,7 @@ def compare(model: Any, reference: Callable[..., Any], shape: tuple[int, int], k
     wanted = [reference([(f[..., e].tolist(), m[..., e].tolist()) for f, m in game]) for e in range(2)]
     state = model.start(asarray(np.zeros((*shape, 2), dtype)))
     for now, (ratings, mask) in enumerate(game):
-        state = model.update(state, asarray(ratings.astype(dtype)), asarray(mask))
+        state = model.update(state, Ratings(asarray(ratings.astype(dtype)), asarray(mask)))
         for e in range(2):
             for read, trust in zip((model.rater_trust, model.provider_trust), wanted[e][now], strict=True):
                 np.testing.assert_allclose(np.asarray(read(state))[..., e], trust, rtol=0, atol=within)

@@ -13,7 +13,6 @@ from model_cases import (
     EVERY_MODEL,
     Round,
     assert_close,
-    having,
     named,
     play,
     random_rounds,
@@ -24,11 +23,11 @@ from roletrust_env.testing.trust_models import (
     check_batch,
     check_full_rounds,
     check_kinds,
-    check_masks,
     check_permutation,
     check_purity,
+    check_silence,
 )
-from roletrust_env.trust import Traits, make_trust_model
+from roletrust_env.trust import Ratings, Traits, make_trust_model
 from roletrust_env.trust.model import registry
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 4), (4, 1), (1, 1), (2, 5, 6), (4, 2, 3, 2)], ids=str)
@@ -88,8 +87,8 @@ def test_update_leaves_its_inputs_alone(name: str) -> None:
 
 
 @EVERY_MODEL
-def test_ratings_outside_the_mask_have_no_effect(name: str) -> None:
-    check_masks(named(name), (3, 2, 4))
+def test_rounds_without_ratings_are_taken(name: str) -> None:
+    check_silence(named(name), (3, 2, 4))
 
 
 # --- agents and games are alike -------------------------------------------------------------------
@@ -155,7 +154,7 @@ def test_where_nobody_rates_trust_stays_or_is_forgotten(name: str) -> None:
     start = read(model, play(model, [], np.zeros(shape)))
     state = play(model, rounds, np.zeros(shape))
     for _ in range(3):
-        before, state = state, model.update(state, *silence)
+        before, state = state, model.update(state, Ratings(*silence))
         for origin, old, new in zip(start, read(model, before), read(model, state), strict=True):
             assert np.all(abs(new - origin) <= abs(old - origin) + 1e-12)
 
@@ -176,7 +175,7 @@ def test_the_family_is_the_folder(name: str) -> None:
     assert f".models.{Traits.of(model).family}." in type(model).__module__
 
 
-@having("takes_full_rounds")
+@EVERY_MODEL
 @pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 def test_no_mask_is_a_mask_that_is_true_everywhere(name: str, shape: tuple[int, ...]) -> None:
     """In any order of full and partial rounds, so that the time since a rating is 1 here and more there."""
@@ -209,9 +208,3 @@ def test_parameters_at_the_edge_are_taken(name: str) -> None:
 def test_unknown_parameters_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="lambda"):
         make_trust_model(name, **{"lambda": 0.5})
-
-
-@EVERY_MODEL
-def test_what_it_says_of_full_rounds_counts(name: str) -> None:
-    """It does not, where a class that says it is not the one that has `update`."""
-    assert Traits.of(named(name)).takes_full_rounds == getattr(named(name), "takes_full_rounds", False)

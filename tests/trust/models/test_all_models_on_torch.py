@@ -9,7 +9,7 @@ from model_cases import EVERY_MODEL, Round, arrays, assert_close, having, named,
 
 from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 
@@ -48,7 +48,7 @@ def test_a_round_compiles_into_one_graph(name: str) -> None:
 
     @torch.compile(fullgraph=True, backend="eager")
     def compiled(state: Any, ratings: torch.Tensor, mask: torch.Tensor) -> Any:
-        state = model.update(state, ratings, mask)
+        state = model.update(state, Ratings(ratings, mask))
         return state, read(model, state)
 
     rounds = [Round(ratings.astype(np.float32), mask) for ratings, mask in calm_rounds(shape, 4)]
@@ -70,7 +70,7 @@ def test_gradients_are_finite(name: str, notes: str) -> None:
     for ratings, mask in random_rounds(shape, 6):
         values = ratings if agreed is None else Round.of(np.full(shape, agreed), mask).ratings
         given.append(torch.tensor(values, requires_grad=True))
-        state = model.update(state, given[-1], torch.asarray(mask))
+        state = model.update(state, Ratings(given[-1], torch.asarray(mask)))
     torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
     assert all(ratings.grad is not None and bool(ratings.grad.isfinite().all()) for ratings in given)
     assert notes != "differ" or any(bool((ratings.grad != 0).any()) for ratings in given)
@@ -85,7 +85,7 @@ def test_gradients_are_finite_where_a_rater_agrees_with_nobody(name: str, power:
     mask = torch.tensor([[True, False], [False, True], [False, False]])
     state = model.start(ratings[0].detach())
     for values in ratings:
-        state = model.update(state, values, mask)
+        state = model.update(state, Ratings(values, mask))
         mask = torch.tensor([[True, True], [True, True], [False, True]])
     (model.rater_trust(state).sum() + model.provider_trust(state).sum()).backward()
     assert ratings.grad is not None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from models.played import KINDS, SHAPES, compare
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 
 def slow(game, keep=0.9, initial=0.5):
@@ -30,9 +30,9 @@ def test_it_is_the_formula(shape, kind) -> None:
 def test_two_rounds_by_hand() -> None:
     """Notes 1 and 0.5, then 0: r = 1.5, s = 0.5, and then r = 0.9 * 1.5 = 1.35, s = 0.9 * 0.5 + 1 = 1.45."""
     model = make_trust_model("beta")
-    state = model.update(model.start(np.zeros((2, 1))), np.array([[1.0], [0.5]]), None)
+    state = model.update(model.start(np.zeros((2, 1))), Ratings(np.array([[1.0], [0.5]])))
     assert model.provider_trust(state) == pytest.approx([2.5 / 4])
-    state = model.update(state, np.array([[0.0], [0.7]]), np.array([[True], [False]]))
+    state = model.update(state, Ratings(np.array([[0.0], [0.7]]), np.array([[True], [False]])))
     assert model.provider_trust(state) == pytest.approx([2.35 / 4.8])
 
 

@@ -5,9 +5,8 @@ import pytest
 from models.played import KINDS, SHAPES, compare
 from scipy import special
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.models.central import beta_filtered
-from roletrust_env.trust.ratings import MaskedRatings
 
 
 def mean(raters, good, bad, initial):
@@ -62,7 +61,7 @@ def played(name: str, ratings: np.ndarray, rounds: int = 20):
     model = make_trust_model(name)
     state = model.start(ratings)
     for _ in range(rounds):
-        state = model.update(state, ratings, None)
+        state = model.update(state, Ratings(ratings))
     return model.rater_trust(state), model.provider_trust(state)
 
 
@@ -104,7 +103,7 @@ def test_twelve_passes_are_enough_for_thirty_raters(monkeypatch: pytest.MonkeyPa
     rates = np.clip(np.where(liars, 0, 1) + rng.normal(0, 0.1, (30, 2_000)), 0, 1)
     evidence = rng.uniform(0, 10, (30, 2_000))
     model = beta_filtered.BetaFiltered()
-    pairs = MaskedRatings.of(rates, None)
+    pairs = Ratings(rates)
     kept = model._filter(pairs, rates * evidence, (1 - rates) * evidence)
     for passes, same in ((29, True), (5, False)):
         monkeypatch.setattr(beta_filtered, "_PASSES", passes)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from model_cases import Matrix, Vector, assert_matches, named
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
@@ -37,6 +37,6 @@ def test_a_lone_liar_counts_less() -> None:
     ratings = np.array([[0.0], [1.0], [1.0]])
     state = model.start(ratings)
     for _ in range(60):
-        state = model.update(state, ratings, None)
+        state = model.update(state, Ratings(ratings))
     assert model.rater_trust(state) == pytest.approx([1 / 3, 2 / 3, 2 / 3])
     assert model.provider_trust(state) == pytest.approx([4 / 5])

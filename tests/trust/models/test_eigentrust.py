@@ -8,7 +8,7 @@ import pytest
 from model_cases import Matrix, Vector, assert_matches, play, random_rounds, read, who_is_who
 from walks import links, numbers, published, walk
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.model import start_model
 
 
@@ -47,7 +47,7 @@ def test_three_raters_of_three_good_providers_by_hand() -> None:
     """Three of six agents, the raters get R = 1/4 Q of the providers' Q by empty rows, and 1/4 by p: R = .4, Q = .6."""
     ratings = np.ones((3, 3))
     model = make_trust_model("eigentrust")
-    state = model.update(model.start(ratings, ratings < 0), ratings, ratings > 0)
+    state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, ratings > 0))
     assert model.rater_trust(state) == pytest.approx([2 / 3] * 3)
     assert model.provider_trust(state) == pytest.approx([1] * 3)
 
@@ -58,7 +58,7 @@ def test_before_any_rating_all_are_alike_and_own_praise_counts_nothing() -> None
     for _ in range(2):
         assert model.rater_trust(state) == pytest.approx([1] * 3)
         assert model.provider_trust(state) == pytest.approx([1] * 3)
-        state = model.update(state, np.ones((3, 3)), peers)
+        state = model.update(state, Ratings(np.ones((3, 3)), peers))
 
 
 def test_what_rounding_leaves_is_no_trust() -> None:
@@ -66,7 +66,7 @@ def test_what_rounding_leaves_is_no_trust() -> None:
     model, mask = make_trust_model("eigentrust"), np.array([[True, False]])
     start = state = start_model(model, np.zeros((1, 2)), np.zeros((1, 2), bool))
     for rating in (0.8, 0.3, 0.4):
-        state = model.update(state, np.full((1, 2), rating), mask)
+        state = model.update(state, Ratings(np.full((1, 2), rating), mask))
     assert 0 < state.scores[0, 0] < 1e-15
     assert model.provider_trust(state) == pytest.approx(model.provider_trust(start))
 
@@ -77,6 +77,6 @@ def test_if_every_rating_is_0_everybody_has_trust_1() -> None:
         model, nothing = make_trust_model("eigentrust"), np.zeros(peers.shape)
         state = start_model(model, nothing, peers)
         for _ in range(3):
-            state = model.update(state, nothing, ~peers)
+            state = model.update(state, Ratings(nothing, ~peers))
         assert model.rater_trust(state) == pytest.approx([1] * len(peers))
         assert model.provider_trust(state) == pytest.approx([1] * 3)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from model_cases import Matrix, Vector, assert_matches
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.models.central import iterative_filtering
 
 LAM, INITIAL = 0.7, 0.3
@@ -65,9 +65,9 @@ def test_the_steps_come_to_rest(weighting: str, monkeypatch: pytest.MonkeyPatch)
     lies = np.arange(5)[:, None, None] < rng.integers(0, 5, 200)
     ratings, mask = np.where(lies, rng.random(shape[1:]), honest), rng.random(shape) < 0.8
     model = make_trust_model("iterative-filtering", weighting=weighting)
-    found = model.update(model.start(ratings), ratings, mask)
+    found = model.update(model.start(ratings), Ratings(ratings, mask))
     monkeypatch.setattr(iterative_filtering, "STEPS", 20 * iterative_filtering.STEPS)
-    longer = model.update(model.start(ratings), ratings, mask)
+    longer = model.update(model.start(ratings), Ratings(ratings, mask))
     np.testing.assert_allclose(found.tor, longer.tor, rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.top, longer.top, rtol=0, atol=1e-6)
 
@@ -76,7 +76,7 @@ def test_the_steps_come_to_rest(weighting: str, monkeypatch: pytest.MonkeyPatch)
 def test_two_who_disagree_stay_equals(weighting: str) -> None:
     model = make_trust_model("iterative-filtering", weighting=weighting)
     ratings = np.array([[0.0], [1.0]])
-    state = model.update(model.start(ratings), ratings, ratings >= 0)
+    state = model.update(model.start(ratings), Ratings(ratings, ratings >= 0))
     assert state.tor == pytest.approx([1, 1])
     assert state.top == pytest.approx([0.5])
 
@@ -88,7 +88,7 @@ def test_a_lone_liar_of_three_by_hand() -> None:
     """
     ratings = np.array([[0.0], [1.0], [1.0]])
     model = make_trust_model("iterative-filtering", weighting="power")
-    state = model.update(model.start(ratings), ratings, ratings >= 0)
+    state = model.update(model.start(ratings), Ratings(ratings, ratings >= 0))
     r = float(state.top[0])
     u, w = 1 / sqrt((1 - r) ** 2 + 0.05), 1 / sqrt(r**2 + 0.05)
     assert r == pytest.approx(2 * u / (2 * u + w), abs=1e-9)

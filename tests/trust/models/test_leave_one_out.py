@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from model_cases import Matrix, Vector, assert_matches, named, read
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
 
 INITIAL, KEEP, PRIOR, POWER, DOUBT = 0.3, 0.9, 0.2, 6.0, 0.8  # of `named`
@@ -80,7 +80,7 @@ def after(rounds: Sequence[Any], **parameters: float) -> tuple[np.ndarray, np.nd
     model = make_trust_model("leave-one-out", **parameters)
     state = model.start(np.zeros(np.shape(rounds[0])))
     for ratings in rounds:
-        state = model.update(state, ratings, ratings == ratings)
+        state = model.update(state, Ratings(ratings, ratings == ratings))
     raters, providers = map(np.asarray, read(model, state))
     return raters, providers
 
@@ -122,7 +122,7 @@ def test_the_unrated_outrank_no_more_than_half_of_the_rated(
     model = LeaveOneOut(initial=initial)
     state = model.start(ratings)
     for turn in range(rounds):
-        state = model.update(state, np.roll(ratings, turn, 0), mask)
+        state = model.update(state, Ratings(np.roll(ratings, turn, 0), mask))
     trust, rated = model.provider_trust(state), mask.any(axis=0)
     if rated.sum() > 1:
         assert (trust[rated] < trust[0] - 1e-9).sum() <= rated.sum() // 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from model_cases import Matrix, Vector, assert_matches, named
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
@@ -31,8 +31,8 @@ def test_mean_is_an_exponential_mean_of_the_average_rating() -> None:
     state = model.start(np.zeros((3, 2)))
     ratings = np.array([[1.0, 0.9], [0.5, 0.8], [0.0, 0.7]])
     mask = np.array([[True, False], [True, False], [False, False]])
-    state = model.update(state, ratings, mask)
+    state = model.update(state, Ratings(ratings, mask))
     assert model.provider_trust(state) == pytest.approx([0.75 * 0.75 + 0.25 * 0.2, 0.2])
-    state = model.update(state, ratings, ~mask)
+    state = model.update(state, Ratings(ratings, ~mask))
     assert model.provider_trust(state) == pytest.approx([0.25 * (0.75 * 0.75 + 0.25 * 0.2), 0.75 * 0.8 + 0.05])
     assert np.array_equal(model.rater_trust(state), np.ones(3))

@@ -13,12 +13,12 @@ from test_edges import Edges, grid_trust, ledger_trust, logs
 from roletrust_env.testing.trust_models import (
     check_batch,
     check_kinds,
-    check_masks,
     check_permutation,
     check_purity,
+    check_silence,
     check_torch,
 )
-from roletrust_env.trust import trust_models
+from roletrust_env.trust import Ratings, trust_models
 from roletrust_env.trust.neighbours import NEIGHBOURS
 
 EVERY = pytest.mark.parametrize("name", NEIGHBOURS)
@@ -127,7 +127,7 @@ def test_the_all_time_mean_forgets_nothing() -> None:
 
 def settled(name: str, ratings: Any, mask: Any, **parameters: Any) -> tuple[Any, Any]:
     model = NEIGHBOURS[name](**parameters)
-    state = model.update(model.start(ratings), ratings, mask)
+    state = model.update(model.start(ratings), Ratings(ratings, mask))
     return model.rater_trust(state), model.provider_trust(state)
 
 
@@ -174,7 +174,7 @@ def test_a_wide_radius_is_the_mean_and_rev2_without_pull_is_between() -> None:
 def test_the_laws_of_all_models(name: str) -> None:
     model = NEIGHBOURS[name]()
     check_kinds(model, (2, 5, 6), np.float32)
-    for check in (check_batch, check_masks, check_purity, check_torch):
+    for check in (check_batch, check_silence, check_purity, check_torch):
         check(model, (3, 2, 4))
     check_permutation(model, 0)
 

@@ -9,7 +9,7 @@ import pytest
 from model_cases import Matrix, Vector, assert_matches
 from walks import links, numbers, published, walk
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 
 def advance(heard: Vector, peers: Matrix, power_nodes: int) -> Vector:
@@ -50,7 +50,7 @@ def test_it_is_a_pagerank() -> None:
     ranks = networkx.pagerank(graph, 0.85, dict(enumerate(start)), dangling=anybody, tol=1e-14, max_iter=1000)
     expected = published([ranks[k] for k in graph], peers.tolist())
     model = make_trust_model("power-trust", power_nodes=2)
-    state = model.update(model.start(ratings, peers), ratings, mask)
+    state = model.update(model.start(ratings, peers), Ratings(ratings, mask))
     np.testing.assert_allclose(model.rater_trust(state), expected[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(model.provider_trust(state), expected[1], rtol=0, atol=1e-9)
 
@@ -62,7 +62,7 @@ def test_who_is_rated_most_has_an_advance_by_hand() -> None:
     """
     ratings, mask = np.array([[1.0, 1.0], [1.0, 0.0]]), np.array([[True, True], [True, False]])
     model = make_trust_model("power-trust")
-    state = model.update(model.start(ratings, ratings < 0), ratings, mask)
+    state = model.update(model.start(ratings, ratings < 0), Ratings(ratings, mask))
     x = 0.85 / 5.7
     first, second = x + 0.85 * 1.5 * x + 0.15, x + 0.85 * 0.5 * x
     assert 2 * x + first + second == pytest.approx(1)
@@ -76,6 +76,6 @@ def test_if_every_rating_is_0_providers_have_trust_1_and_so_has_every_peer() -> 
         model, nothing = make_trust_model("power-trust"), np.zeros(peers.shape)
         state = model.start(nothing, peers)
         for _ in range(3):
-            state = model.update(state, nothing, ~peers)
+            state = model.update(state, Ratings(nothing, ~peers))
         assert model.rater_trust(state) == pytest.approx(raters)
         assert model.provider_trust(state) == pytest.approx([1] * 3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from histories import History, Trusts, check_against, mean, played
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 
 def slow(history: History, lam: float, initial: float, ridge: float) -> Trusts:
@@ -53,7 +53,7 @@ def test_a_constant_difference_is_unlearnt_by_hand() -> None:
         history = [[[1.0], [0.5]]] * rounds
         state = model.start(np.zeros((2, 1)))
         for notes in history:
-            state = model.update(state, np.array(notes), np.ones((2, 1), bool))
+            state = model.update(state, Ratings(np.array(notes), np.ones((2, 1), bool)))
         apart.append(state.trust[:, 0].tolist())
     assert apart[0] == pytest.approx([0.75, 0.75], abs=1e-3)
     assert apart[1] == pytest.approx([0.875, 0.625], abs=1e-3)
@@ -67,7 +67,7 @@ def test_ratings_turned_round_are_turned_back() -> None:
     model = make_trust_model("regression-aligned", ridge=0.1)
     state = model.start(np.zeros((2, 4)))
     for notes in history:
-        state = model.update(state, np.array(notes), np.ones((2, 4), bool))
+        state = model.update(state, Ratings(np.array(notes), np.ones((2, 4), bool)))
     slope, base = model._lines(state.moments)
     assert base[0, 1] + (1 + slope[0, 1]) * 0.9 == pytest.approx(0.1, abs=0.01)
     [trusts] = played(make_trust_model("regression-aligned"), [history[:3]], np.zeros(()))

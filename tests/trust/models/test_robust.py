@@ -9,9 +9,8 @@ import pytest
 import scipy
 from model_cases import Matrix, Vector, assert_matches, named
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 from roletrust_env.trust.models.central.huber_mean import STEPS
-from roletrust_env.trust.ratings import MaskedRatings
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
@@ -66,7 +65,7 @@ def test_models_match_their_references(name: str) -> None:
 
 def centre(model: Any, notes: Vector) -> float:
     """Of the ratings of one provider."""
-    return float(model.centre(MaskedRatings.of(np.array(notes)[:, None], None))[0])
+    return float(model.centre(Ratings(np.array(notes)[:, None]))[0])
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -111,7 +110,7 @@ def steady(name: str, liars: int, **parameters: float) -> tuple[np.ndarray, np.n
     ratings = np.array([[0.0]] * liars + [[1.0]] * (5 - liars))
     state = model.start(ratings)
     for _ in range(60):
-        state = model.update(state, ratings, None)
+        state = model.update(state, Ratings(ratings))
     return model.rater_trust(state), model.provider_trust(state)
 
 

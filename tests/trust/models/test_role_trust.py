@@ -7,7 +7,7 @@ import pytest
 import reference as paper
 from model_cases import Matrix, Vector, assert_matches, named, random_rounds
 
-from roletrust_env.trust import make_trust_model, provider_trust, rater_trust
+from roletrust_env.trust import Ratings, make_trust_model, provider_trust, rater_trust
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 
@@ -39,7 +39,7 @@ def test_role_trust_is_the_two_algorithms_and_their_memory(shape: tuple[int, ...
     tor, top = np.full((shape[0], *shape[2:]), 0.4), np.full(shape[1:], 0.4)
     last, when = np.zeros(shape), np.full(shape, -1)
     for now, (ratings, mask) in enumerate(random_rounds(shape, 30)):
-        state = model.update(state, ratings, mask)
+        state = model.update(state, Ratings(ratings, mask))
         elapsed = np.where(when < 0, 0, now - when)
         tor = rater_trust(ratings, mask, previous=tor, lam=0.6)
         top = provider_trust(ratings, mask, tor=tor, previous=top, lam=0.6, last_ratings=last, elapsed=elapsed)

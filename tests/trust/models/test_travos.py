@@ -7,7 +7,7 @@ import pytest
 from models.played import KINDS, SHAPES, compare
 from scipy import special
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 
 def mass(a, b, low, high):
@@ -91,7 +91,7 @@ def test_a_first_round_by_hand() -> None:
     has never been tried. So mu' = 7/15 and sd' = 0.8 / sqrt(12) + 0.2 / sqrt(18) = 0.27808.
     """
     model = make_trust_model("travos")
-    state = model.update(model.start(np.zeros((2, 1))), np.array([[1.0], [0.0]]), None)
+    state = model.update(model.start(np.zeros((2, 1))), Ratings(np.array([[1.0], [0.0]])))
     k = 7 / 15 * 8 / 15 / 0.278080**2 - 1
     more, less = 7 / 15 * k - 1, 8 / 15 * k - 1
     assert (more, less) == pytest.approx((0.03536, 0.18327), abs=1e-4)
@@ -108,7 +108,7 @@ def test_a_liar_loses_credence_and_its_say() -> None:
     mask[0, 0] = False
     state = model.start(notes)
     for _ in range(10):
-        state = model.update(state, notes, mask)
+        state = model.update(state, Ratings(notes, mask))
     tor = model.rater_trust(state)
     assert tor[4] < 0.01
     assert tor[:4].min() > 0.6
@@ -125,7 +125,7 @@ def test_with_a_threshold_of_1_even_who_is_certain_asks() -> None:
     """All of the distribution lies within 1 of its mean, so confidence is 1."""
     rounds = np.array([[1.0], [0.0]])
     asks, asks_nobody = (make_trust_model("travos", error=1.0, threshold=x) for x in (1.0, 0.999))
-    alone, advised = (m.update(m.start(rounds), rounds, None).trust[:, 0] for m in (asks_nobody, asks))
+    alone, advised = (m.update(m.start(rounds), Ratings(rounds)).trust[:, 0] for m in (asks_nobody, asks))
     assert alone == pytest.approx([2 / 3, 1 / 3])
     assert advised[0] < 0.66
     assert advised[1] > 0.34

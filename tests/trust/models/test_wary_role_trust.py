@@ -10,7 +10,7 @@ import torch
 from model_cases import Matrix, Vector, assert_matches, named, read
 from reference import sinc
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 RISE, POWER, KEEP, SHOCK = 0.1, 2.0, 0.5, 0.1
@@ -64,7 +64,7 @@ def after(rounds: Sequence[Any], **parameters: float) -> tuple[np.ndarray, np.nd
     model = make_trust_model("wary-role-trust", **parameters)
     state = model.start(rounds[0])
     for ratings in rounds:
-        state = model.update(state, ratings, ratings == ratings)
+        state = model.update(state, Ratings(ratings, ratings == ratings))
     raters, providers = map(np.asarray, read(model, state))
     return raters, providers
 

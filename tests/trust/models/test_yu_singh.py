@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from judged import SHAPES, Matrix, Published, assert_follows, assert_gradients_are_finite, play
 
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model
 
 
 class Slow:
@@ -89,8 +89,9 @@ def test_credences_that_fell_beyond_all_numbers_still_weigh() -> None:
     state = model.start(np.zeros((3, 2), np.float32))
     lies, lied = np.array([[1, 0], [0, 0], [0.5, 0]], np.float32), np.array([[True, False]] * 3)
     for _ in range(400):
-        state = model.update(state, lies, lied)
-    state = model.update(state, np.full((3, 2), 0.9, np.float32), np.array([[False] * 2, [False, True], [False] * 2]))
+        state = model.update(state, Ratings(lies, lied))
+    met = np.array([[False] * 2, [False, True], [False] * 2])
+    state = model.update(state, Ratings(np.full((3, 2), 0.9, np.float32), met))
     assert model.rater_trust(state)[0] == 0
     assert state.trust[0] == pytest.approx([0.4 * 1 + 0.6 * 0.5, 0.9], abs=1e-5)
 

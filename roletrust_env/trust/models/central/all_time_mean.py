@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, PerProvider, PerRater, Ratings
 
 
 class AllTimeMeanState(NamedTuple):
@@ -23,7 +22,7 @@ class AllTimeMeanState(NamedTuple):
 
 
 @checked_dataclass
-class AllTimeMean(Central):
+class AllTimeMean:
     """All-time mean: a provider's average rating so far, in which all ratings count alike and none is forgotten.
 
         T[j] = sum of all ratings of j / their number
@@ -41,10 +40,10 @@ class AllTimeMean(Central):
         nothing = namespace(like).zeros_like(like)
         return AllTimeMeanState(nothing[:, 0, ...] + 1, nothing[0], nothing[0])
 
-    def after_round(self, state: AllTimeMeanState, ratings: Ratings) -> AllTimeMeanState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
-        sums = state.sums + ratings.sum_over_raters(ratings.values)
-        return AllTimeMeanState(state.tor, sums, state.counts + ratings.received)
+    def update(self, state: AllTimeMeanState, ratings: Ratings) -> AllTimeMeanState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        sums = state.sums + ratings.reduce(ratings.values, PROVIDER)
+        return AllTimeMeanState(state.tor, sums, state.counts + ratings.count(PROVIDER))
 
     def rater_trust(self, state: AllTimeMeanState) -> Array:
         """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""

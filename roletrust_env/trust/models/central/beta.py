@@ -4,10 +4,8 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.beta import reputation
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, PerProvider, PerRater, Ratings, occurred
 
 
 class BetaState(NamedTuple):
@@ -25,7 +23,7 @@ class BetaState(NamedTuple):
 
 
 @checked_dataclass
-class Beta(Central):
+class Beta:
     """Beta reputation: ratings of a provider count as successes and failures, which fade.
 
         r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
@@ -46,7 +44,6 @@ class Beta(Central):
     initial: Share = 0.5
     rates_raters = False
     source = "Jøsang and Ismail (2002)"
-    takes_full_rounds = True
     local = True
 
     def start(self, like: Array) -> BetaState:
@@ -54,11 +51,11 @@ class Beta(Central):
         nothing = namespace(like).zeros_like(like)
         return BetaState(nothing[0], nothing[0], nothing[:, 0, ...] + 1)
 
-    def after_round(self, state: BetaState, ratings: Ratings) -> BetaState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
-        kept, successes = left(self.keep, ratings), ratings.sum_over_raters(ratings.values)
+    def update(self, state: BetaState, ratings: Ratings) -> BetaState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        kept, successes = left(self.keep, ratings), ratings.reduce(ratings.values, PROVIDER)
         return BetaState(
-            kept * state.successes + successes, kept * state.failures + (ratings.received - successes), state.tor
+            kept * state.successes + successes, kept * state.failures + (ratings.count(PROVIDER) - successes), state.tor
         )
 
     def rater_trust(self, state: BetaState) -> Array:
@@ -72,4 +69,4 @@ class Beta(Central):
 
 def left(keep: float, ratings: Ratings) -> Array:
     """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an unrated provider."""
-    return 1 - (1 - keep) * occurred(ratings.received)
+    return 1 - (1 - keep) * occurred(ratings.count(PROVIDER))

@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-from roletrust_env.arrays import Array, cast, computed, is_compiling, namespace
+from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
 from roletrust_env.trust.beta import between_quantiles, reputation
-from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left
-from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings
 
 _PASSES = 12
 """Maximum number of filter passes. Each drops some raters and none drops all, so S - 1 suffice; 30 raters took 9."""
@@ -30,7 +29,7 @@ class BetaFilteredState(NamedTuple):
 
 
 @checked_dataclass
-class BetaFiltered(Central):
+class BetaFiltered:
     """Filtered Beta reputation: raters whose ratings make the overall mean too unlikely do not count.
 
     Whitby, Jøsang and Indulska, "Filtering Out Unfair Ratings in Bayesian Reputation Systems" (2004). A rater's ratings
@@ -57,32 +56,31 @@ class BetaFiltered(Central):
     rates_raters = True
     source = "Whitby, Jøsang and Indulska (2004)"
     differentiable = False
-    takes_full_rounds = True
 
     def start(self, like: Array) -> BetaFilteredState:
         """Return the state without evidence. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
         return BetaFilteredState(nothing, nothing, nothing[0] + self.initial, nothing[:, 0, ...] + self.initial)
 
-    def after_round(self, state: BetaFilteredState, ratings: Ratings) -> BetaFilteredState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: BetaFilteredState, ratings: Ratings) -> BetaFilteredState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         pairs = ratings.pairs
-        kept = pairs.of_providers(left(self.keep, ratings))
+        kept = pairs.gather(left(self.keep, ratings), PROVIDER)
         none = 0 * state.successes
-        count, values = ratings.remember(none, 1.0), ratings.remember(none, ratings.values)
-        successes = computed(kept * state.successes + values)
-        failures = computed(kept * state.failures + (count - values))
+        count, values = ratings.write(none, 1.0), ratings.write(none, ratings.values)
+        successes = kept * state.successes + values
+        failures = kept * state.failures + (count - values)
         heard = self._filter(pairs, successes, failures)
         top = self._reputation(pairs, heard, successes, failures)
         return BetaFilteredState(successes, failures, top, self._share(pairs, heard, successes + failures))
 
-    def _reputation(self, pairs: Cells, heard: Array, successes: Array, failures: Array) -> Array:
+    def _reputation(self, pairs: Ratings, heard: Array, successes: Array, failures: Array) -> Array:
         """Return the Beta reputation of each provider by the raters that count, shape (P, ...)."""
         return reputation(
-            pairs.sum_over_raters(heard * successes), pairs.sum_over_raters(heard * failures), self.initial
+            pairs.reduce(heard * successes, PROVIDER), pairs.reduce(heard * failures, PROVIDER), self.initial
         )
 
-    def _filter(self, pairs: Cells, successes: Array, failures: Array) -> Array:
+    def _filter(self, pairs: Ratings, successes: Array, failures: Array) -> Array:
         """Return 1 for each pair whose rater counts for the provider, and 0 for each whose rater is dropped."""
         xp = namespace(successes)
         is_likely = between_quantiles(self.q, 1 + successes, 1 + failures)
@@ -91,19 +89,19 @@ class BetaFiltered(Central):
         for _ in range(min(pairs.shape[0] - 1, _PASSES)):
             before = heard
             mean = self._reputation(pairs, heard, successes, failures)
-            still = heard * cast(is_likely(pairs.of_providers(mean)), heard.dtype)
-            some = pairs.sum_over_raters(still * evident) > 0
-            heard = computed(xp.where(pairs.of_providers(some), still, heard))
+            still = heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype)
+            some = pairs.reduce(still * evident, PROVIDER) > 0
+            heard = xp.where(pairs.gather(some, PROVIDER), still, heard)
             if not is_compiling(heard) and bool(xp.all(heard == before)):
                 break  # all other passes would do the same
         return heard
 
-    def _share(self, pairs: Cells, heard: Array, evidence: Array) -> Array:
+    def _share(self, pairs: Ratings, heard: Array, evidence: Array) -> Array:
         """Return the share of the providers rated by each rater for which it was not dropped, shape (S, ...)."""
         xp = namespace(heard)
         rated = cast(evidence > 0, heard.dtype)
-        count = pairs.sum_over_providers(rated)
-        return xp.where(count > 0, pairs.sum_over_providers(heard * rated) / xp.clip(count, 1, None), self.initial)
+        count = pairs.reduce(rated, RATER)
+        return xp.where(count > 0, pairs.reduce(heard * rated, RATER) / xp.clip(count, 1, None), self.initial)
 
     def rater_trust(self, state: BetaFilteredState) -> Array:
         """Return the share of providers for which a rater counts, shape (S, ...); `initial` if it rated none."""

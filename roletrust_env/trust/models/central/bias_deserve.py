@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.pair_means import ByPairMeans
-from roletrust_env.trust.ratings import Cells
+from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, weighted_mean
 
 
 @checked_dataclass
@@ -28,11 +28,11 @@ class BiasDeserve(ByPairMeans):
     source = "Mishra and Bhattacharya (2011)"
 
     def _step(
-        self, pairs: Cells, means: Array, rated: Array, of_raters: Array, of_providers: Array
+        self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
         xp, weight = namespace(means), 2 * means - 1
-        bias = pairs.of_raters(of_raters)
+        bias = pairs.gather(of_raters, RATER)
         taken = xp.where(bias * weight > 0, abs(bias), 0.0)
-        deserve = pairs.weighted_mean_over_raters(weight * (1 - taken), rated)
-        apart = (weight - pairs.of_providers(deserve)) / 2
-        return pairs.weighted_mean_over_providers(apart, rated), deserve
+        deserve = weighted_mean(pairs, weight * (1 - taken), rated, PROVIDER)
+        apart = (weight - pairs.gather(deserve, PROVIDER)) / 2
+        return weighted_mean(pairs, apart, rated, RATER), deserve

@@ -7,7 +7,7 @@ from pydantic import Field
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.rating_vectors import ByRatingVectors
-from roletrust_env.trust.ratings import Cells
+from roletrust_env.trust.ratings import PROVIDER, Ratings, weighted_mean
 
 
 @checked_dataclass
@@ -34,5 +34,5 @@ class CentredClipping(ByRatingVectors):
     def _weight(self, distance: Array) -> Array:
         return self.radius / namespace(distance).clip(distance, self.radius, None)
 
-    def _moved(self, pairs: Cells, apart: Array, rated: Array, weights: Array) -> Array:
-        return pairs.weighted_mean_over_raters(apart * weights, rated)
+    def _moved(self, pairs: Ratings, apart: Array, rated: Array, weights: Array) -> Array:
+        return weighted_mean(pairs, apart * weights, rated, PROVIDER)

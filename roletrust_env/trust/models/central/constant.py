@@ -3,12 +3,11 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.central import Central
 from roletrust_env.trust.ratings import Ratings
 
 
 @checked_dataclass
-class Constant(Central):
+class Constant:
     """Control: all agents keep the initial trust, so no attack does harm and no choice by trust is informed.
 
     Attributes:
@@ -19,7 +18,6 @@ class Constant(Central):
     rates_raters = True
     differentiable = False  # it has no gradient at all
     cost = "S + P"
-    takes_full_rounds = True
     local = True
 
     def start(self, like: Array) -> Trusts:
@@ -27,8 +25,8 @@ class Constant(Central):
         nothing = namespace(like).zeros_like(like)
         return Trusts(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial)
 
-    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
-        """Return the state unchanged. See `Central.after_round`."""
+    def update(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state unchanged. See `TrustModel.update`."""
         return state
 
     def rater_trust(self, state: Trusts) -> Array:

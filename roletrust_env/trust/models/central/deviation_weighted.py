@@ -1,8 +1,8 @@
 """The deviation-weighted mean: raters count by their agreement with the average."""
 
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.algorithms import Trusts, smooth
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.algorithms import Trusts
+from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, mean, smooth, weighted_mean
 from roletrust_env.trust.smoothed import Smoothed
 
 
@@ -22,13 +22,11 @@ class DeviationWeighted(Smoothed):
         initial: Trust before any rating, in [0, 1].
     """
 
-    takes_full_rounds = True
-
-    def after_round(self, state: Trusts, ratings: Ratings) -> Trusts:
-        """Return the state after one round of ratings. See `Central.after_round`."""
-        average = ratings.mean_over_raters(ratings.values)
-        distance = ratings.mean_over_providers(abs(ratings.values - ratings.of_providers(average)))
-        tor = smooth(1 - distance, state.tor, self.lam, ratings.given)
+    def update(self, state: Trusts, ratings: Ratings) -> Trusts:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        average = mean(ratings, ratings.values, PROVIDER)
+        distance = mean(ratings, abs(ratings.values - ratings.gather(average, PROVIDER)), RATER)
+        tor = smooth(1 - distance, state.tor, self.lam, ratings.count(RATER))
         # A rating is nearer than 1 to an average that includes it, so weights are above 0.
-        quality = ratings.weighted_mean_over_raters(ratings.values, ratings.weigh(ratings.of_raters(tor)))
-        return Trusts(tor, smooth(quality, state.top, self.lam, ratings.received))
+        quality = weighted_mean(ratings, ratings.values, ratings.weigh(ratings.gather(tor, RATER)), PROVIDER)
+        return Trusts(tor, smooth(quality, state.top, self.lam, ratings.count(PROVIDER)))

@@ -5,9 +5,8 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.random_walk import shared, walk
-from roletrust_env.trust.ratings import Cells, MaskedRatings, PerPair, Ratings
+from roletrust_env.trust.random_walk import n_agents, shared, walk
+from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, Ratings
 
 A = 0.5
 """Share of all trust that comes from pre-trusted agents."""
@@ -30,7 +29,7 @@ class EigenTrustState(NamedTuple):
 
 
 @checked_dataclass
-class EigenTrust(Central):
+class EigenTrust:
     """EigenTrust: an agent is trusted as far as trusted agents were satisfied with it.
 
     Kamvar, Schlosser and Garcia-Molina (2003):
@@ -57,17 +56,17 @@ class EigenTrust(Central):
     def start(self, like: Array, peers: Array) -> EigenTrustState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        return self._trusting(MaskedRatings.of(nothing, None), nothing, shared(peers, like))
+        return self._trusting(Ratings(nothing), nothing, shared(peers, like))
 
-    def after_round(self, state: EigenTrustState, ratings: Ratings) -> EigenTrustState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
-        content = ratings.remember(0 * state.scores, 2 * ratings.values - 1)
+    def update(self, state: EigenTrustState, ratings: Ratings) -> EigenTrustState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        content = ratings.write(0 * state.scores, 2 * ratings.values - 1)
         return self._trusting(ratings.pairs, state.scores + content, state.peers)
 
-    def _trusting(self, pairs: Cells, scores: Array, peers: Array) -> EigenTrustState:
+    def _trusting(self, pairs: Ratings, scores: Array, peers: Array) -> EigenTrustState:
         xp = namespace(scores)
-        each = 1 / pairs.agents(peers)
-        p = Trusts(0 * pairs.sum_over_providers(scores) + each, 0 * pairs.sum_over_raters(scores) + each)
+        each = 1 / n_agents(pairs, peers)
+        p = Trusts(0 * pairs.reduce(scores, RATER) + each, 0 * pairs.reduce(scores, PROVIDER) + each)
         trusts = walk(pairs, xp.where(scores > _ROUNDING, scores, 0.0), peers, p, A)
         return EigenTrustState(trusts, scores, peers)
 

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.pair_means import ByPairMeans
-from roletrust_env.trust.ratings import Cells
+from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, weighted_mean
 
 
 @checked_dataclass
@@ -24,17 +24,17 @@ class FairnessGoodness(ByPairMeans):
 
     source = "Kumar et al. (2016)"
 
-    def _first(self, pairs: Cells, rated: Array) -> tuple[Array, Array]:
+    def _first(self, pairs: Ratings, rated: Array) -> tuple[Array, Array]:
         of_raters, of_providers = super()._first(pairs, rated)
         return of_raters + 1, of_providers
 
     def _step(
-        self, pairs: Cells, means: Array, rated: Array, of_raters: Array, of_providers: Array
+        self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
         weight = 2 * means - 1
-        goodness = pairs.weighted_mean_over_raters(pairs.of_raters(of_raters) * weight, rated)
-        apart = abs(weight - pairs.of_providers(goodness)) / 2
-        return 1 - pairs.weighted_mean_over_providers(apart, rated), goodness
+        goodness = weighted_mean(pairs, pairs.gather(of_raters, RATER) * weight, rated, PROVIDER)
+        apart = abs(weight - pairs.gather(goodness, PROVIDER)) / 2
+        return 1 - weighted_mean(pairs, apart, rated, RATER), goodness
 
     def _rater_score(self, of_raters: Array) -> Array:
         return of_raters

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.rating_vectors import ByRatingVectors
-from roletrust_env.trust.ratings import Cells
+from roletrust_env.trust.ratings import PROVIDER, Ratings, weighted_mean
 
 _NEAREST = 1e-4  # distances below this count as this; Weiszfeld's weights are otherwise without limit
 
@@ -28,5 +28,5 @@ class GeometricMedian(ByRatingVectors):
     def _weight(self, distance: Array) -> Array:
         return 1 / namespace(distance).clip(distance, _NEAREST, None)
 
-    def _moved(self, pairs: Cells, apart: Array, rated: Array, weights: Array) -> Array:
-        return pairs.weighted_mean_over_raters(apart, rated * weights)
+    def _moved(self, pairs: Ratings, apart: Array, rated: Array, weights: Array) -> Array:
+        return weighted_mean(pairs, apart, rated * weights, PROVIDER)

@@ -4,7 +4,7 @@ from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import checked_dataclass
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.ratings import PROVIDER, Ratings, weighted_mean
 from roletrust_env.trust.robust import ByCentre, median
 
 STEPS = 30
@@ -38,7 +38,7 @@ class HuberMean(ByCentre):
         """Return the Huber mean of each provider's ratings. See `ByCentre.centre`."""
         xp, centre = namespace(ratings.values), median(ratings)
         for _ in range(STEPS):
-            distance = abs(ratings.values - ratings.of_providers(centre))
+            distance = abs(ratings.values - ratings.gather(centre, PROVIDER))
             weights = ratings.weigh(self.width / xp.clip(distance, self.width, None))
-            centre = ratings.weighted_mean_over_raters(ratings.values, weights)
+            centre = weighted_mean(ratings, ratings.values, weights, PROVIDER)
         return centre

@@ -6,8 +6,7 @@ import numpy as np
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 STEPS = 80
 """Number of iterations. With these weightings the result is within 1e-6 of the fixed point."""
@@ -34,7 +33,7 @@ class FilteringState(NamedTuple):
 
 
 @checked_dataclass
-class IterativeFiltering(Central):
+class IterativeFiltering:
     """Iterative filtering: raters are weighted by their distance to the weighted mean, iterated until both agree.
 
     De Kerchove and Van Dooren (2010) give the scheme and the linear weighting. The power weighting, which is the
@@ -71,20 +70,20 @@ class IterativeFiltering(Central):
         means, rated = xp.zeros_like(like), xp.zeros_like(like)
         return FilteringState(means[:, 0, ...] + self.initial, means[0] + self.initial, means, rated)
 
-    def after_round(self, state: FilteringState, ratings: Ratings) -> FilteringState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: FilteringState, ratings: Ratings) -> FilteringState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, pairs = namespace(ratings.values), ratings.pairs
         weight = 1 - (1 - self.lam) * state.rated
-        means = state.means + weight * (ratings.remember(state.means, ratings.values) - state.means)
-        rated = ratings.remember(state.rated, 1.0)
-        given, received = pairs.sum_over_providers(rated), pairs.sum_over_raters(rated)
-        weights, worth = given, pairs.weighted_mean_over_raters(means, rated)
+        means = state.means + weight * (ratings.write(state.means, ratings.values) - state.means)
+        rated = ratings.write(state.rated, 1.0)
+        given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
+        weights, worth = given, weighted_mean(pairs, means, rated, PROVIDER)
         for _ in range(STEPS):
             before = worth
-            distance = pairs.weighted_mean_over_providers((means - pairs.of_providers(worth)) ** 2, rated)
+            distance = weighted_mean(pairs, (means - pairs.gather(worth, PROVIDER)) ** 2, rated, RATER)
             least = xp.min(xp.where(given > 0, distance, 1.0), axis=0)
             weights = self._weights(xp.where(given > 0, distance, least), least)
-            worth = pairs.weighted_mean_over_raters(means, rated * pairs.of_raters(weights))
+            worth = weighted_mean(pairs, means, rated * pairs.gather(weights, RATER), PROVIDER)
             if isinstance(worth, np.ndarray) and np.max(abs(worth - before)) <= _ROUNDING * np.finfo(worth.dtype).eps:
                 break
         return FilteringState(

@@ -5,9 +5,8 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power, upper_median
-from roletrust_env.trust.central import Central
 from roletrust_env.trust.models.central.beta import left
-from roletrust_env.trust.ratings import TINY, Cells, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 
 class LeaveOneOutState(NamedTuple):
@@ -47,7 +46,7 @@ class Compared(NamedTuple):
 
 
 @checked_dataclass
-class LeaveOneOut(Central):
+class LeaveOneOut:
     """Leave-one-out trust: a rater is trusted as far as it agrees with the others, a provider as trusted raters say.
 
         s[i, j] <- keep s[i, j] + f[i, j],   n[i, j] <- keep n[i, j] + 1        f and 1 only where i rated j
@@ -102,40 +101,40 @@ class LeaveOneOut(Central):
         tor = nothing[:, 0, ...] + self.doubt**self.power
         return LeaveOneOutState(tor, nothing[0] + self.initial, nothing, nothing)
 
-    def after_round(self, state: LeaveOneOutState, ratings: Ratings) -> LeaveOneOutState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: LeaveOneOutState, ratings: Ratings) -> LeaveOneOutState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, pairs, none = namespace(ratings.values), ratings.pairs, 0 * state.sums
-        kept = pairs.of_providers(left(self.keep, ratings))
-        sums = kept * state.sums + ratings.remember(none, ratings.values)
-        counts = kept * state.counts + ratings.remember(none, 1.0)
+        kept = pairs.gather(left(self.keep, ratings), PROVIDER)
+        sums = kept * state.sums + ratings.write(none, ratings.values)
+        counts = kept * state.counts + ratings.write(none, 1.0)
         voice, above = counts / (1 + self.limit * counts), sums / (counts + TINY) - self.initial
-        weights = voice * pairs.of_raters(state.tor)
+        weights = voice * pairs.gather(state.tor, RATER)
         base = self._base(pairs, above, voice, weights)
         # The view of the others: all weights and ratings of a provider, less the rater's own.
         own, apart = (1 - self.own) * weights, above - base
-        heard = xp.clip(pairs.of_providers(pairs.sum_over_raters(weights)) - own, 0.0, None)
-        view = (pairs.of_providers(pairs.sum_over_raters(weights * apart)) - own * apart) / (heard + self.prior)
+        heard = xp.clip(pairs.gather(pairs.reduce(weights, PROVIDER), PROVIDER) - own, 0.0, None)
+        view = (pairs.gather(pairs.reduce(weights * apart, PROVIDER), PROVIDER) - own * apart) / (heard + self.prior)
         evidence = voice * heard / (heard + self.prior)
-        agreed = self.doubt + pairs.sum_over_providers(evidence * (1 - abs(apart - view)))
-        agreement = xp.clip(agreed / (1 + pairs.sum_over_providers(evidence)), 0.0, 1.0)
+        agreed = self.doubt + pairs.reduce(evidence * (1 - abs(apart - view)), RATER)
+        agreement = xp.clip(agreed / (1 + pairs.reduce(evidence, RATER)), 0.0, 1.0)
         compared = Compared(above, apart, view, voice, evidence, agreement)
-        tor = xp.where(ratings.given > 0, self.believed(pairs, compared), state.tor)
-        return LeaveOneOutState(tor, self._trust(pairs, above, voice, voice * pairs.of_raters(tor)), sums, counts)
+        tor = xp.where(ratings.rated(RATER), self.believed(pairs, compared), state.tor)
+        return LeaveOneOutState(tor, self._trust(pairs, above, voice, voice * pairs.gather(tor, RATER)), sums, counts)
 
-    def believed(self, pairs: Cells, compared: Compared) -> Array:
+    def believed(self, pairs: Ratings, compared: Compared) -> Array:
         """Return the trust of each rater of the round from its comparison with the others, shape (S, ...)."""
         return safe_power(compared.agreement, self.power)
 
-    def _base(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
+    def _base(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
         """Return the prior of the providers, less `initial`: shape (...), at most 0."""
-        mean = pairs.weighted_mean_over_raters(above, weights)
-        return self.modesty * namespace(mean).clip(upper_median(mean, pairs.sum_over_raters(voice) > 0), None, 0.0)
+        mean = weighted_mean(pairs, above, weights, PROVIDER)
+        return self.modesty * namespace(mean).clip(upper_median(mean, pairs.reduce(voice, PROVIDER) > 0), None, 0.0)
 
-    def _trust(self, pairs: Cells, above: Array, voice: Array, weights: Array) -> Array:
+    def _trust(self, pairs: Ratings, above: Array, voice: Array, weights: Array) -> Array:
         """Return ToP, shape (P, ...), from the ratings less `initial` and the weights of the pairs."""
         xp, base = namespace(above), self._base(pairs, above, voice, weights)
-        said = pairs.sum_over_raters(weights * above) + self.prior * base
-        return xp.clip(self.initial + said / (pairs.sum_over_raters(weights) + self.prior), 0.0, 1.0)
+        said = pairs.reduce(weights * above, PROVIDER) + self.prior * base
+        return xp.clip(self.initial + said / (pairs.reduce(weights, PROVIDER) + self.prior), 0.0, 1.0)
 
     def rater_trust(self, state: LeaveOneOutState) -> Array:
         """Return ToR, shape (S, ...)."""

@@ -7,9 +7,8 @@ from pydantic import PositiveInt
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.algorithms import Trusts
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.random_walk import shared, walk
-from roletrust_env.trust.ratings import Cells, MaskedRatings, PerPair, PerProvider, Ratings
+from roletrust_env.trust.random_walk import not_self, own_role, shared, walk
+from roletrust_env.trust.ratings import PROVIDER, PerPair, PerProvider, Ratings
 
 A = 0.15
 """Share of all trust that goes to the power nodes directly."""
@@ -32,7 +31,7 @@ class PowerTrustState(NamedTuple):
 
 
 @checked_dataclass
-class PowerTrust(Central):
+class PowerTrust:
     """PowerTrust: trust passed on as in EigenTrust, by the latest ratings, with an extra share for the most rated.
 
     Zhou and Hwang (2007), their global aggregation without the look-ahead step and without a distributed ranking:
@@ -63,21 +62,21 @@ class PowerTrust(Central):
     def start(self, like: Array, peers: Array) -> PowerTrustState:
         """Return the state before any rating. See `TrustModel.start`."""
         nothing = namespace(like).zeros_like(like)
-        return self._trusting(MaskedRatings.of(nothing, None), nothing, 0 * nothing[0], shared(peers, like))
+        return self._trusting(Ratings(nothing), nothing, 0 * nothing[0], shared(peers, like))
 
-    def after_round(self, state: PowerTrustState, ratings: Ratings) -> PowerTrustState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: PowerTrustState, ratings: Ratings) -> PowerTrustState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         pairs = ratings.pairs
-        by_others = pairs.apart(state.peers) * ratings.remember(0 * state.latest, 1.0)
-        heard = state.heard + pairs.sum_over_raters(by_others)
-        return self._trusting(pairs, ratings.remember(state.latest, ratings.values), heard, state.peers)
+        by_others = not_self(pairs, state.peers) * ratings.write(0 * state.latest, 1.0)
+        heard = state.heard + pairs.reduce(by_others, PROVIDER)
+        return self._trusting(pairs, ratings.write(state.latest, ratings.values), heard, state.peers)
 
-    def _trusting(self, pairs: Cells, latest: Array, heard: Array, peers: Array) -> PowerTrustState:
+    def _trusting(self, pairs: Ratings, latest: Array, heard: Array, peers: Array) -> PowerTrustState:
         xp = namespace(latest)
         last = xp.sort(heard, axis=0)[-min(self.power_nodes, len(heard))]
         power = xp.astype(heard >= last, latest.dtype)
         top = power / total(power, 0)
-        start = Trusts(pairs.of_own_role(top, peers), top)
+        start = Trusts(own_role(pairs, top, peers), top)
         return PowerTrustState(walk(pairs, latest, peers, start, A), latest, heard, peers)
 
     def rater_trust(self, state: PowerTrustState) -> Array:

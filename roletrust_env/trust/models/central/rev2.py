@@ -5,7 +5,7 @@ from pydantic import NonNegativeFloat
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.pair_means import ByPairMeans
-from roletrust_env.trust.ratings import TINY, Cells
+from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, Ratings
 
 
 @checked_dataclass
@@ -34,20 +34,20 @@ class Rev2(ByPairMeans):
 
     source = "Kumar et al. (2018)"
 
-    def _first(self, pairs: Cells, rated: Array) -> tuple[Array, Array]:
+    def _first(self, pairs: Ratings, rated: Array) -> tuple[Array, Array]:
         of_raters, of_providers = super()._first(pairs, rated)
         return of_raters + 1, of_providers + 1
 
     def _step(
-        self, pairs: Cells, means: Array, rated: Array, of_raters: Array, of_providers: Array
+        self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
-        weight, fair = 2 * means - 1, pairs.of_raters(of_raters)
-        given, received = pairs.sum_over_providers(rated), pairs.sum_over_raters(rated)
-        reliable = (fair + 1 - abs(weight - pairs.of_providers(of_providers)) / 2) / 2
-        votes = pairs.sum_over_raters(rated * reliable * weight)
+        weight, fair = 2 * means - 1, pairs.gather(of_raters, RATER)
+        given, received = pairs.reduce(rated, RATER), pairs.reduce(rated, PROVIDER)
+        reliable = (fair + 1 - abs(weight - pairs.gather(of_providers, PROVIDER)) / 2) / 2
+        votes = pairs.reduce(rated * reliable * weight, PROVIDER)
         goodness = (self.beta * _mean(of_providers, received) + votes) / (self.beta + received + TINY)
-        reliable = (fair + 1 - abs(weight - pairs.of_providers(goodness)) / 2) / 2
-        fairness = self.alpha * _mean(of_raters, given) + pairs.sum_over_providers(rated * reliable)
+        reliable = (fair + 1 - abs(weight - pairs.gather(goodness, PROVIDER)) / 2) / 2
+        fairness = self.alpha * _mean(of_raters, given) + pairs.reduce(rated * reliable, RATER)
         return fairness / (self.alpha + given + TINY), goodness
 
     def _rater_score(self, of_raters: Array) -> Array:

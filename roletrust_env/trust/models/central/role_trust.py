@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, ones
 from roletrust_env.parameters import Lam, Share, checked_dataclass
-from roletrust_env.trust.algorithms import provider_quality, rater_quality, smooth
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import PairAge, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.algorithms import provider_quality, rater_quality
+from roletrust_env.trust.ratings import PROVIDER, RATER, PairAge, PerPair, PerProvider, PerRater, Ratings, aged, smooth
 
 
 class RoleTrustState(NamedTuple):
@@ -28,7 +27,7 @@ class RoleTrustState(NamedTuple):
 
 
 @checked_dataclass
-class RoleTrust(Central):
+class RoleTrust:
     """Role-based trust: raters by their distance to the average rating, providers by good, steady, trusted ratings.
 
     Su and Saint-Jore (EWSN 2023), Algorithms 1 and 2. The game computes an agent's ToA (Algorithm 3) from the two
@@ -43,7 +42,6 @@ class RoleTrust(Central):
     initial: Share = 0.5
     rates_raters = True
     source = "Su and Saint-Jore (2023)"
-    takes_full_rounds = True
     local = True
 
     def start(self, like: Array) -> RoleTrustState:
@@ -52,16 +50,16 @@ class RoleTrust(Central):
         last, elapsed = xp.zeros_like(like), xp.zeros_like(like)
         return RoleTrustState(last[:, 0, ...] + self.initial, last[0] + self.initial, last, elapsed)
 
-    def after_round(self, state: RoleTrustState, ratings: Ratings) -> RoleTrustState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
-        tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.given)
-        elapsed = None if state.full else ratings.recall(state.elapsed)
-        quality = provider_quality(ratings, tor, ratings.recall(state.last), elapsed)
-        top = smooth(quality, state.top, self.lam, ratings.received)
+    def update(self, state: RoleTrustState, ratings: Ratings) -> RoleTrustState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        tor = smooth(self._rater_quality(ratings), state.tor, self.lam, ratings.count(RATER))
+        elapsed = None if state.full else ratings.read(state.elapsed)
+        quality = provider_quality(ratings, tor, ratings.read(state.last), elapsed)
+        top = smooth(quality, state.top, self.lam, ratings.count(PROVIDER))
         if ratings.full:
             return RoleTrustState(tor, top, ratings.values, ones(ratings.values), True)
-        last = ratings.remember(state.last, ratings.values)
-        return RoleTrustState(tor, top, last, ratings.pass_time(state.elapsed))
+        last = ratings.write(state.last, ratings.values)
+        return RoleTrustState(tor, top, last, aged(ratings, state.elapsed))
 
     def _rater_quality(self, ratings: Ratings) -> Array:
         """Return QoR, shape (S, ...)."""

@@ -2,7 +2,7 @@
 
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import LessThanHalf, checked_dataclass
-from roletrust_env.trust.ratings import Ratings
+from roletrust_env.trust.ratings import PROVIDER, Ratings
 from roletrust_env.trust.robust import ByCentre, middle_mean
 
 
@@ -25,4 +25,4 @@ class TrimmedMean(ByCentre):
 
     def centre(self, ratings: Ratings) -> Array:
         """Return the trimmed mean of each provider's ratings. See `ByCentre.centre`."""
-        return middle_mean(ratings, self.share * ratings.received)
+        return middle_mean(ratings, self.share * ratings.count(PROVIDER))

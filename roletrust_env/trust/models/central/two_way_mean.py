@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array
 from roletrust_env.parameters import checked_dataclass
 from roletrust_env.trust.pair_means import ByPairMeans
-from roletrust_env.trust.ratings import Cells
+from roletrust_env.trust.ratings import PROVIDER, RATER, Ratings, weighted_mean
 
 
 @checked_dataclass
@@ -24,11 +24,11 @@ class TwoWayMean(ByPairMeans):
     source = "Koren et al. (2009)"
 
     def _step(
-        self, pairs: Cells, means: Array, rated: Array, of_raters: Array, of_providers: Array
+        self, pairs: Ratings, means: Array, rated: Array, of_raters: Array, of_providers: Array
     ) -> tuple[Array, Array]:
-        level = pairs.weighted_mean_over_raters(means - pairs.of_raters(of_raters), rated)
-        rest = pairs.sum_over_providers(rated * (means - pairs.of_providers(level)))
-        return rest / (pairs.sum_over_providers(rated) + 1), level
+        level = weighted_mean(pairs, means - pairs.gather(of_raters, RATER), rated, PROVIDER)
+        rest = pairs.reduce(rated * (means - pairs.gather(level, PROVIDER)), RATER)
+        return rest / (pairs.reduce(rated, RATER) + 1), level
 
     def _provider_score(self, of_providers: Array) -> Array:
         return of_providers

@@ -4,9 +4,18 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Factor, Lam, Power, Share, checked_dataclass
-from roletrust_env.trust.algorithms import sinc, smooth, upper_median, without_rounding
-from roletrust_env.trust.central import Central
-from roletrust_env.trust.ratings import Cells, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.algorithms import sinc, upper_median, without_rounding
+from roletrust_env.trust.ratings import (
+    PROVIDER,
+    RATER,
+    PerPair,
+    PerProvider,
+    PerRater,
+    Ratings,
+    mean,
+    smooth,
+    weighted_mean,
+)
 
 _LEAST = 0.01
 """Minimum trust of a rater in its weight, so that weights do not vanish where no rater is trusted."""
@@ -29,7 +38,7 @@ class WaryState(NamedTuple):
 
 
 @checked_dataclass
-class WaryRoleTrust(Central):
+class WaryRoleTrust:
     """Wary role-trust: role-trust with a consensus of trusted raters, and trust that falls fast and rises slowly.
 
     The idea is that of Su and Saint-Jore (EWSN 2023): two roles, raters trusted by their distance to the consensus, and
@@ -83,24 +92,24 @@ class WaryRoleTrust(Central):
         nothing = namespace(like).zeros_like(like)
         return WaryState(nothing[:, 0, ...] + self.initial, nothing[0] + self.initial, nothing, nothing)
 
-    def after_round(self, state: WaryState, ratings: Ratings) -> WaryState:
-        """Return the state after one round of ratings. See `Central.after_round`."""
+    def update(self, state: WaryState, ratings: Ratings) -> WaryState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, pairs = namespace(ratings.values), ratings.pairs
-        last = ratings.remember(state.last, ratings.values)
-        fresh = ratings.remember(self.keep * state.fresh, 1.0)
-        best = pairs.largest_over_raters(xp.where(fresh > 0, last, 0.0))
-        below = last - pairs.of_providers(best)  # raters who agree are exactly 0 apart
-        consensus = pairs.weighted_mean_over_raters(below, self._weights(pairs, fresh, state.tor))
-        lowest = -pairs.largest_over_raters(xp.where(fresh > 0, -below, 0.0))
-        consensus = pairs.of_providers(_level(consensus, lowest, pairs.shape[0]))
-        distance = ratings.mean_over_providers(ratings.recall(xp.sqrt(without_rounding(abs(below - consensus)))))
-        tor = smooth(1 - distance, state.tor, self.lam, ratings.given)
-        quality = pairs.weighted_mean_over_raters(sinc(1 - last) * last, self._weights(pairs, fresh, tor))
-        return WaryState(tor, self._moved(state.top, quality, ratings.received > 0), last, fresh)
+        last = ratings.write(state.last, ratings.values)
+        fresh = ratings.write(self.keep * state.fresh, 1.0)
+        best = pairs.reduce(xp.where(fresh > 0, last, 0.0), PROVIDER, "max")
+        below = last - pairs.gather(best, PROVIDER)  # raters who agree are exactly 0 apart
+        consensus = weighted_mean(pairs, below, self._weights(pairs, fresh, state.tor), PROVIDER)
+        lowest = -pairs.reduce(xp.where(fresh > 0, -below, 0.0), PROVIDER, "max")
+        consensus = pairs.gather(_level(consensus, lowest, pairs.shape[0]), PROVIDER)
+        distance = mean(ratings, ratings.read(xp.sqrt(without_rounding(abs(below - consensus)))), RATER)
+        tor = smooth(1 - distance, state.tor, self.lam, ratings.count(RATER))
+        quality = weighted_mean(pairs, sinc(1 - last) * last, self._weights(pairs, fresh, tor), PROVIDER)
+        return WaryState(tor, self._moved(state.top, quality, ratings.rated(PROVIDER)), last, fresh)
 
-    def _weights(self, pairs: Cells, fresh: Array, tor: Array) -> Array:
+    def _weights(self, pairs: Ratings, fresh: Array, tor: Array) -> Array:
         """Return the weights w, one for each pair."""
-        return fresh * pairs.of_raters(namespace(tor).clip(tor, _LEAST, None) ** self.power)
+        return fresh * pairs.gather(namespace(tor).clip(tor, _LEAST, None) ** self.power, RATER)
 
     def _moved(self, top: Array, quality: Array, rated: Array) -> Array:
         """Return ToP after the round, shape (P, ...); `rated` is true for providers with a rating."""

@@ -2,7 +2,6 @@
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Lam, Share, checked_dataclass
-from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,
     credences,
@@ -11,7 +10,7 @@ from roletrust_env.trust.judges import (
     weighted_advice,
     with_self,
 )
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import Ratings, smooth
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 
@@ -44,13 +43,13 @@ class Clustering(Personal):
         known = Experience.none(like)
         return Likened(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
+    def update(self, state: Likened, ratings: Ratings) -> Likened:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
-        known = state.known.after(masked)
+        xp = namespace(ratings.values)
+        known = state.known.after(ratings)
         squares, common = disagreement(known)
-        together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.dtype))
-        heard, weight = weighted_advice(together, masked.values, masked.weights)
+        together = _connected(cast((common > 0) & (squares <= self.threshold**2), ratings.values.dtype))
+        heard, weight = weighted_advice(together, ratings.values, ratings.weights)
         trust = smooth(heard, state.trust, self.lam, weight)
         credence = xp.where((together > 0) | (common > 0), together, self.initial)
         return Likened(known, trust, credence)

@@ -15,14 +15,13 @@ from roletrust_env.trust.judges import (
     credence_sum,
     credences,
     in_common,
-    is_rated,
-    mask_ratings,
     mean,
     nothing_yet,
     others,
     published_raters,
-    remember,
+    push,
 )
+from roletrust_env.trust.ratings import PROVIDER, Ratings
 
 _MEMORY = 10  # number of own ratings of a provider in memory
 _FADE = 0.5 ** (1 / 5)  # exp(-1 / l) with l = -5 / ln .5: after five rounds a rating weighs half
@@ -88,18 +87,18 @@ class Fire(Personal):
         credibility = credences(like, self.credibility)
         return FireState(nothing[0] + self.initial, credibility, 0 * credibility, nothing, nothing)
 
-    def update(self, state: FireState, ratings: Array, mask: Array) -> FireState:
+    def update(self, state: FireState, ratings: Ratings) -> FireState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        outcomes, met = mask_ratings(ratings, mask)
+        outcomes, met = ratings.values, ratings.weights
         judged, count = _FADE * state.judged, in_common(met)
         credibility = absorb(state.credibility, judged, compare_opinions(outcomes, met, self._credible), count)
-        values = remember(state.values, 2 * outcomes - 1, mask)
-        weights = remember(_FADE * state.weights, met, mask)
+        values = push(state.values, 2 * outcomes - 1, ratings)
+        weights = push(_FADE * state.weights, met, ratings)
         own, own_weight = _interaction(values, weights)
         heard, heard_weight = _witnesses(credibility, values[0], weights[0])
         weight = _INTERACTION * own_weight + _WITNESS * heard_weight
         trust = 0.5 + 0.5 * mean(_INTERACTION * own_weight * own + _WITNESS * heard_weight * heard, weight)
-        trust = namespace(ratings).where(is_rated(met) & (weight > _FORGOTTEN), trust, state.trust)
+        trust = namespace(ratings.values).where(ratings.rated(PROVIDER) & (weight > _FORGOTTEN), trust, state.trust)
         return FireState(trust, credibility, judged + count, values, weights)
 
     def _credible(self, apart: Array) -> Array:

@@ -10,12 +10,12 @@ from roletrust_env.trust.judges import (
     by_judges,
     credence_sum,
     credences,
-    mask_ratings,
     mean,
     others,
     product,
     published_raters,
 )
+from roletrust_env.trust.ratings import Ratings
 
 
 class FirstHandState(NamedTuple):
@@ -74,10 +74,10 @@ class FirstHand(Personal):
         none = namespace(like).zeros_like(like)
         return FirstHandState(none, none, none + self.initial, credences(like, self.doubt**self.power))
 
-    def update(self, state: FirstHandState, ratings: Array, mask: Array) -> FirstHandState:
+    def update(self, state: FirstHandState, ratings: Ratings) -> FirstHandState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        rated, met = mask_ratings(ratings, mask)
+        xp = namespace(ratings.values)
+        rated, met = ratings.values, ratings.weights
         kept = 1 - (1 - self.keep) * met
         sums, counts = kept * state.sums + rated, kept * state.counts + met
         means, voice = mean(sums, counts), counts / (1 + self.limit * counts)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.judges import Personal, mean
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.similarity import Experience
 
 
@@ -42,10 +42,10 @@ class OwnExperience(Personal):
         known = Experience.none(like)
         return OwnState(known, known.sums + self.initial)
 
-    def update(self, state: OwnState, ratings: Array, mask: Array) -> OwnState:
+    def update(self, state: OwnState, ratings: Ratings) -> OwnState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        known = state.known.after(MaskedRatings.of(ratings, mask))
-        xp = namespace(ratings)
+        known = state.known.after(ratings)
+        xp = namespace(ratings.values)
         own = xp.clip(mean(known.sums, known.counts), 0.0, 1.0)
         return OwnState(known, xp.where(known.counts > 0, own, state.trust))
 

@@ -3,7 +3,7 @@
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.judges import Personal, credences, published_raters, weighted_advice
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import Ratings
 from roletrust_env.trust.similarity import Experience, Likened, disagreement
 
 _TINY = 1e-30  # keeps the slope of a root finite where raters agree; elsewhere it is lost in rounding
@@ -35,10 +35,10 @@ class PeerTrust(Personal):
         known = Experience.none(like)
         return Likened(known, known.sums + self.initial, credences(like, self.initial))
 
-    def update(self, state: Likened, ratings: Array, mask: Array) -> Likened:
+    def update(self, state: Likened, ratings: Ratings) -> Likened:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        known = state.known.after(MaskedRatings.of(ratings, mask))
+        xp = namespace(ratings.values)
+        known = state.known.after(ratings)
         squares, common = disagreement(known)
         similarity = 1 - xp.sqrt(squares + _TINY)
         mean, weight = weighted_advice(xp.where(common > 0, similarity, 0.0), known.sums, known.counts)

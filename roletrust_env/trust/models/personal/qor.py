@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
-from roletrust_env.trust.algorithms import occurred
 from roletrust_env.trust.judges import (
     Personal,
     absorb,
@@ -13,13 +12,12 @@ from roletrust_env.trust.judges import (
     credence_sum,
     credences,
     in_common,
-    is_rated,
-    mask_ratings,
     mean,
     nothing_yet,
     published_raters,
-    remember,
+    push,
 )
+from roletrust_env.trust.ratings import PROVIDER, Ratings, occurred
 
 _MEMORY = 10  # number of ratings of a rater for a provider in memory
 
@@ -80,20 +78,21 @@ class QualityOfRecommendation(Personal):
         nothing, quality = nothing_yet(like, _MEMORY), credences(like, 1.0)
         return QorState(nothing[0] + self.initial, quality, quality, quality, nothing, nothing)
 
-    def update(self, state: QorState, ratings: Array, mask: Array) -> QorState:
+    def update(self, state: QorState, ratings: Ratings) -> QorState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        outcomes, met = mask_ratings(ratings, mask)
+        xp = namespace(ratings.values)
+        outcomes, met = ratings.values, ratings.weights
         common = in_common(met)
         right = mean(compare_opinions(outcomes, met, lambda apart: 1 - 2 * apart), common)
         new, weight = occurred(common), self.theta * state.weight
         quality = xp.where(common > 0, absorb(state.past, weight, right, new), state.quality)
         past = absorb(state.past, weight, new * quality, new)
         faded = state.weights * xp.exp(math.log(self.theta) * (1 + 0.5 * (state.values**2 - state.values)))
-        values, weights = remember(state.values, 2 * outcomes - 1, mask), remember(faded, met, mask)
+        values, weights = push(state.values, 2 * outcomes - 1, ratings), push(faded, met, ratings)
         said = credence_sum(quality, total(weights * values, 0))
         trust = 0.5 + 0.5 * mean(said, total(total(weights, 0), 0))
-        return QorState(xp.where(is_rated(met), trust, state.trust), quality, past, weight + new, values, weights)
+        trust = xp.where(ratings.rated(PROVIDER), trust, state.trust)
+        return QorState(trust, quality, past, weight + new, values, weights)
 
     def rater_trust(self, state: QorState) -> Array:
         """Return the mean quality of each rater's recommendations to the others, mapped to [0, 1], shape (S, ...)."""

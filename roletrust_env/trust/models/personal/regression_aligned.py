@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Ridge, Share, checked_dataclass
-from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import Personal, by_judges, credences, in_common, product
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
 
 class Moments(NamedTuple):
@@ -25,10 +24,10 @@ class Moments(NamedTuple):
     shared: Array
 
     @classmethod
-    def of(cls, masked: MaskedRatings) -> "Moments":
+    def of(cls, ratings: Ratings) -> "Moments":
         """Return the moments of one round."""
-        values: Array = masked.values
-        weights: Array = masked.weights
+        values: Array = ratings.values
+        weights: Array = ratings.weights
         theirs = values.swapaxes(0, 1)
         count = in_common(weights)
         mean = product(weights, theirs) / _at_least_1(count)
@@ -92,18 +91,18 @@ class RegressionAligned(Personal):
             Moments(pairs, pairs, pairs, pairs), nothing + self.initial, nothing[:, 0, ...] + 1
         )
 
-    def update(self, state: RegressionAlignedState, ratings: Array, mask: Array) -> RegressionAlignedState:
+    def update(self, state: RegressionAlignedState, ratings: Ratings) -> RegressionAlignedState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
+        xp = namespace(ratings.values)
         slope, base = self._lines(state.moments)
 
         def summed(some: slice) -> Array:
-            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * masked.values
-            return (masked.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
+            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * ratings.values
+            return (ratings.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
 
-        heard = by_judges(summed, ratings) / _at_least_1(masked.received)
-        trust = smooth(heard, state.trust, self.lam, masked.received)
-        return RegressionAlignedState(state.moments.joined(Moments.of(masked)), trust, state.tor)
+        received = ratings.reduce(ratings.weights, PROVIDER)
+        trust = smooth(by_judges(summed, ratings.values) / _at_least_1(received), state.trust, self.lam, received)
+        return RegressionAlignedState(state.moments.joined(Moments.of(ratings)), trust, state.tor)
 
     def _lines(self, known: Moments) -> tuple[Array, Array]:
         """Return, by judge and adviser, a and the image of x = 0, each of shape (S, S, ...)."""

@@ -9,12 +9,11 @@ from roletrust_env.trust.judges import (
     by_judges,
     compare_opinions,
     credences,
-    is_rated,
-    mask_ratings,
     others,
     published_raters,
 )
 from roletrust_env.trust.opinions import Opinion
+from roletrust_env.trust.ratings import PROVIDER, Ratings
 
 
 class SubjectiveLogicState(NamedTuple):
@@ -67,10 +66,10 @@ class SubjectiveLogic(Personal):
         nothing, advisers = namespace(like).zeros_like(like), credences(like, 0.0)
         return SubjectiveLogicState(nothing + self.initial, advisers, advisers, nothing, nothing)
 
-    def update(self, state: SubjectiveLogicState, ratings: Array, mask: Array) -> SubjectiveLogicState:
+    def update(self, state: SubjectiveLogicState, ratings: Ratings) -> SubjectiveLogicState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        outcomes, met = mask_ratings(ratings, mask)
-        two = others(ratings)
+        outcomes, met = ratings.values, ratings.weights
+        two = others(ratings.values)
         agreed = state.agreed + two * compare_opinions(outcomes, met, lambda apart: 1 - apart)
         differed = state.differed + compare_opinions(outcomes, met, lambda apart: apart)
         successes, failures = state.successes + outcomes, state.failures + (met - outcomes)
@@ -80,7 +79,7 @@ class SubjectiveLogic(Personal):
             advice = own.at(None).discounted(adviser.at((some, slice(None), None)))
             return own.at(some).fused(advice.fused_along(1)).expectation(self.initial)
 
-        trust = namespace(ratings).where(is_rated(met), by_judges(judged, outcomes), state.trust)
+        trust = namespace(ratings.values).where(ratings.rated(PROVIDER), by_judges(judged, outcomes), state.trust)
         return SubjectiveLogicState(trust, agreed, differed, successes, failures)
 
     def rater_trust(self, state: SubjectiveLogicState) -> Array:

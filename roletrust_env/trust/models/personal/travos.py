@@ -9,7 +9,7 @@ from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Share, checked_dataclass
 from roletrust_env.trust.beta import mass_below, mass_between, reputation
 from roletrust_env.trust.judges import Personal, others, published_raters
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import Ratings
 
 _FLAT = 1 / math.sqrt(12)
 """Standard deviation of the uniform distribution, to which an opinion without credibility is reduced."""
@@ -76,7 +76,6 @@ class Travos(Personal):
     source = "Teacy et al. (2006)"
     differentiable = False
     cost = "S^2 P"
-    takes_full_rounds = True
 
     def start(self, like: Array) -> TravosState:
         """Return the state without experience. See `TrustModel.start`."""
@@ -88,16 +87,16 @@ class Travos(Personal):
         credence = untried[:, :, 0, ...] + 1 / self.bins
         return TravosState(nothing, nothing, untried, untried, accuracy, confidence, nothing + 0.5, credence)
 
-    def update(self, state: TravosState, ratings: Array, mask: Array | None) -> TravosState:
+    def update(self, state: TravosState, ratings: Ratings) -> TravosState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp, masked = namespace(ratings), MaskedRatings.of(ratings, mask)
-        failed = (1 if masked.weights is None else masked.weights) - masked.values
+        xp = namespace(ratings.values)
+        failed = ratings.weights - ratings.values
         before = self._held(state.successes, state.failures)
-        good = state.good + xp.einsum("ij...,kbj...->ikb...", masked.values, before)
+        good = state.good + xp.einsum("ij...,kbj...->ikb...", ratings.values, before)
         bad = state.bad + xp.einsum("ij...,kbj...->ikb...", failed, before)
         changed = (good != state.good) | (bad != state.bad)  # few, where ratings are sparse
         by_bin = xp.where(changed, self._accuracy(good, bad, cast(changed, good.dtype)), state.accuracy)
-        successes, failures = state.successes + masked.values, state.failures + failed
+        successes, failures = state.successes + ratings.values, state.failures + failed
         changed = (successes != state.successes) | (failures != state.failures)
         confidence = self._confidence(successes, failures, cast(changed, good.dtype))
         confidence = xp.where(changed, confidence, state.confidence)

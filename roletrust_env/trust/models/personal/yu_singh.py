@@ -11,14 +11,13 @@ from roletrust_env.trust.judges import (
     compare_opinions,
     credence_sum,
     credences,
-    is_rated,
-    mask_ratings,
     mean,
     nothing_yet,
     others,
     published_raters,
-    remember,
+    push,
 )
+from roletrust_env.trust.ratings import PROVIDER, Ratings
 
 _FAINT = -40.0
 """Logarithm of the least relative credence, so that the credence of the only advisers does not underflow to 0."""
@@ -75,20 +74,20 @@ class YuSingh(Personal):
         recent = nothing_yet(like, self.memory)
         return YuSinghState(recent[0] + self.initial, credences(like, 0.0), recent, recent)
 
-    def update(self, state: YuSinghState, ratings: Array, mask: Array) -> YuSinghState:
+    def update(self, state: YuSinghState, ratings: Ratings) -> YuSinghState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        xp = namespace(ratings)
-        outcomes, met = mask_ratings(ratings, mask)
+        xp = namespace(ratings.values)
+        outcomes, met = ratings.values, ratings.weights
         lost = compare_opinions(outcomes, met, lambda apart: xp.log(1 - (1 - self.beta) * apart))
         log_credence = state.log_credence + lost
-        recent, known = remember(state.recent, outcomes, mask), remember(state.known, met, mask)
+        recent, known = push(state.recent, outcomes, ratings), push(state.known, met, ratings)
         experiences = total(known, 0)
         local, h = mean(total(recent, 0), experiences), experiences / self.memory
         credence = _relative(log_credence)
         believed = credence_sum(credence, known[0])
         advice = mean(credence_sum(credence, recent[0]), believed)
         trust = xp.where(believed > 0, h * local + (1 - h) * advice, local)
-        return YuSinghState(xp.where(is_rated(met), trust, state.trust), log_credence, recent, known)
+        return YuSinghState(xp.where(ratings.rated(PROVIDER), trust, state.trust), log_credence, recent, known)
 
     def rater_trust(self, state: YuSinghState) -> Array:
         """Return the mean credence of the others in each rater, shape (S, ...)."""

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
-from roletrust_env.trust.algorithms import smooth
 from roletrust_env.trust.judges import (
     Personal,
     compare_opinions,
@@ -15,7 +14,7 @@ from roletrust_env.trust.judges import (
     weighted_advice,
     with_self,
 )
-from roletrust_env.trust.ratings import MaskedRatings
+from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
 
 class ZhangCohenState(NamedTuple):
@@ -81,27 +80,26 @@ class ZhangCohen(Personal):
         nobody = nothing[:, 0, ...]
         return ZhangCohenState(pairs, pairs, nobody, nobody, nothing + self.initial)
 
-    def update(self, state: ZhangCohenState, ratings: Array, mask: Array) -> ZhangCohenState:
+    def update(self, state: ZhangCohenState, ratings: Ratings) -> ZhangCohenState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
-        masked = MaskedRatings.of(ratings, mask)
-        checked, consistent = self._consistency(masked)
+        checked, consistent = self._consistency(ratings)
         evidence = (
-            state.common + in_common(masked.weights),
-            state.agreeing + compare_opinions(masked.values, masked.weights, lambda apart: 1 - apart),
+            state.common + in_common(ratings.weights),
+            state.agreeing + compare_opinions(ratings.values, ratings.weights, lambda apart: 1 - apart),
             state.checked + checked,
             state.consistent + consistent,
         )
         credence = self._credence(*evidence)
-        heard, weight = weighted_advice(with_self(credence), masked.values, masked.weights)
+        heard, weight = weighted_advice(with_self(credence), ratings.values, ratings.weights)
         return ZhangCohenState(*evidence, smooth(heard, state.trust, self.lam, weight))
 
-    def _consistency(self, masked: MaskedRatings) -> tuple[Array, Array]:
+    def _consistency(self, ratings: Ratings) -> tuple[Array, Array]:
         """Return how many of each rater's ratings can be compared with others, and how many of these are consistent."""
-        xp = namespace(masked.values)
-        beside = masked.received - masked.weights
-        others_mean = (masked.values.sum(axis=0) - masked.values) / xp.where(beside > 0, beside, 1.0)
-        checked = xp.where(beside > 0, masked.weights, 0.0)
-        near = abs(masked.values - others_mean) <= self.tolerance
+        xp = namespace(ratings.values)
+        beside = ratings.count(PROVIDER) - ratings.weights
+        others_mean = (ratings.values.sum(axis=0) - ratings.values) / xp.where(beside > 0, beside, 1.0)
+        checked = xp.where(beside > 0, ratings.weights, 0.0)
+        near = abs(ratings.values - others_mean) <= self.tolerance
         return checked.sum(axis=1), xp.where(near, checked, 0.0).sum(axis=1)
 
     def _credence(self, common: Array, agreeing: Array, checked: Array, consistent: Array) -> Array:
