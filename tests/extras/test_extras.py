@@ -61,13 +61,12 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     cli = fresh("cli")
     for needed, arguments in (
         ("train", ["train", "ProviderAttack"]),
-        ("train", ["zoo"]),
         ("train", ["play", "--attack", f"sp_2=learned:path={ZOO}"]),
         ("vision", ["play", "paper-3x3-hog"]),
         ("vision", ["figures"]),
         ("live", ["live", "keys", "keys"]),
         ("train", ["benchmark", "--dry-run"]),
-        ("report", ["report", "results.sqlite"]),
+        ("train", ["report", "results.sqlite"]),
     ):
         assert f"pip install 'roletrust-env[{needed}]'" in cli.refused(*arguments)
     assert all(command in cli.roletrust("--help") for command in COMMANDS)
@@ -106,7 +105,7 @@ print(*record(JointPolicy(game, {}), game.random(seed=0), batch=(2,)).tor.shape)
     assert fresh("torch").python(tensors) == "3 3 2\n"
 
 
-def test_notebook(fresh: Callable[..., Environment]) -> None:
+def test_data_and_train(fresh: Callable[..., Environment]) -> None:
     lines = """
 from roletrust_env.benchmarking import Suite, benchmark
 tracks = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.3]}}
@@ -114,7 +113,7 @@ market = {"preset": "market", "set": {"max_cycles": 5}}
 suite = Suite(name="tiny", scenarios={"market": market}, tracks=tracks, methods=["scripted"], games=2)
 print(benchmark("mean", suite, attacks=["bad-mouthing"], workers=0, progress=False).to_pandas()["worst_attack"][0])
 """
-    assert fresh("notebook").python(lines) == "bad-mouthing\n"
+    assert fresh("data,train").python(lines) == "bad-mouthing\n"
 
 
 def test_logs(fresh: Callable[..., Environment]) -> None:
@@ -135,12 +134,11 @@ def test_train(fresh: Callable[..., Environment]) -> None:
     assert "Written to mine" in train.roletrust(
         "train", "ProviderAttack", *certain, *small, "--steps", 128, "--out", "mine"
     )
-    assert "provider-3x3" in train.roletrust("zoo", "--games", 2)
     assert "learned-provider" in train.roletrust("play", *SHORT, "--attack", f"sp_2=learned:path={ZOO}")
 
 
-def test_report(fresh: Callable[..., Environment]) -> None:
-    alone = fresh("report")
+def test_benchmark_and_report(fresh: Callable[..., Environment]) -> None:
+    alone = fresh("train")
     (alone.folder / "tiny.toml").write_text(TINY, encoding="utf-8")
     assert "pip install 'roletrust-env[ray]'" in alone.refused("benchmark", "--suite", "tiny.toml", "--ray", "auto")
     alone.roletrust("benchmark", "--suite", "tiny.toml", "--workers", 1, "--out", "played")
