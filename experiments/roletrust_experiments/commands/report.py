@@ -11,7 +11,6 @@ from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_experiments.commands.console import ALLOW_CODE, console, needs_code, print_next
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import Out
-from roletrust_experiments.plots.figure_files import write_figure
 
 
 def report(
@@ -56,30 +55,30 @@ def report(
     [cyan]roletrust benchmark --suite learners-quick --out results/learners[/]
     [cyan]roletrust report results/quick/results.sqlite results/learners/results.sqlite[/]
     """
-    require("the report", "report", "bokeh", "jinja2")
-    require("the report", "train", "scipy", "cma")  # to read a suite of the benchmark
+    require("the report", "train", "scipy", "cma", "jinja2")  # to read a suite of the benchmark, and for the page
     from roletrust_experiments.commands.leaderboard import leaderboard_markdown
-    from roletrust_experiments.report.conditions import ConditionRow
     from roletrust_experiments.report.content import read
+    from roletrust_experiments.report.figures import COLUMN, PAGE, write_figures
     from roletrust_experiments.report.games import write_games
+    from roletrust_experiments.report.latex import latex_table
     from roletrust_experiments.report.page import page
-    from roletrust_experiments.report.paper import write_paper
-    from roletrust_experiments.report.pictures import pictures
+    from roletrust_experiments.report.robustness import ConditionRow
 
     paths = results or [Path("results/benchmark/results.sqlite")]
     content = read(paths, allow_code=allow_code)
     prepare_folder(out)
     for name, table in content.tables.items():
         write_csv(out / f"{name}.csv", table.header, [[_flat(value) for value in row] for row in table.rows])
-    for name, picture in pictures(content).items():
-        write_figure(out / f"{name}.png", picture, colours=256)
+    write_figures(out, content, PAGE, ".png")
+    write_figures(out / "paper", content, COLUMN, ".pdf", ".svg")
+    pictures = {name: (out / f"{name}.png").read_bytes() for name in content.tables}
     linked = ["--pages", pages] if pages else []
     command = shlex.join(["roletrust", "report", *map(str, paths), *linked, "--out", str(out)])
-    write_paper(out / "paper", content, command)
-    write_text(out / "report.html", page(content, command, pages.rstrip("/")))
+    write_text(out / "report.html", page(content, pictures, command, pages.rstrip("/")))
     written = "report.html"
     if found := content.robustness:
         write_text(out / "leaderboard.md", leaderboard_markdown(found.leaderboard, found.command))
+        write_text(out / "paper" / "leaderboard.tex", latex_table(found.leaderboard, command))
         write_games(out / "games.csv.gz", found.leaderboard.cells)
         write_csv(out / "conditions.csv", ConditionRow._fields, found.conditions)
         written += ", leaderboard.md, games.csv.gz, conditions.csv"

@@ -1,16 +1,87 @@
 """Content of a report: a benchmark of trust models, of learners, or both."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
+from roletrust_env.benchmarking.learners.results import (
+    ALL_TASKS,
+    HEADER,
+    LearnerResult,
+    TaskScale,
+    learner_results,
+    ranking,
+    table_rows,
+)
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
-from roletrust_env.benchmarking.store import Store
+from roletrust_env.benchmarking.store import Store, StoredCell
+from roletrust_env.benchmarking.suite_files import reproduction_command
 from roletrust_env.evaluation.specs import check_installed
+from roletrust_env.metrics.confidence import Interval
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_experiments.report.learners import Learners
-from roletrust_experiments.report.robustness import Robustness
-from roletrust_experiments.report.table import Table
+from roletrust_experiments.report.robustness import Robustness, Table
+
+
+class Learners(NamedTuple):
+    """The learners' part of a report.
+
+    Attributes:
+        suite: Suite that was played.
+        software: Versions of the software.
+        command: Command that plays the suite.
+        scales: Scores of share 0 and 1 on each task.
+        found: Results of each learner.
+        warnings: Warnings for the reader.
+    """
+
+    suite: LearnersSuite
+    software: dict[str, Any]
+    command: str
+    scales: dict[str, TaskScale]
+    found: list[LearnerResult]
+    warnings: list[str]
+
+    @classmethod
+    def of(cls, suite: LearnersSuite, stored: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
+        """Return the results of a run.
+
+        Args:
+            suite: Suite of the run.
+            stored: Trials with their results.
+            software: Versions of the software.
+            path: Path of the file.
+
+        Raises:
+            ValueError: No learner has been played.
+        """
+        scales, found = learner_results(suite, stored)
+        if not found:
+            raise ValueError(f"{path} holds no learner that was played; let `roletrust benchmark` go on first")
+        warnings = [f"{trial.key}: {done.failed}" for trial, done in stored if done.failed]
+        unfit = {f"{trial.learner} on {trial.task}": done.unsuitable for trial, done in stored if done.unsuitable}
+        warnings += [f"{who}: {why}" for who, why in unfit.items() if who.partition(" on ")[0] in suite.learners]
+        return cls(suite, software, reproduction_command(suite, path), scales, found, warnings)
+
+    @property
+    def order(self) -> list[str]:
+        """Learners, the best first."""
+        return ranking(self.found)
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        """The table by the name of its figure."""
+        tasks, names = [ALL_TASKS, *self.scales], self.order
+        found = sorted(self.found, key=lambda one: (tasks.index(one.task), names.index(one.learner), one.budget))
+        return {"learners": Table(HEADER, table_rows(found))}
+
+    @property
+    def shares(self) -> dict[str, dict[str, Interval]]:
+        """Share of each learner with the largest budget over all tasks and on each task, the best learner first."""
+        largest = self.suite.budgets[-1]
+        mine = {(one.learner, one.task): one.share for one in self.found if one.budget == largest}
+        nothing = Interval(float("nan"), float("nan"), float("nan"))
+        tasks = (ALL_TASKS, *self.scales)
+        return {name: {task: mine.get((name, task), nothing) for task in tasks} for name in self.order}
 
 
 class Content(NamedTuple):
@@ -43,16 +114,16 @@ def read(paths: Iterable[Path], *, allow_code: bool = False) -> Content:
     content, taken = Content(), dict[str, Path]()
     for path in paths:
         with Store(path) as store:
-            suite, kept, software = store.suite, store.all(), store.software
+            suite, stored, software = store.suite, store.all(), store.software
         if suite.kind in taken:
             raise ValueError(
                 f"{taken[suite.kind]} and {path} are both of a suite for {suite.kind}; a report has one of each kind"
             )
         taken[suite.kind] = path
         if isinstance(suite, LearnersSuite):
-            content = content._replace(learners=Learners.of(suite, kept, software, path))
+            content = content._replace(learners=Learners.of(suite, stored, software, path))
         else:
             if not allow_code:
                 check_installed(trust_models, suite.model_names)
-            content = content._replace(robustness=Robustness.of(suite, kept, software, path))
+            content = content._replace(robustness=Robustness.of(suite, stored, software, path))
     return content

@@ -1,196 +1,335 @@
-"""The figures of the page. They contain no data: `page.js` fills them with the selection of the reader."""
+"""Figures of a report, each drawn once: for the page and its PNG files, and in the column of a paper."""
 
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from bokeh.models import (
-    BasicTickFormatter,
-    ColumnDataSource,
-    FactorRange,
-    HoverTool,
-    LinearColorMapper,
-    NumeralTickFormatter,
-    Range1d,
-)
-from bokeh.models.annotations import ColorBar, Span, TeeHead, Whisker
-from bokeh.palettes import Cividis256
-from bokeh.plotting import figure
+import numpy as np
+import numpy.typing as npt
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.suite import Scale
+from roletrust_env.benchmarking.learners.results import title
+from roletrust_experiments.plots.figure_files import write_figure
+from roletrust_experiments.plots.learners import learners_column, learners_figure
+from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST, INK, QUIET, tidy
 from roletrust_experiments.report.content import Content
-from roletrust_experiments.report.learners import Learners
-from roletrust_experiments.report.robustness import HeatMap, Robustness
+from roletrust_experiments.report.robustness import Robustness, Table
 
-_TOOLS = "box_zoom,reset,save"
+Rows = Sequence[Mapping[str, Any]]
+"""Rows of a table by the names of its columns."""
 
+_LINES = 6
+"""Maximum number of models with lines; more would hide each other."""
 
-def figures(content: Content) -> dict[str, Any]:
-    """Return the figures by the name of their table."""
-    found: dict[str, Any] = {}
-    if content.robustness:
-        found |= {
-            "heatmap": _heatmap(content.robustness),
-            "worst_cases": _worst_cases(content.robustness),
-            "curves": _curves(),
-            "breakdown": _breakdown(content.robustness.suite.score),
-            "tradeoff": _tradeoff(),
-        }
-    if content.learners:
-        found["learners"] = _learners(content.learners)
-    return found
+_COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[2], ATTACKERS[1], HONEST[2], ATTACKERS[3])
+_DASHES: tuple[Any, ...] = ("-", (0, (7, 3)), (0, (2, 2)), (0, (9, 3, 2, 3)))
+_MARKS = ("o", "s", "^", "D", "v")
 
 
-def _heatmap(robustness: Robustness) -> Any:
-    """Return a heat map of models and attacks; dark is a low score, and a frame marks a worst case."""
-    heat = robustness.heat_maps["heatmap"]
-    found = _figure(
-        x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above",
-        height=190 + 24 * max(5, len(robustness.order)),
-    )  # fmt: skip
-    source = _source("cells", *robustness.tables["heatmap"].header, "column", "text", "ink", "frame")
-    cells = _cells(found, source, "model", heat, robustness.suite.score)
-    found.rect("column", "model", 0.86, 0.84, source=source, fill_color=None, line_color="frame", line_width=2)
-    found.xaxis.major_label_orientation = 0.9
-    _hover(found, cells, ("where", "@condition"), ("under", "@attack, @method"), _with_half(heat.column), _BLINDLY)
-    return found
+class Layout(NamedTuple):
+    """Measures of figures.
+
+    Attributes:
+        width: Width of a figure, inches.
+        row: Height of a row of a heat map or of the leaderboard, inches.
+        panel: Height of a panel with lines, inches.
+        panels: Number of panels with lines side by side.
+        grids: Number of heat maps side by side.
+        mark: Area of a mark, square points.
+        selected: Whether figures are of a selection: the best models, the condition in which the best one is weakest,
+            and the tracks with several shares.
+        style: Settings of Matplotlib.
+    """
+
+    width: float
+    row: float
+    panel: float
+    panels: int
+    grids: int
+    mark: float
+    selected: bool
+    style: Mapping[str, Any]
 
 
-def _worst_cases(robustness: Robustness) -> Any:
-    """Return a heat map of conditions for one model: scenarios and tracks by shares; dark is a low score."""
+PAGE = Layout(width=10, row=0.3, panel=3.2, panels=2, grids=3, mark=22, selected=False, style={})
+"""Layout of the page and of PNG files."""
+
+COLUMN = Layout(
+    width=3.4,
+    row=0.155,
+    panel=2.0,
+    panels=1,
+    grids=2,
+    mark=10,
+    selected=True,
+    style={
+        # Matplotlib has the first one, which goes with the Times of most papers; the second has more letters.
+        "font.family": ["STIXGeneral", "DejaVu Sans"],
+        "font.size": 8,
+        "axes.labelsize": 8,
+        "axes.titlesize": 8,
+        "xtick.labelsize": 7,
+        "ytick.labelsize": 7,
+        "legend.fontsize": 7,
+        "lines.linewidth": 1.1,
+        "lines.markersize": 3.2,
+        "axes.linewidth": 0.5,
+        "grid.linewidth": 0.5,
+        "xtick.major.width": 0.5,
+        "ytick.major.width": 0.5,
+        "xtick.major.pad": 2,
+        "ytick.major.pad": 2,
+        "axes.labelpad": 2,
+        # Text remains text, which can be searched and edited; the default of PDF is Type 3, which IEEE refuses.
+        "pdf.fonttype": 42,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "roletrust",
+    },
+)
+"""Layout of a column of IEEE and ACM."""
+
+
+def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str) -> None:
+    """Write each figure of a report.
+
+    Args:
+        folder: Folder of the files.
+        content: Content of the report.
+        layout: Layout of the figures.
+        suffixes: Suffixes of the files, which give their formats.
+    """
+    # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is written.
+    with rc_context(dict(layout.style)):
+        found = _figures(content.robustness, layout) if content.robustness else {}
+        if learners := content.learners:
+            found["learners"] = (
+                learners_column(learners.found, layout.width)
+                if layout.selected
+                else learners_figure(title(learners.suite), learners.found, learners.scales)
+            )
+        for name, figure in found.items():
+            for suffix in suffixes:
+                write_figure(folder / f"{name}{suffix}", figure, colours=256 if suffix == ".png" else None)
+
+
+def _figures(robustness: Robustness, layout: Layout) -> dict[str, Figure]:
+    """Return the figures of trust models by the name of their table."""
+    tables, scale, styles = robustness.tables, robustness.suite.score, _styles(robustness.order[:_LINES])
+    weakest = [robustness.leaderboard.rows[0].worst_condition] if layout.selected else None
+
+    def breakdown(axes: Axes, rows: Rows) -> None:
+        _draw_breakdown(axes, rows, styles)
+        axes.set_ylabel(f"worst-case {scale}", color=INK)
+
+    return {
+        "leaderboard": _leaderboard(robustness, layout),
+        "heatmap": _heatmap(robustness, layout),
+        "worst_cases": _worst_cases(robustness, layout),
+        "curves": _panels(tables["curves"], layout, lambda axes, rows: _draw_curves(axes, rows, styles), weakest),
+        "breakdown": _panels(tables["breakdown"], layout, breakdown, _several_shares(tables["breakdown"], layout)),
+        "tradeoff": _panels(
+            tables["tradeoff"], layout, lambda axes, rows: _draw_tradeoff(axes, rows, styles, layout.mark), weakest
+        ),
+    }
+
+
+def _styles(models: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return colour, dash and mark of each model, so that colour is never the only difference."""
+    return {
+        model: {"color": _COLOURS[k % 7], "linestyle": _DASHES[k % 4], "marker": _MARKS[k % 5]}
+        for k, model in enumerate(models)
+    }
+
+
+def _leaderboard(robustness: Robustness, layout: Layout) -> Figure:
+    """Return clean and worst-case score of each model, with their intervals."""
+    standings = robustness.leaderboard.rows
+    figure = Figure(figsize=(layout.width, layout.row * (len(standings) + 4)), layout="constrained")
+    axes, places = figure.subplots(), np.arange(len(standings))
+    for name, field, colour, mark in (("clean", "clean", HONEST[0], "o"), ("worst case", "worst", ATTACKER, "s")):
+        found = [getattr(row, field) for row in standings]
+        halves = [0 if np.isnan(one.half) else one.half for one in found]
+        axes.errorbar([one.mean for one in found], places, xerr=halves, fmt=mark, color=colour, label=name, capsize=2.5)
+    ends = [(row.worst.mean, row.clean.mean) for row in standings]
+    axes.hlines(places, *zip(*ends, strict=True), color="#9CA3AF", linewidth=1, zorder=0)
+    axes.set_yticks(places, [f"{row.rank}  {row.model}" for row in standings])
+    for place, (above, below) in enumerate(pairwise(standings)):
+        if above.tier != below.tier:
+            axes.axhline(place + 0.5, color=QUIET, linestyle=":", linewidth=1)
+    axes.set_ylim(len(standings) - 0.4, -0.6)
+    axes.set_xlabel(
+        f"{robustness.suite.score} of going by trust, with 95% intervals; dotted lines between tiers", color=INK
+    )
+    _quiet(axes, "x")
+    axes.legend(frameon=False, loc="lower left", ncols=2, bbox_to_anchor=(0, 1), labelcolor=INK)
+    return figure
+
+
+class _Grid(NamedTuple):
+    """Values of a heat map, shape (number of rows, number of columns), NaN where there is none, and their labels."""
+
+    rows: list[str]
+    columns: list[str]
+    values: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, cells: Sequence[tuple[str, str, float]], rows: Sequence[str], columns: Sequence[str]) -> "_Grid":
+        """Return a grid from the row, the column and the value of each cell, with labels in a given order."""
+        values = np.full((len(rows), len(columns)), np.nan)
+        for row, column, value in cells:
+            values[rows.index(row), columns.index(column)] = value
+        return cls(list(rows), list(columns), values)
+
+    def draw(self, axes: Axes, lowest: float, rotation: float = 0) -> None:
+        """Draw a heat map with values in hundredths; dark is low, and the colours go from `lowest` to 1."""
+        if self.values.size:
+            axes.imshow(self.values, cmap="cividis", vmin=lowest, vmax=1, aspect="auto", interpolation="none")
+        turned: Any = {"rotation": rotation, "ha": "right", "rotation_mode": "anchor"} if rotation else {}
+        axes.set_xticks(range(len(self.columns)), self.columns, fontsize="small", **turned)
+        axes.set_yticks(range(len(self.rows)), self.rows, fontsize="small")
+        axes.tick_params(length=0, labelcolor=INK)
+        for side in axes.spines.values():
+            side.set_visible(False)
+        for (row, column), value in np.ndenumerate(self.values):
+            if not np.isnan(value):
+                ink = "white" if value - lowest < 0.5 * (1 - lowest) else "black"
+                text = f"{100 * value:.0f}".replace("-", "\N{MINUS SIGN}")
+                axes.text(column, row, text, color=ink, ha="center", va="center", fontsize="x-small")
+
+
+def _heatmap(robustness: Robustness, layout: Layout) -> Figure:
+    """Return the worst case of each model in each condition with attackers."""
+    rows = [row for rows in _groups(robustness.tables["worst_cases"]).values() for row in rows if row["share"]]
+    cells = [
+        (row["model"], f"{row['scenario']}, {row['track']} {_percent(row['share'])}", row["score"]) for row in rows
+    ]
+    shown = _Grid.of(cells, robustness.order, list(dict.fromkeys(condition for _, condition, _ in cells)))
+    figure = Figure(figsize=(layout.width, layout.row * (len(shown.rows) + 7)), layout="constrained")
+    axes, lowest = figure.subplots(), robustness.lowest
+    shown.draw(axes, lowest, rotation=45)
+    _draw_colours(figure, axes, lowest, robustness.suite.score)
+    return figure
+
+
+def _worst_cases(robustness: Robustness, layout: Layout) -> Figure:
+    """Return a heat map for each model, or each of the best: scenarios and tracks by shares."""
     table = robustness.tables["worst_cases"]
-    columns = table.columns()
-    many = len({*zip(columns["scenario"], columns["track"], strict=True)})
-    found = _figure(x_range=FactorRange(), y_range=FactorRange(), x_axis_location="above", height=120 + 30 * many)
-    source = _source("cells", *table.header, "column", "row", "text", "ink")
-    cells = _cells(found, source, "row", robustness.heat_maps["worst_cases"], robustness.suite.score)
-    found.xaxis.axis_label = "share of the compromised"
-    _hover(
-        found, cells, ("where", "@row, @column"), ("under", "@attack, @method"),
-        _with_half("score", robustness.suite.score), _BLINDLY, ("games", "@games"),
-    )  # fmt: skip
+    shares = list(map(_percent, sorted({*table.columns()["share"]})))
+    cells = {
+        model: [(f"{row['scenario']}, {row['track']}", _percent(row["share"]), row["score"]) for row in rows]
+        for model, rows in _groups(table).items()
+        if model in robustness.order[: _LINES if layout.selected else None]
+    }
+    where = list(dict.fromkeys(row for found in cells.values() for row, _, _ in found))
+    wide = min(layout.grids, max(1, len(cells)))
+    many = -(-max(1, len(cells)) // wide)
+    height = layout.row * (1.5 + many * (len(where) + 2.2))
+    figure = Figure(figsize=(layout.width, height), layout="constrained")
+    panels, lowest = figure.subplots(many, wide, squeeze=False, sharey=True), robustness.lowest
+    for axes, (model, found) in zip(panels.flat, cells.items(), strict=False):
+        _Grid.of(found, where, shares).draw(axes, lowest)
+        axes.set_title(model, loc="left", color=INK, pad=3)
+    for axes in panels.flat[len(cells) :]:
+        axes.set_visible(False)
+    _draw_colours(figure, panels, lowest, robustness.suite.score)
+    figure.supxlabel("share of the compromised", fontsize="medium", color=INK)
+    return figure
+
+
+def _panels(table: Table, layout: Layout, draw: Callable[[Axes, Rows], None], selected: Sequence[str] | None) -> Figure:
+    """Return a figure with a panel for each value of the first column of a table, or for some of them."""
+    groups = _groups(table)
+    found = {name: groups.get(name, []) for name in (groups if selected is None else selected)}
+    wide = min(layout.panels, max(1, len(found)))
+    many = -(-max(1, len(found)) // wide)
+    figure = Figure(figsize=(layout.width, 3 * layout.row + layout.panel * many), layout="constrained")
+    panels = figure.subplots(many, wide, squeeze=False)
+    for axes, (name, rows) in zip(panels.flat, found.items(), strict=False):
+        draw(axes, rows)
+        axes.set_title(name, loc="left", color=INK)
+    for axes in panels.flat[len(found) :]:
+        axes.set_visible(False)
+    lines = {label: line for axes in panels.flat for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    if lines:
+        columns = 3 * layout.panels
+        figure.legend(lines.values(), lines, frameon=False, loc="outside lower center", ncols=columns, labelcolor=INK)
+    return figure
+
+
+def _draw_curves(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draw utility round by round in each model's worst case."""
+    for row in rows:
+        if row["worst"] and row["model"] in styles:
+            axes.plot(row["rounds"], row["utility"], label=row["model"], **{**styles[row["model"]], "marker": ""})
+    tidy(axes, "utility")
+    axes.set_xlabel("round", color=INK)
+
+
+def _draw_breakdown(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draw the worst-case score of each model by the share of compromised agents, with intervals."""
+    for model, style in styles.items():
+        mine = [row for row in rows if row["model"] == model]
+        halves = np.nan_to_num([row["score_half_95"] for row in mine])
+        shares, means = [row["share"] for row in mine], [row["score"] for row in mine]
+        axes.errorbar(shares, means, yerr=halves, label=model, capsize=2.5, **style)
+    played = sorted({row["share"] for row in rows})
+    axes.set_xticks(played, list(map(_percent, played)))
+    axes.set_xlabel("share of the compromised", color=INK)
+    _quiet(axes, "y")
+
+
+def _several_shares(table: Table, layout: Layout) -> list[str] | None:
+    """Return the tracks with several shares if figures are of a selection; None for all, or if there is none."""
+    if not layout.selected:
+        return None
+    shares = {where: {row["share"] for row in rows if row["share"]} for where, rows in _groups(table).items()}
+    return [where for where, found in shares.items() if len(found) > 1] or None
+
+
+def _draw_tradeoff(axes: Axes, rows: Rows, styles: Mapping[str, Mapping[str, Any]], size: float) -> None:
+    """Draw a mark for each attack at its damage and detectability; the worst case has a large one."""
+    for model, style in styles.items():
+        mine = [row for row in rows if row["model"] == model]
+        if mine:
+            points = [row["auc"] for row in mine], [row["damage"] for row in mine]
+            sizes = [4 * size if row["worst"] else size for row in mine]
+            look = {"color": style["color"], "marker": style["marker"]}
+            axes.scatter(*points, s=sizes, alpha=0.75, label=model, lw=0, **look)
+    axes.axvline(0.5, color=QUIET, linestyle="--", lw=1)  # chance
+    axes.set_xlim(-0.03, 1.03)
+    axes.set_xlabel("detectability (AUC)", color=INK)
+    axes.set_ylabel("damage", color=INK)
+    _quiet(axes, "both")
+
+
+def _draw_colours(figure: Figure, beside: Any, lowest: float, label: str) -> None:
+    """Draw the bar of colours beside heat maps."""
+    colours = ScalarMappable(Normalize(lowest, 1), "cividis")
+    bar: Any = figure.colorbar(colours, ax=beside, label=label, pad=0.01, aspect=25)
+    bar.outline.set_visible(False)
+
+
+def _groups(table: Table) -> dict[Any, list[dict[str, Any]]]:
+    """Return the rows of a table by the value of the first column."""
+    found: dict[Any, list[dict[str, Any]]] = {}
+    for row in table.rows:
+        found.setdefault(row[0], []).append(dict(zip(table.header, row, strict=True)))
     return found
 
 
-_BLINDLY = ("utility of a blind choice", "@blind{0.000}")
+def _percent(share: float) -> str:
+    """Return a share for a label, different for different shares."""
+    return f"{100 * share:.3g}%"
 
 
-def _cells(found: Any, source: ColumnDataSource, row: str, heat: HeatMap, title: str) -> Any:
-    """Draw the cells of a heat map, each with its number, and the bar of colours."""
-    mapper = LinearColorMapper(palette=Cividis256, low=heat.lowest, high=1.0)
-    fill: Any = {"field": heat.column, "transform": mapper}
-    cells = found.rect("column", row, 1, 1, source=source, fill_color=fill, line_color=fill)
-    found.text(
-        "column", row, "text", source=source, text_color="ink", text_align="center", text_baseline="middle",
-        text_font_size="11px",
-    )  # fmt: skip
-    found.grid.visible = False
-    found.add_layout(ColorBar(color_mapper=mapper, title=title, width=12, background_fill_color=None), "right")
-    return cells
-
-
-def _curves() -> Any:
-    """Return lines for each model, or for each attack on it."""
-    found = _figure(x_axis_label="round", y_axis_label="utility in the round", height=400, **_ranges())
-    lines = _lines(
-        found, "lines", "model", "attack", "condition", "wide", "strength", line_width="wide", line_alpha="strength"
-    )
-    # A vertex of the line; $x and $y would be the place of the mouse.
-    vertex = ("round", "$snap_x{0.[0]}"), ("utility", "$snap_y{0.000}")
-    _hover(found, lines, ("where", "@condition"), ("under", "@attack"), *vertex)
-    return found
-
-
-def _breakdown(scale: Scale) -> Any:
-    """Return a line for each model by share, with intervals."""
-    found = _figure(
-        x_axis_label="share of the compromised", y_axis_label=f"{scale} in the worst case", height=400, **_ranges()
-    )
-    found.xaxis.formatter = NumeralTickFormatter(format="0%")
-    _lines(found, "lines", "model", line_width=2.2)
-    points = _source("points", "share", "score", "score_half_95", "low", "high", "model", "attack", *_LOOK)
-    marks = _marks_with_ends(found, "share", "score", points)
-    _hover(found, marks, ("share", "@share{0%}"), ("under", "@attack"), _with_half("score", scale))
-    return found
-
-
-def _tradeoff() -> Any:
-    """Return a mark for each attack on each model; the worst case has a large one."""
-    found = _figure(x_axis_label="detectability (AUC)", y_axis_label="damage to the honest", height=440, **_ranges())
-    found.x_range.update(start=-0.03, end=1.03)
-    found.yaxis.formatter = BasicTickFormatter(use_scientific=False)
-    more = ("auc_half_95", "damage_half_95", "attack", "size")
-    points = _source("points", "auc", "damage", "model", *more, *_LOOK)
-    marks = found.scatter(
-        "auc", "damage", source=points, marker="mark", size="size", color="colour", fill_alpha=0.75, line_alpha=1
-    )
-    found.add_layout(_level(0.5, "height"))
-    _hover(found, marks, ("under", "@attack"), _with_half("damage"), _with_half("auc"))
-    return found
-
-
-def _learners(learners: Learners) -> Any:
-    """Return a line for each learner by budget, with intervals."""
-    budgets = learners.suite.budgets
-    found = _figure(
-        x_axis_label="rounds of play", y_axis_label="share of the optimum", height=400, x_axis_type="log", **_ranges()
-    )
-    found.x_range.update(start=0.8 * min(budgets), end=1.25 * max(budgets))
-    found.xaxis.ticker = list(budgets)
-    found.xaxis.formatter = NumeralTickFormatter(format="0,0")
-    for level in (0, 1):
-        found.add_layout(_level(level, "width"))
-    _lines(found, "lines", "learner", line_width=2.2)
-    points = _source("points", "budget", "share", "low", "high", "runs", "score", "task", "learner", *_LOOK)
-    marks = _marks_with_ends(found, "budget", "share", points)
-    _hover(
-        found, marks, ("on", "@task"), ("rounds", "@budget{0,0}"), ("runs", "@runs"),
-        ("share", "@share{0.000}, from @low{0.000} to @high{0.000}"), who="@learner",
-    )  # fmt: skip
-    return found
-
-
-_LOOK = ("colour", "mark")
-
-
-def _figure(**options: Any) -> Any:
-    found = figure(
-        sizing_mode="stretch_width", tools=_TOOLS, active_drag=None, toolbar_location="below", min_width=280, **options
-    )
-    found.toolbar.logo = None
-    # Never white, not even at first, of which a dark page would keep a thin line.
-    found.update(outline_line_color=None, background_fill_color=None, border_fill_color=None)
-    return found
-
-
-def _ranges() -> dict[str, Any]:
-    """Return ranges that `page.js` sets, since Bokeh's own do not see the ends of intervals."""
-    return {"x_range": Range1d(), "y_range": Range1d()}
-
-
-def _level(value: float, along: Any) -> Span:
-    """Return a reference line: chance, honest play or the optimum."""
-    return Span(location=value, dimension=along, line_color="#8b949e", line_dash="dashed", line_width=1)
-
-
-def _source(name: str, *columns: str) -> ColumnDataSource:
-    return ColumnDataSource({column: [] for column in columns}, name=name)
-
-
-def _lines(found: Any, name: str, *more: str, **how: Any) -> Any:
-    source = _source(name, "xs", "ys", "colour", "dash", *more)
-    return found.multi_line("xs", "ys", source=source, line_color="colour", line_dash={"field": "dash"}, **how)
-
-
-def _marks_with_ends(found: Any, x: str, y: str, source: ColumnDataSource) -> Any:
-    """Draw marks with their intervals."""
-    heads: Any = [TeeHead(size=7, line_color="colour") for _ in range(2)]
-    ends: Any = {"base": x, "lower": "low", "upper": "high", "lower_head": heads[0], "upper_head": heads[1]}
-    found.add_layout(Whisker(source=source, line_color="colour", **ends))
-    return found.scatter(x, y, source=source, marker="mark", size=9, color="colour", fill_alpha=0.75)
-
-
-def _hover(found: Any, renderer: Any, *rows: tuple[str, str], who: str = "@model") -> None:
-    found.add_tools(HoverTool(renderers=[renderer], tooltips=[("", who), *rows]))
-
-
-def _with_half(name: str, label: str = "") -> tuple[str, str]:
-    return label or name, f"@{name}{{0.000}} ± @{name}_half_95{{0.000}}"
+def _quiet(axes: Axes, along: Any) -> None:
+    axes.grid(axis=along, color="#E5E7EB")
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=3)
+    for side in axes.spines.values():
+        side.set_visible(False)

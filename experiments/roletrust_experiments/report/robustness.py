@@ -1,6 +1,6 @@
 """Results of a suite for trust models as tables: the page shows them, and each is also a CSV file."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -11,6 +11,7 @@ from roletrust_env.benchmarking.leaderboard import HEADER, Leaderboard
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Scale, Suite
 from roletrust_env.benchmarking.suite_files import reproduction_command
+from roletrust_env.benchmarking.verdict import told_apart
 from roletrust_env.benchmarking.worst_case import (
     AttackScores,
     Condition,
@@ -21,8 +22,6 @@ from roletrust_env.benchmarking.worst_case import (
 )
 from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.metrics.score import mean_or_nan, ratio
-from roletrust_experiments.report.conditions import ConditionRow, condition_rows
-from roletrust_experiments.report.table import Table
 
 _POINTS = 40
 """Maximum number of points of a curve; the rounds of longer games are averaged a few at a time."""
@@ -30,29 +29,51 @@ _POINTS = 40
 Floats = npt.NDArray[np.float64]
 
 
-class HeatMap(NamedTuple):
-    """What a heat map shows of its table.
+class Table(NamedTuple):
+    """Rows of plain values under a header: the content of a CSV file and the data of a figure."""
+
+    header: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the values of each column."""
+        return {name: [row[k] for row in self.rows] for k, name in enumerate(self.header)}
+
+
+class ConditionRow(NamedTuple):
+    """A condition with attackers.
 
     Attributes:
-        column: Name of the column with the values.
-        lowest: Lowest value, at which the colours begin. They end at 1.
+        condition: Description.
+        mean: Mean score of the worst cases over the models.
+        least: Least of these scores.
+        most: Greatest of these scores.
+        spread: Standard deviation of these scores.
+        told_apart: Share of the pairs of models that differ by a paired test at 5%.
+        attack: Attack that is the worst case of most models.
     """
 
-    column: str
-    lowest: float
+    condition: str
+    mean: float
+    least: float
+    most: float
+    spread: float
+    told_apart: float
+    attack: str
 
 
 class Robustness(NamedTuple):
     """The trust models' part of a report.
 
     Attributes:
-        suite: that was played.
-        software: that it was played with.
-        command: that plays it.
+        suite: Suite that was played.
+        software: Versions of the software.
+        command: Command that plays the suite.
+        path: Path of the file.
         leaderboard: The leaderboard of the run.
-        blind: score of choosing blindly in the games of the first one's worst cases.
-        conditions: in which there are attacks, see `ConditionRow`.
-        tables: by the name of what shows them.
+        blind: Score of choosing blindly in the games of the first one's worst cases.
+        conditions: Conditions with attacks.
+        tables: Tables by the name of their figure.
     """
 
     suite: Suite
@@ -65,21 +86,21 @@ class Robustness(NamedTuple):
     tables: dict[str, Table]
 
     @classmethod
-    def of(cls, suite: Suite, kept: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
-        """Return the results of a run. Arguments as for `roletrust_experiments.report.learners.Learners.of`.
+    def of(cls, suite: Suite, stored: Sequence[StoredCell], software: dict[str, Any], path: Path) -> Self:
+        """Return the results of a run. Arguments as for `roletrust_experiments.report.content.Learners.of`.
 
         Raises:
-            ValueError: not one attack of it has been played.
+            ValueError: No attack has been played.
         """
-        leaderboard = Leaderboard.of(suite, kept)
+        leaderboard = Leaderboard.of(suite, stored)
         attacks = list(leaderboard.attacks)
         struck = [one for one in attacks if suite.tracks[one.condition.track].roles]
         if not struck:
             raise ValueError(f"{path} holds no attack that was played; let `roletrust benchmark` go on first")
         rows = leaderboard.rows
         places = _places(suite, [row.model for row in rows])
-        for some in (attacks, struck):
-            some.sort(key=places)
+        attacks.sort(key=places)
+        struck.sort(key=places)
         cases = worst_cases(attacks)
         tables = {
             "leaderboard": Table(HEADER, [tuple(row.line()) for row in rows]),
@@ -92,7 +113,7 @@ class Robustness(NamedTuple):
         first = [one for one in struck if one.model == rows[0].model and _is_worst(one, cases)]
         blind = float(np.mean([_mean(one.measured["blind"]) for one in first] or [np.nan]))
         blind = 0.0 if suite.score == "skill" else blind
-        where = condition_rows(cases, suite.conditions)
+        where = _condition_rows(cases, suite.conditions)
         return cls(suite, software, reproduction_command(suite, path), path, leaderboard, blind, where, tables)
 
     @property
@@ -101,21 +122,35 @@ class Robustness(NamedTuple):
         return self.leaderboard.caveats
 
     @property
-    def heat_maps(self) -> dict[str, HeatMap]:
-        """The heat maps by the name of their table."""
-        columns = {"heatmap": self.suite.score, "worst_cases": "score"}
-        values = {name: self.tables[name].columns()[column] for name, column in columns.items()}
-        return {name: HeatMap(columns[name], float(np.fmin.reduce(one, initial=1.0))) for name, one in values.items()}
-
-    @property
-    def worst_conditions(self) -> dict[str, str]:
-        """Condition with the lowest worst case of each model."""
-        return {row.model: row.worst_condition for row in self.leaderboard.rows}
+    def lowest(self) -> float:
+        """Lowest worst case, at which the colours of heat maps begin; they end at 1."""
+        return float(np.fmin.reduce(self.tables["worst_cases"].columns()["score"], initial=1.0))
 
     @property
     def order(self) -> list[str]:
         """The models, the best first."""
         return [row.model for row in self.leaderboard.rows]
+
+
+def _condition_rows(
+    cases: Mapping[tuple[str, Condition], WorstCase], conditions: Sequence[tuple[str, str, float]]
+) -> list[ConditionRow]:
+    """Return the conditions in which models were attacked, in the order of the suite.
+
+    Args:
+        cases: Worst cases by model and condition.
+        conditions: Conditions of the suite.
+    """
+    rows = []
+    for place in (Condition(*one) for one in conditions):
+        found = [case for (_, where), case in cases.items() if where == place]
+        if found:
+            scores, attacks = np.array([case.mean for case in found]), [case.attack for case in found]
+            spread = float(scores.std(ddof=1)) if len(found) > 1 else np.nan
+            apart = told_apart(np.stack([case.score for case in found]))
+            ends = float(scores.mean()), float(scores.min()), float(scores.max())
+            rows.append(ConditionRow(place.description, *ends, spread, apart, max(attacks, key=attacks.count)))
+    return rows
 
 
 def _places(suite: Suite, order: Sequence[str]) -> Callable[[AttackScores], tuple[Any, ...]]:
@@ -181,12 +216,12 @@ def _curves(suite: Suite, attacks: Sequence[AttackScores], cases: _Worst) -> Tab
     rows = []
     for one in sorted(attacks, key=lambda one: not suite.tracks[one.condition.track].roles):
         if len(one.by_round):
-            rounds, utility = _few(one.by_round)
+            rounds, utility = _thinned(one.by_round)
             rows.append((*_name(one), _is_worst(one, cases), rounds, utility))
     return Table(header, rows)
 
 
-def _few(by_round: Floats) -> tuple[list[float], list[float]]:
+def _thinned(by_round: Floats) -> tuple[list[float], list[float]]:
     """Return a curve of at most `_POINTS` points, and for each point the middle of its rounds, counted from 1."""
     many = -(-len(by_round) // _POINTS)
     starts, there = np.arange(0, len(by_round), many), ~np.isnan(by_round)
