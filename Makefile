@@ -229,7 +229,7 @@ attackers: setup
 	$(BIN)/python -m studies.budget --way evolution --way 'coalition PPO' --way 'coalition PPO:start=random' --budget 100000 --runs 5 \
 	  --track raters --share 0.5 $(FIVE) --out $(OUT)/ppo
 	$(BIN)/python -m studies.transfer --games 50 --out $(OUT)/transfer
-	$(BIN)/python -m studies.transfer --model beta --on studies.attackers.robustrep:RobustRep --games 40 --out $(OUT)/outside
+	$(BIN)/python -m studies.transfer --model beta --on studies.robustrep:RobustRep --games 40 --out $(OUT)/outside
 	mkdir -p docs/attackers
 	for name in budget transfer; do for kind in png md csv; do \
 	  cp $(OUT)/$$name/$$name.$$kind docs/attackers/; done; done

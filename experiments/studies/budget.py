@@ -1,179 +1,244 @@
-"""`python -m studies.budget`: the worst case that each way to attack finds, by the rounds that it may play."""
+"""How much worse the worst case of a trust model gets if its attacker may search longer.
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated, Any
+Each method searches with each budget of game rounds. The attack that it finds is measured in fresh games, the same
+ones for all methods: the utility of a consumer that goes to the most trusted provider, as a share of the best possible.
+Lower is a better attack. The interval is over the runs.
 
-import typer
-from rich.markup import escape
+The method `scripts` is the best of all scripted attacks at their defaults; its rounds are those that choose it. A
+search that does not suit a budget is left out, and a line says why. Learners on torch get at most 100,000 rounds.
+Seconds are those of the search alone; other processes make them longer.
 
+Six models and eight methods with up to two million rounds take two hours on two cores, the other recipes half an hour.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from roletrust_env.benchmarking.cells import make_search, scripted_batches
+from roletrust_env.errors import suggest
+from roletrust_env.evaluation.measurement import SEARCHED, exact_task, mean_rewards
+from roletrust_env.evaluation.search import Budget, SearchResult, UnsuitableError, search_methods
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Estimate
-from roletrust_env.storage.files import prepare_folder, write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_env.storage.provenance import describe, software
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, option, print_next
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import (
-    NAMED,
-    Again,
-    ConditionScenario,
-    ConditionShare,
-    ConditionSuite,
-    ConditionTrack,
-    FreshGames,
-    Out,
-    Searches,
-    Seed,
-    Workers,
-)
-from roletrust_experiments.plots.figure_files import write_figure
-from studies.attackers.budget import (
-    BUDGETS,
-    MODELS,
-    WAYS,
-    Kept,
-    Level,
-    Point,
-    known_ways,
-    left_out,
-    levels,
-    play_point,
-    points,
-)
-from studies.attackers.condition import Condition
-from studies.attackers.runs import Run, of_kind, read_runs
-from studies.played import play_and_keep
-from studies.running import run
+from roletrust_env.storage.provenance import describe
+from studies.charts import Panel, Series, panels_figure
+from studies.condition import Condition
+from studies.study import Recipe, Run, Study, mean_of
 
-_HEADER = ("model", "way", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
+SCRIPTS = "scripts"
+"""Method: the best scripted attack at its defaults."""
 
 
-def budget(
-    model: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help=f"Trust model; repeat for more; {', '.join(MODELS)} if left out. NAME may be your own class, "
-            "package.module:Class, whose module is then imported.",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    way: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help=f"Way to attack: scripts, or a search method; repeat for more; {', '.join(WAYS)} if left out, as far "
-            "as they are installed.",
-            autocompletion=completion.ways,
-            show_default=False,
-        ),
-    ] = None,
-    budget: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=1,
-            help=f"Rounds x games that a search may play; repeat for more; {', '.join(map(str, BUDGETS))} if left out.",
-            show_default=False,
-        ),
-    ] = None,
-    suite: ConditionSuite = "two-worlds",
-    stage: ConditionScenario = "crowd",
-    track: ConditionTrack = "coalition",
-    share: ConditionShare = 0.3,
-    games: FreshGames = 200,
-    seed: Seed = 0,
-    runs: Searches = 3,
-    workers: Workers = None,
-    force: Again = False,
-    out: Out = Path("results/budget"),
-) -> None:
-    """Show [bold]how much worse the worst case gets[/] for a trust model if its attacker may search longer.
+class Options(NamedTuple):
+    """Searches, and the condition in which they are compared.
 
-    Each way to attack searches with each budget of game rounds. The attack that it finds is measured in fresh games,
-    the same ones for all ways: the utility of a consumer that goes to the most trusted provider, as a share of the best
-    possible. Lower is a better attack. The interval is over the runs.
-
-    scripts: the best of all scripted attacks at their defaults; its rounds are those that choose it. A search that does
-    not suit a budget is left out, and a line says why. Learners on torch get at most 100,000 rounds.
-
-    Each run is saved when it is finished, so that an interrupted command continues when it is given again, also with
-    more models, ways, budgets or runs. Seconds are those of the search alone; other processes make them longer.
-
-    Written: [green]budget.png budget.md budget.csv budget.json[/].
-
-    [bold]Examples[/]
-
-    [dim]# six models and eight ways with up to two million rounds, in hours[/]
-    [cyan]python -m studies.budget[/]
-
-    [dim]# one model, two ways, small budgets, in a minute[/]
-    [cyan]python -m studies.budget --model beta --way scripts --way evolution --budget 50000 --budget 100000 --runs 1[/]
-
-    [dim]# your own model where half of the raters lie[/]
-    [cyan]python -m studies.budget --model mypackage.mymodel:MyModel --track raters --share 0.5[/]
+    Attributes:
+        model: Specs of the trust models.
+        method: Search methods, or `scripts`.
+        budget: Rounds x games that a search may play.
+        suite: Suite with the scenario and the track.
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite, which says who is compromised.
+        share: Share of compromised agents in each role of the track.
+        games: Number of fresh games that measure each attacker.
+        runs: Number of searches, with the seed of the study and those after it.
     """
-    require("the budgets", "train", "scipy", "cma", "torch", "stable_baselines3", "safetensors")
-    condition = Condition.of(suite, stage, track, share)
-    models, ways = list(dict.fromkeys(model or MODELS)), known_ways(way)
-    condition.check(models)
-    searches = points(models, ways, sorted(set(budget or BUDGETS)), range(seed, seed + runs))
-    settings = {"command": "python -m studies.budget", "condition": condition.describe(), "games": games, **software()}
-    path = out / "budget.json"
-    kept = {} if force else read_runs(path, settings, of_kind(Kept))
-    prepare_folder(out)
-    jobs = {point.key: (condition, point, games) for point in searches if point.key not in kept}
-    failed = play_and_keep(play_point, jobs, kept, total=len(searches), workers=workers, settings=settings, path=path)
-    found, reasons = levels(searches, kept), list(left_out(searches, kept))
-    for reason in reasons:
-        console.print(f"[dark_orange3]left out:[/] {escape(reason)}", soft_wrap=True)
-    if not found:
-        raise ValueError("no search was played, so there is nothing to show; give other ways or larger budgets")
-    caption = (
-        f"Utility of the consumer in {games} fresh games, mean ± half the 95% interval over the runs ({runs}); in "
-        f"brackets the seconds of a search. Lower is a better attack. Condition: {condition}."
+
+    model: tuple[str, ...] = (
+        *("wary-role-trust", "beta", "role-trust", "qor", "subjective-logic", "iterative-filtering"),
     )
-    _write(out, condition, found, searches, kept, caption, reasons)
-    _print(found)
-    console.print(escape(caption), soft_wrap=True)
-    console.print(f"Written to {out}: budget.png, budget.md, budget.csv, budget.json", soft_wrap=True)
-    chosen = [*option("--suite", suite, "two-worlds"), *option("--scenario", stage, "crowd")]
-    print_next("transfer", option("--model", model), chosen)
-    if failed:
-        raise typer.Exit(1)
+    method: tuple[str, ...] = (
+        *(SCRIPTS, "random search", "agreed CMA-ES", "evolution", "evolution strategy", "gradients", "PPO"),
+        "coalition PPO",
+    )
+    budget: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
+    suite: str = "two-worlds"
+    scenario: str = "crowd"
+    track: str = "coalition"
+    share: float = 0.3
+    games: int = 200
+    runs: int = 3
 
 
-def _write(
-    out: Path,
-    condition: Condition,
-    found: Sequence[Level],
-    searches: Sequence[Point],
-    runs: dict[str, Run],
-    caption: str,
-    reasons: Sequence[str],
-) -> None:
-    from studies.plots.attackers import budget_figure
+_FOUR = ("wary-role-trust", "beta", "role-trust", "qor")
+_FIVE_RUNS = Options(_FOUR, (SCRIPTS, "agreed CMA-ES", "evolution", "evolution strategy"), budget=(2_000_000,), runs=5)
+_PPO = Options((*_FOUR, "median"), ("evolution", "coalition PPO", "coalition PPO:start=random"), (100_000,), runs=5)
+_FILES = {"budget.png": "budget.png", "budget.md": "budget.md", "budget.csv": "budget.csv", "runs.json": "budget.json"}
+RECIPES = {
+    "budget": Recipe(Options(), {name: f"attackers/{place}" for name, place in _FILES.items()}),
+    "crowd-raters": Recipe(_FIVE_RUNS._replace(track="raters", share=0.5), {"budget.md": "attackers/crowd-raters.md"}),
+    "crowd-coalition": Recipe(_FIVE_RUNS, {"budget.md": "attackers/crowd-coalition.md"}),
+    "market-raters": Recipe(
+        _FIVE_RUNS._replace(scenario="market", track="raters"), {"budget.md": "attackers/market-raters.md"}
+    ),
+    "ppo": Recipe(_PPO._replace(track="raters", share=0.5), {"budget.md": "attackers/ppo.md"}),
+}
 
-    write_csv(out / "budget.csv", _HEADER, [_line(point, runs[point.key]) for point in searches if point.key in runs])
-    write_figure(
-        out / "budget.png",
-        budget_figure(
-            f"Worst case by rounds of the search ({condition})",
-            found,
-            "lower is a better attack; bands are 95% intervals over the runs",
-        ),
-    )
-    names = dict.fromkeys(level.model for level in found)
-    parts = [markdown_table(*_table(found), names=2), caption]
-    if reasons:
-        parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
-    made = "; ".join(f"`{name}` is `{_made(name, condition)}`" for name in names)
-    parts.append(
-        f"Trust models: {made}. Written by `python -m studies.budget`; `budget.json` has the settings and the software."
-    )
-    write_text(out / "budget.md", "\n\n".join(parts) + "\n")
+_LONG, _MOST = ("PPO", "recurrent PPO", "SAC", "coalition PPO", "gradients"), 100_000
+_GAMES = 40  # for each script, to choose the best
+
+
+class Point(NamedTuple):
+    """One search: spec of the trust model, method, game rounds that it may play (0 for the scripts), and seed."""
+
+    model: str
+    method: str
+    budget: int
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Unique key of the search."""
+        return "|".join(map(str, self))
+
+
+class Level(NamedTuple):
+    """The worst case of a method at a budget, over the seeds.
+
+    Attributes:
+        model: Spec of the trust model.
+        method: Name of the method.
+        budget: Game rounds that each search may play; 0 for the scripts.
+        rounds: Mean number of rounds that the searches played.
+        utility: Utility of the consumer in fresh games.
+        seconds: Mean wall-clock duration of a search.
+    """
+
+    model: str
+    method: str
+    budget: int
+    rounds: int
+    utility: Estimate
+    seconds: float
+
+    @property
+    def at(self) -> int:
+        """Position on the axis of rounds."""
+        return self.budget or self.rounds
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play all searches, and write the worst cases that they find."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked = study.options
+        condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
+        condition.check(list(asked.model))
+        installed = [SCRIPTS, *search_methods.names()]
+        for name in asked.method:
+            if _base(name) not in installed:
+                raise ValueError(f"unknown method {name!r}{suggest(name, installed)}")
+        searches = [
+            Point(model, method, budget, study.seed + run)
+            for model in asked.model
+            for method in asked.method
+            for budget in ((0,) if method == SCRIPTS else sorted(asked.budget))
+            for run in range(asked.runs)
+        ]
+        jobs = {one.key: (condition, one, asked.games) for one in searches}
+        kept = study.play(play_point, jobs, {"condition": condition.describe(), "games": asked.games})
+        found, reasons = levels(searches, kept), list(left_out(searches, kept))
+        if not found:
+            raise ValueError(f"no search was played: {'; '.join(reasons)}")
+        header = ("model", "method", "budget", "seed", "utility", "rounds", "seconds", "attack", "left_out")
+        rows = [[*one, *(kept[one.key].get(name) for name in header[4:])] for one in searches if one.key in kept]
+        study.csv("budget.csv", header, rows)
+        title = f"Worst case by rounds of the search ({condition})"
+        note = "lower is a better attack; 95% intervals over the runs"
+        study.figure("budget.png", panels_figure(title, _panels(found), note, columns=3))
+        made = "; ".join(
+            f"`{name}` is `{_made(name, condition)}`" for name in dict.fromkeys(one.model for one in found)
+        )
+        study.page(
+            "budget.md",
+            markdown_table(*_table(found), names=2),
+            f"Utility of the consumer in {asked.games} fresh games, mean ± half the 95% interval over the runs "
+            f"({asked.runs}); in brackets the seconds of a search. Lower is a better attack. Condition: {condition}.",
+            "\n".join(f"- Left out: {line}." for line in reasons),
+            f"Trust models: {made}. Made by `{study.command}`.",
+        )
+
+
+def play_point(condition: Condition, point: Point, games: int) -> Run:
+    """Search for an attack and measure it in fresh games.
+
+    Args:
+        condition: Condition of the attack.
+        point: The search.
+        games: Number of fresh games.
+
+    Returns:
+        The utility with rounds, seconds and the attack in a few words, or `left_out` with the reason.
+    """
+    began = perf_counter()
+    try:
+        found = _best_script(condition, point) if point.method == SCRIPTS else _search(condition, point)
+    except UnsuitableError as error:
+        return {"left_out": str(error)}
+    seconds = perf_counter() - began
+    utility = condition.utility(point.model, found.attacker, point.seed, games)
+    return {"utility": utility, "rounds": found.rounds, "seconds": round(seconds, 3), "attack": found.description}
+
+
+def levels(searches: Sequence[Point], runs: Mapping[str, Run]) -> list[Level]:
+    """Return the worst case of each model, method and budget over the seeds, in the order of the searches."""
+    groups: dict[tuple[str, str, int], list[Run]] = {}
+    for point in searches:
+        if "utility" in runs.get(point.key, {}):
+            groups.setdefault(point[:3], []).append(runs[point.key])
+    return [
+        Level(
+            *where,
+            round(float(np.mean([run["rounds"] for run in found]))),
+            mean_of([run["utility"] for run in found]),
+            float(np.mean([run["seconds"] for run in found])),
+        )
+        for where, found in groups.items()
+    ]
+
+
+def left_out(searches: Sequence[Point], runs: Mapping[str, Run]) -> Iterator[str]:
+    """Yield a line for each method and budget that is left out, with the reason and the models."""
+    lines: dict[tuple[str, int, str], list[str]] = {}
+    for point in searches:
+        if reason := runs.get(point.key, {}).get("left_out"):
+            lines.setdefault((point.method, point.budget, reason), []).append(point.model)
+    for (method, budget, reason), models in lines.items():
+        every = set(models) == {point.model for point in searches}
+        where = "" if every else f" against {', '.join(dict.fromkeys(models))}"
+        yield f"{method} with {budget:,} rounds{where}: {reason}"
+
+
+def _search(condition: Condition, point: Point) -> SearchResult:
+    if _base(point.method) in _LONG and point.budget > _MOST:
+        raise UnsuitableError(f"a learner on torch gets {_MOST:,} rounds at most, because it takes long")
+    method = make_search(point.method, list(condition.kinds(point.model).values()))
+    return method.search(condition.arguments(point.model, _base(point.method)), Budget(point.budget), point.seed)
+
+
+def _base(method: str) -> str:
+    """Return the name of a method without its parameters."""
+    return method.partition(":")[0]
+
+
+def _best_script(condition: Condition, point: Point) -> SearchResult:
+    """Return the script with the best mean reward."""
+    task = exact_task(condition.arguments(point.model))
+    best: SearchResult | None = None
+    highest, rounds = -np.inf, 0
+    for batch in scripted_batches(task, condition.kinds(point.model), _GAMES):
+        shape = len(batch.names), _GAMES
+        means = mean_rewards(task, batch.attacker, point.seed, shape, SEARCHED)[0].mean(axis=1)
+        rounds += shape[0] * _GAMES * task.game.scenario.max_cycles
+        for mean, single in zip(means, batch.split(), strict=True):
+            if mean > highest:
+                highest, best = mean, SearchResult(single.attacker, 0, f"{single.names[0]} at its defaults")
+    if best is None:
+        raise UnsuitableError("no scripted attack suits the compromised agents")
+    return best._replace(rounds=rounds)
 
 
 def _made(name: str, condition: Condition) -> str:
@@ -183,39 +248,33 @@ def _made(name: str, condition: Condition) -> str:
     return f"{made['class'].rpartition('.')[2]}({parameters})"
 
 
-def _line(point: Point, run: Run) -> tuple[Any, ...]:
-    return (*point, *(run.get(field) for field in _HEADER[len(point) :]))
-
-
 def _table(found: Sequence[Level]) -> tuple[list[str], list[list[str]]]:
-    """Return the headings, and a row for each model and way; scripts stand at the first budget that covers them."""
-    budgets = sorted({level.budget for level in found if level.budget}) or [max(level.rounds for level in found)]
+    """Return the headings, and a row for each model and method; scripts stand at the first budget that covers them."""
+    budgets = sorted({one.budget for one in found if one.budget}) or [max(one.rounds for one in found)]
     rows: dict[tuple[str, str], list[str]] = {}
-    for level in found:
-        name = level.way if level.budget else f"{level.way}, {level.rounds:,} rounds"
-        cells = rows.setdefault((level.model, name), ["-"] * len(budgets))
-        at = next((k for k, limit in enumerate(budgets) if limit >= level.at), len(budgets) - 1)
-        cells[at] = f"{amount(level.utility)} ({level.seconds:,.0f} s)"
-    return ["model", "way", *(f"{limit:,}" for limit in budgets)], [[*names, *row] for names, row in rows.items()]
+    for one in found:
+        name = one.method if one.budget else f"{one.method}, {one.rounds:,} rounds"
+        cells = rows.setdefault((one.model, name), ["-"] * len(budgets))
+        at = next((k for k, limit in enumerate(budgets) if limit >= one.at), len(budgets) - 1)
+        half = f" ± {one.utility.half:.3f}" if one.utility.half == one.utility.half else ""
+        cells[at] = f"{one.utility.mean:.3f}{half} ({one.seconds:,.0f} s)"
+    return ["model", "method", *(f"{limit:,}" for limit in budgets)], [[*names, *row] for names, row in rows.items()]
 
 
-def _print(found: Sequence[Level]) -> None:
-    headings, rows = _table(found)
-    table = number_table("Worst case by rounds of the search", "", *headings[2:])
-    for model, way, *numbers in rows:
-        table.add_row(escape(f"{model}: {way}"), *numbers)
-    console.print(table)
-
-
-def amount(value: Estimate) -> str:
-    """Return a mean with half of its interval, if it has one.
-
-    Example:
-        >>> amount(Estimate(0.51234, 0.021)), amount(Estimate(0.5, float("nan")))
-        ('0.512 ± 0.021', '0.500')
-    """
-    return f"{value.mean:.3f}" + (f" ± {value.half:.3f}" if value.half == value.half else "")
+def _panels(found: Sequence[Level]) -> list[Panel]:
+    """Return a panel for each trust model with a line for each method."""
+    panels = []
+    for model in dict.fromkeys(one.model for one in found):
+        lines: dict[str, list[Level]] = {}
+        for one in found:
+            if one.model == model:
+                lines.setdefault(one.method, []).append(one)
+        series = [
+            Series(name, [one.at for one in at], [one.utility.interval for one in at]) for name, at in lines.items()
+        ]
+        panels.append(Panel(model, "rounds of the search", "utility of the consumer", series, "log"))
+    return panels
 
 
 if __name__ == "__main__":
-    run(budget)
+    main()

@@ -12,11 +12,11 @@ from roletrust_env.storage.files import write_csv, write_text
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_experiments.commands.console import console, number_table
 from roletrust_experiments.plots.figure_files import write_figure
+from studies.charts import Panel, Series, panels_figure
 from studies.defence.comparison import Row
 from studies.defence.double_oracle import Game
 from studies.defence.fronts import Front
 from studies.defence.progress import Iteration
-from studies.plots.findings import Panel, Series, finding_figure
 
 LONGEST = 300
 """Length of the longest spec of a model that a text shows, in letters."""
@@ -108,7 +108,7 @@ def write_report(out: Path, report: Report) -> None:
     each = "`defence.json` of each run" if runs > 1 else "`defence.json`"
     note = f"{len(fronts)} condition{'s' * (len(fronts) > 1)} of {fronts[0].condition.suite.name}, {played}"
     question = "What do trust models and attackers reach when both are trained against each other?"
-    write_figure(out / "defence.png", finding_figure(question, panels, note), colours=256)
+    write_figure(out / "defence.png", panels_figure(question, panels, note), colours=256)
     won = [[str(one.number + 1), *_texts(one, _WINS)] for one in found]
     tables = [
         markdown_table(["iteration", *_WINS.values()], won, names=1),

@@ -13,7 +13,7 @@ from roletrust_experiments.commands.console import console, number_table, print_
 from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
 from roletrust_experiments.plots.figure_files import write_figure
-from studies.plots.findings import Panel, Series, finding_figure
+from studies.charts import Panel, Series, panels_figure
 from studies.running import run
 
 _COLUMNS = ("weight", "alone", "exploitability")
@@ -77,7 +77,7 @@ def equilibrium(
     ]
     note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
     question = "What is a mixture of trust models worth against attackers who know it?"
-    write_figure(out / "equilibrium.png", finding_figure(question, panels, note), colours=256)
+    write_figure(out / "equilibrium.png", panels_figure(question, panels, note), colours=256)
     facts = [
         ("best mixture", found.mixture),
         ("what it has over the best model alone", found.gain),

@@ -1,182 +1,250 @@
-"""`python -m studies.transfer`: coalitions trained against one trust model, played against the others."""
+"""Whether an attacker of one trust model harms the others, too.
+
+A coalition is trained by evolution, from random networks, against each trust model (rows), and plays against every
+trust model (columns) in fresh games, the same ones for all rows. The number is the utility of a consumer that goes to
+the most trusted provider, as a share of the best possible. Lower is a better attack. A frame or a star marks the trust
+models of the training.
+
+The universal coalitions that come with the project are further rows. They are not trained here, and were trained in
+turn against the marked trust models. `--on` adds columns without training on them, such as a model of another package
+or, as a URL, a service. Hours for all models; the recipe `outside` is some minutes.
+"""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from time import perf_counter
+from typing import NamedTuple
 
-import typer
-from rich.markup import escape
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
+from roletrust_agents.learned.saved import load_attacker
+from roletrust_agents.training.coalition_methods import EvolutionSearch
+from roletrust_agents.training.universal import universal_coalitions
+from roletrust_env.evaluation.search import Budget, SearchResult
+from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_env.storage.provenance import software
 from roletrust_env.trust import trust_models
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, print_next
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import (
-    NAMED,
-    Again,
-    ConditionScenario,
-    ConditionShare,
-    ConditionSuite,
-    ConditionTrack,
-    FreshGames,
-    ModelsOption,
-    Out,
-    Searches,
-    Seed,
-    Workers,
-)
-from roletrust_experiments.plots.figure_files import write_figure
-from studies.attackers.condition import Condition
-from studies.attackers.runs import Run, of_kind, read_runs
-from studies.played import play_and_keep
-from studies.running import run
+from roletrust_experiments.plots.style import ATTACKER, HONEST, INK, QUIET
+from studies.condition import Condition
+from studies.study import Recipe, Run, Study, mean_of
 
-if TYPE_CHECKING:
-    from studies.attackers.transfer import Cell
+LIMIT = 0.5
+"""Utility below which an attack counts as a success."""
 
-_HEADER = ("trained_on", "universal", "played_on", "seen", "utility", "half_95")
+_CELL, _LETTER = 0.46, 0.085  # inches of a cell of the heat map, and of a letter of its names
+_DARK = 0.35  # distance from 0.5 beyond which numbers are white
 
 
-def transfer(
-    model: ModelsOption = None,
-    on: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Further trust model to play against, without training on it; repeat for more. NAME may be your own "
-            "class, package.module:Class, whose module is then imported.",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    budget: Annotated[int, typer.Option(min=1, help="Rounds x games that each training may play.")] = 300_000,
-    suite: ConditionSuite = "two-worlds",
-    stage: ConditionScenario = "crowd",
-    track: ConditionTrack = "raters",
-    share: ConditionShare = 0.5,
-    games: FreshGames = 200,
-    seed: Seed = 0,
-    runs: Searches = 3,
-    workers: Workers = None,
-    force: Again = False,
-    out: Out = Path("results/transfer"),
-) -> None:
-    """Show [bold]whether an attacker of one trust model harms the others[/], too.
+class Options(NamedTuple):
+    """Rows and columns of the table, and the condition.
 
-    A coalition is trained by evolution, from random networks, against each trust model (rows), and plays against every
-    trust model (columns) in fresh games, the same ones for all rows. The number is the utility of a consumer that goes
-    to the most trusted provider, as a share of the best possible. Lower is a better attack. A frame marks the trust
-    models of the training.
-
-    The universal coalitions that come with the project are further rows. They are not trained here, and were trained
-    in turn against the trust models with a frame.
-
-    Each run is saved when it is finished, so that an interrupted command continues when it is given again. A further
-    column trains the rows again with the same seeds, and plays only against the new trust model.
-
-    Written: [green]transfer.png transfer.md transfer.csv transfer.json[/].
-
-    [bold]Examples[/]
-
-    [dim]# all trust models against each other, in hours[/]
-    [cyan]python -m studies.transfer[/]
-
-    [dim]# two trust models, one short training of each, in a minute[/]
-    [cyan]python -m studies.transfer --model beta --model role-trust --budget 50000 --runs 1[/]
-
-    [dim]# is your own model safe from attackers of the others?[/]
-    [cyan]python -m studies.transfer --model beta --model qor --on mypackage.mymodel:MyModel[/]
+    Attributes:
+        model: Specs of the trust models to train on and to play on; all that are installed if left out.
+        on: Specs of further trust models to play on.
+        budget: Rounds x games of each training.
+        suite: Suite with the scenario and the track.
+        scenario: Name of the scenario in the suite.
+        track: Name of the track in the suite, which says who is compromised.
+        share: Share of compromised agents in each role of the track.
+        games: Number of fresh games that measure each coalition.
+        runs: Number of trainings, with the seed of the study and those after it.
     """
-    require("the transfer", "train", "scipy", "cma", "torch", "safetensors")
-    from studies.attackers.transfer import Kept, coalitions, missing_models, play_row, sentences, table
 
-    condition = Condition.of(suite, stage, track, share)
-    models = list(dict.fromkeys(model or trust_models()))
-    columns = list(dict.fromkeys([*models, *(on or [])]))
-    condition.check(columns)
-    rows, seeds = coalitions(models), range(seed, seed + runs)
-    condition_settings = {"condition": condition.describe(), "budget": budget, "games": games}
-    settings = {"command": "python -m studies.transfer", **condition_settings, **software()}
-    path = out / "transfer.json"
-    kept = {} if force else read_runs(path, settings, of_kind(Kept))
-    prepare_folder(out)
-    jobs = {
-        row.key(one): (condition, row, one, missing, budget, games)
-        for row in rows
-        for one in seeds
-        if (missing := missing_models(row, one, columns, kept))
-    }
-    failed = play_and_keep(
-        play_row,
-        jobs,
-        kept,
-        total=len(rows) * runs,
-        workers=workers,
-        settings=settings,
-        path=path,
-        merge=_merge,
-    )
-    cells = table(rows, columns, seeds, kept)
-    if not cells:
-        raise ValueError("no row of the table could be played in full; the reasons are above")
-    caption = (
-        f"Utility of the consumer in {games} fresh games, mean over the runs ({runs}), with {budget:,} rounds of "
-        f"training each. Lower is a better attack. A star: trained on this trust model. Condition: {condition}."
-    )
-    lines = sentences(cells)
-    _write(out, condition, cells, [caption, *lines])
-    _print(cells)
-    for line in (caption, *lines):
-        console.print(escape(line), soft_wrap=True)
-    console.print(f"Written to {out}: transfer.png, transfer.md, transfer.csv, transfer.json", soft_wrap=True)
-    print_next("budget", "--model", models[0])
-    if failed:
-        raise typer.Exit(1)
+    model: tuple[str, ...] = ()
+    on: tuple[str, ...] = ()
+    budget: int = 300_000
+    suite: str = "two-worlds"
+    scenario: str = "crowd"
+    track: str = "raters"
+    share: float = 0.5
+    games: int = 50
+    runs: int = 3
 
 
-def _merge(before: Run, run: Run) -> Run:
-    """Return a run with the trust models of an earlier run of the same training."""
-    return {**run, "utility": {**before.get("utility", {}), **run["utility"]}}
+_OUTSIDE = Options(("beta",), ("studies.robustrep:RobustRep",), games=40)
+_FILES = ("transfer.png", "transfer.md", "transfer.csv")
+RECIPES = {
+    "transfer": Recipe(Options(), {name: f"attackers/{name}" for name in _FILES}),
+    "outside": Recipe(_OUTSIDE, {"transfer.md": "attackers/outside.md"}),
+}
 
 
-def _write(out: Path, condition: Condition, cells: "Sequence[Sequence[Cell]]", lines: Sequence[str]) -> None:
-    from studies.plots.attackers import transfer_figure
+class Coalition(NamedTuple):
+    """A row of the table: a coalition, by its training.
 
-    write_csv(
-        out / "transfer.csv",
-        _HEADER,
-        [
-            (cell.coalition.name, cell.coalition.universal, cell.model, cell.seen, *map(float, cell.utility[:2]))
-            for row in cells
-            for cell in row
-        ],
-    )
-    title, note = f"Trained on one trust model, played on others ({condition})", "a frame: trained on this trust model"
-    write_figure(out / "transfer.png", transfer_figure(title, cells, note))
-    parts = [markdown_table(*_table(cells), names=1), *lines]
-    parts.append(
-        "Written by `python -m studies.transfer`; `transfer.json` has the settings, the software and every run."
-    )
-    write_text(out / "transfer.md", "\n\n".join(parts) + "\n")
+    Attributes:
+        name: Spec of the trust model of the training, or name of a universal coalition.
+        models: Names of the trust models of the training.
+        universal: True for a universal coalition that comes with the project.
+    """
 
+    name: str
+    models: tuple[str, ...]
+    universal: bool = False
 
-def _table(cells: "Sequence[Sequence[Cell]]") -> tuple[list[str], list[list[str]]]:
-    """Return the headings, and a row for each coalition."""
-    headings = ["trained on", *(cell.model for cell in cells[0])]
-    rows = [[row[0].coalition.name, *(f"{cell.utility.mean:.2f}{'*' * cell.seen}" for cell in row)] for row in cells]
-    return headings, rows
+    def knows(self, model: str) -> bool:
+        """Return whether a trust model was among those of the training, with any parameters if it is universal."""
+        if not self.universal:
+            return model == self.name
+        return model.partition(":")[0] in self.models
+
+    def key(self, seed: int) -> str:
+        """Return the unique key of the run with a seed."""
+        return f"{'universal' if self.universal else 'trained on'}|{self.name}|{seed}"
 
 
-def _print(cells: "Sequence[Sequence[Cell]]") -> None:
-    headings, rows = _table(cells)
-    table = number_table("Trained on the rows, played on the columns", "", *map(escape, headings[1:]))
-    for name, *numbers in rows:
-        table.add_row(escape(name), *numbers)
-    console.print(table)
+class Cell(NamedTuple):
+    """A cell of the table.
+
+    Attributes:
+        coalition: Row: the coalition.
+        model: Column: the trust model that it plays against.
+        utility: Utility of the consumer in fresh games, over the seeds.
+    """
+
+    coalition: Coalition
+    model: str
+    utility: Estimate
+
+    @property
+    def seen(self) -> bool:
+        """True if the trust model was among those of the training."""
+        return self.coalition.knows(self.model)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train and play all coalitions, and write the table."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked = study.options
+        condition = Condition.of(asked.suite, asked.scenario, asked.track, asked.share)
+        models = list(asked.model or trust_models())
+        columns = list(dict.fromkeys([*models, *asked.on]))
+        condition.check(columns)
+        rows, seeds = coalitions(models), range(study.seed, study.seed + asked.runs)
+        settings = {
+            "condition": condition.describe(),
+            "budget": asked.budget,
+            "games": asked.games,
+            "columns": columns,
+        }
+        jobs = {
+            row.key(seed): (condition, row, seed, columns, asked.budget, asked.games) for row in rows for seed in seeds
+        }
+        played = study.play(play_row, jobs, settings)
+        found = [
+            [
+                Cell(row, model, mean_of([played[row.key(seed)]["utility"][model] for seed in seeds]))
+                for model in columns
+            ]
+            for row in rows
+            if all(row.key(seed) in played for seed in seeds)
+        ]
+        if not found:
+            raise ValueError("no row of the table could be played in full; the reasons are above")
+        study.csv(
+            "transfer.csv",
+            ("trained_on", "universal", "played_on", "seen", "utility", "half_95"),
+            [(*cell.coalition[::2], cell.model, cell.seen, *cell.utility[:2]) for row in found for cell in row],
+        )
+        study.figure("transfer.png", _figure(f"Trained on one trust model, played on others ({condition})", found))
+        table = [[row[0].coalition.name, *(f"{one.utility.mean:.2f}{'*' * one.seen}" for one in row)] for row in found]
+        study.page(
+            "transfer.md",
+            markdown_table(["trained on", *columns], table, names=1),
+            f"Utility of the consumer in {asked.games} fresh games, mean over the runs ({asked.runs}), with "
+            f"{asked.budget:,} rounds of training each. Lower is a better attack. A star: trained on this trust model. "
+            f"Condition: {condition}.",
+            *sentences(found),
+            f"Made by `{study.command}`.",
+        )
+
+
+def coalitions(models: Sequence[str]) -> list[Coalition]:
+    """Return the rows: a coalition for each trust model, and the universal coalitions that come with the project."""
+    rows = [Coalition(model, (model,)) for model in models]
+    for name in universal_coalitions():
+        card = load_attacker(name).card
+        known = (card.trust_model, *card.further_models)
+        rows.append(Coalition(name, tuple(dict.fromkeys(model.name for model in known)), universal=True))
+    return rows
+
+
+def play_row(condition: Condition, row: Coalition, seed: int, models: Sequence[str], budget: int, games: int) -> Run:
+    """Train the coalition of a row, unless it is universal, and measure it against trust models in fresh games.
+
+    Args:
+        condition: Condition of the attack.
+        row: The coalition.
+        seed: Random seed.
+        models: Specs of the trust models to play against.
+        budget: Game rounds that the training may play.
+        games: Number of fresh games.
+
+    Returns:
+        The utility by trust model, and the rounds and seconds of the training.
+    """
+    began = perf_counter()
+    if row.universal:
+        found = SearchResult(CoalitionAttacker(universal_coalitions()[row.name]), 0, row.name)
+    else:
+        found = EvolutionSearch(start="random").search(condition.arguments(row.name), Budget(budget), seed)
+    seconds = perf_counter() - began
+    utility = {model: condition.utility(model, found.attacker, seed, games) for model in models}
+    return {"rounds": found.rounds, "seconds": round(seconds, 3), "attack": found.description, "utility": utility}
+
+
+def sentences(cells: Sequence[Sequence[Cell]]) -> list[str]:
+    """Return what the table says about unseen models: of all trained coalitions, and of each universal one.
+
+    Example:
+        >>> row = Coalition("mean", ("mean",))
+        >>> cells = [[Cell(row, "mean", Estimate(0.2, 0.1)), Cell(row, "beta", Estimate(0.4, 0.1))]]
+        >>> sentences(cells)
+        ['Coalitions trained on one model, on the others: mean utility 0.400; 1 of 1 below 0.5.']
+    """
+    groups: dict[str, list[float]] = {}
+    for row in cells:
+        name = row[0].coalition.name if row[0].coalition.universal else ""
+        groups.setdefault(name, []).extend(cell.utility.mean for cell in row if not cell.seen)
+    return [
+        f"{f'{name}, on models it was not trained on' if name else 'Coalitions trained on one model, on the others'}: "
+        f"mean utility {mean_of([*values]).mean:.3f}; {sum(value < LIMIT for value in values)} of {len(values)} "
+        f"below {LIMIT:g}."
+        for name, values in groups.items()
+        if values
+    ]
+
+
+def _figure(title: str, cells: Sequence[Sequence[Cell]]) -> Figure:
+    """Return a heat map of the utility: trained on the rows, played on the columns."""
+    rows, columns = [row[0].coalition.name for row in cells], [cell.model.rpartition(":")[2] for cell in cells[0]]
+    names = _LETTER * max(map(len, (*rows, *columns)))
+    size = max(5.5, _CELL * len(columns) + names + 1.6), _CELL * len(rows) + names + 1.6
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots()
+    values = np.array([[cell.utility.mean for cell in row] for row in cells])
+    colours = LinearSegmentedColormap.from_list("utility", [ATTACKER, "#FDF3EC", HONEST[0]])
+    image = axes.imshow(np.ma.masked_invalid(values), cmap=colours, vmin=0, vmax=1, aspect="auto")
+    for k, row in enumerate(cells):
+        for j, cell in enumerate(row):
+            ink = "white" if abs(values[k, j] - 0.5) > _DARK else INK
+            axes.text(j, k, f"{values[k, j]:.2f}", ha="center", va="center", fontsize=7.5, color=ink)
+            if cell.seen:
+                axes.add_patch(Rectangle((j - 0.47, k - 0.47), 0.94, 0.94, fill=False, edgecolor=INK, linewidth=1.5))
+    axes.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor", fontsize=8.5)
+    axes.set_yticks(range(len(rows)), rows, fontsize=8.5)
+    axes.tick_params(colors=QUIET, labelcolor=INK, length=0)
+    axes.set_xlabel("played on", color=INK)
+    axes.set_ylabel("trained on, or universal", color=INK)
+    axes.spines[:].set_visible(False)
+    figure.colorbar(image, ax=axes, shrink=0.7, pad=0.01).set_label("utility of the consumer", color=INK)
+    figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
+    figure.supxlabel("a frame: trained on this trust model", x=0.99, ha="right", fontsize=8.5, color=QUIET)
+    return figure
 
 
 if __name__ == "__main__":
-    run(transfer)
+    main()

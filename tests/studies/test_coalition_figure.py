@@ -5,7 +5,7 @@ import pytest
 
 from roletrust_baselines import BadMouthing
 from roletrust_env.evaluation.attackers import Scripted
-from studies.plots.coalition import lies_figure, watch_lies
+from studies.coalition import lies_figure, watch_lies
 
 pytestmark = pytest.mark.slow
 

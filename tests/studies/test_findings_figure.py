@@ -3,7 +3,7 @@
 import pytest
 
 from roletrust_env.metrics.confidence import Interval
-from studies.plots.findings import Panel, Series, finding_figure
+from studies.charts import Panel, Series, panels_figure
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,7 @@ def panels(labels):
 @pytest.mark.parametrize("many", [1, 2, 4, 8, 12])
 def test_the_note_has_a_place_of_its_own(many):
     labels = [f"from honest play {k}" for k in range(many)]
-    figure = finding_figure("What?", panels(labels), NOTE)
+    figure = panels_figure("What?", panels(labels), NOTE)
     figure.draw_without_rendering()
     below = figure.get_supxlabel()
     (*legends,) = figure.legends

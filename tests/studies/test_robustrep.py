@@ -10,7 +10,7 @@ pytest.importorskip("robustrep")
 from roletrust_env.testing import check_trust_model
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.grid_ledger import make_ledger
-from studies.attackers.robustrep import RobustRep
+from studies.robustrep import RobustRep
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def test_trust_is_the_lower_median_over_raters_of_their_median_ratings() -> None
 
 
 def test_without_the_package_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("studies.attackers.robustrep.find_spec", lambda name: None)
+    monkeypatch.setattr("studies.robustrep.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'roletrust-env\[peers\]'"):
         RobustRep()
 

@@ -13,7 +13,7 @@ from roletrust_env.benchmarking.known_attacks import KnownAttack
 from roletrust_env.evaluation.attackers import Attacker, Scripted, record_of
 from roletrust_env.evaluation.measurement import exact_task, measure, measure_honest
 from roletrust_env.metrics.consumers import skill
-from studies.attackers.condition import Condition
+from studies.condition import Condition
 
 _DIGITS = 5
 

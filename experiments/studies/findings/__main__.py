@@ -123,7 +123,7 @@ def _written(out: Path, name: str) -> bool:
 
 def _write(out: Path, name: str, finding: "Finding") -> None:
     """Write the figure and its numbers."""
-    from studies.plots.findings import finding_figure
+    from studies.charts import panels_figure
 
     note = f"{finding.games} games for each value; 95% intervals"
     rows = [
@@ -133,7 +133,7 @@ def _write(out: Path, name: str, finding: "Finding") -> None:
         for at, value in zip(series.at, series.values, strict=True)
     ]
     write_csv(out / f"{name}.csv", _HEADER, rows)
-    write_figure(out / f"{name}.png", finding_figure(finding.question, finding.panels, note))
+    write_figure(out / f"{name}.png", panels_figure(finding.question, finding.panels, note))
 
 
 def _record(finding: "Finding", command: str, made_with: dict[str, Any]) -> dict[str, Any]:

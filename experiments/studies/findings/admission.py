@@ -9,9 +9,9 @@ from roletrust_env import Policy, Scenario, make_scenario
 from roletrust_env.evaluation.measurement import GameRecord
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, amount, listed, verdict
 from studies.findings.games import Effort, as_settings, last, play
-from studies.plots.findings import Panel, Series
 
 QUESTION = "What does admission control buy?"
 _THRESHOLDS = 0.1, 0.15, 0.2, 0.25, 0.3, 0.4

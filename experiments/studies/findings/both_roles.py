@@ -10,9 +10,9 @@ from roletrust_env import Game, JointPolicy, Policy, Scenario, make_scenario, me
 from roletrust_env.evaluation.attackers import Both
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.metrics.score import mean_or_nan
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, in_words, verdict
 from studies.findings.games import SETTLED, Effort, as_settings
-from studies.plots.findings import Panel, Series
 
 QUESTION = "What does ToA do for agents that are raters and providers?"
 _PEERS, _ATTACKERS = 9, 3

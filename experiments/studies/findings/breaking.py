@@ -10,9 +10,9 @@ from roletrust_env.benchmarking.suite import Stage, Suite, Track
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
 from roletrust_env.metrics.confidence import Estimate, Interval, estimate
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, sign
 from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
-from studies.plots.findings import Panel, Series
 
 QUESTION = "Which share of liars breaks each trust model?"
 _SHARES = 0.1, 0.2, 0.3, 0.4, 0.5, 0.6

@@ -8,9 +8,9 @@ import numpy as np
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, amount, exact, in_words
 from studies.findings.games import Effort, as_settings, honest, last, lost, play
-from studies.plots.findings import Panel, Series
 
 QUESTION = "Do larger systems dilute liars?"
 _SIZES = 3, 9, 27, 81

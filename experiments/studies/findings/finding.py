@@ -9,7 +9,7 @@ from math import ceil
 from typing import Any, NamedTuple
 
 from roletrust_env.metrics.confidence import Estimate, Interval
-from studies.plots.findings import Panel
+from studies.charts import Panel
 
 _SAME = 1e-9
 """Largest difference that is due to rounding."""

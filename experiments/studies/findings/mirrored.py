@@ -14,9 +14,9 @@ from roletrust_env.metrics import skill
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.trust import Ratings, Traits, make_trust_model, trust_models
 from roletrust_env.trust.model import start_model
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, amount, exact
 from studies.findings.games import Effort
-from studies.plots.findings import Panel, Series
 
 QUESTION = "From which share of liars on can no model tell an honest world from a dishonest one?"
 RATERS, PROVIDERS, ROUNDS, RESERVE = 20, 8, 20, 3

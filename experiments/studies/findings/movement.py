@@ -3,9 +3,9 @@
 from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario, metrics
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, listed
 from studies.findings.games import Effort, as_settings, honest, last, lost, play
-from studies.plots.findings import Panel, Series
 
 QUESTION = "What does movement do, where each rater sees only the providers near it?"
 _ARENA = 10.0

@@ -8,9 +8,9 @@ from roletrust_baselines import BadMouthing
 from roletrust_env import Scenario, make_scenario
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
 from roletrust_env.world.roster import Roster
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, amount, exact, in_words
 from studies.findings.games import Effort, as_settings, honest, last, lost, play
-from studies.plots.findings import Panel, Series
 
 QUESTION = "What does noise alone cost, with everybody honest?"
 _NOISES = 0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2

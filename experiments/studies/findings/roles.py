@@ -10,9 +10,9 @@ from roletrust_env.benchmarking.schema import AttackResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import HONEST, Stage, Suite, Track
 from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from studies.charts import Panel, Series
 from studies.findings.finding import Finding, listed, verdict
 from studies.findings.games import PATIENCE_S, Effort, play_suite, scripts
-from studies.plots.findings import Panel, Series
 
 QUESTION = "Do raters do more harm than providers?"
 _PLACES = {"the paper's team": "paper-3x3", "a market": "market"}

@@ -1,8 +1,9 @@
-"""The condition of a benchmark suite in which attackers are compared, and their score in fresh games."""
+"""The condition of a suite in which attackers or defences are compared, and their score in fresh games."""
 
 import math
 from typing import Any, NamedTuple, Self
 
+from roletrust_env import Scenario
 from roletrust_env.benchmarking.cells import cell_kinds, task_arguments
 from roletrust_env.benchmarking.suite import Cell, Suite, attacked_scenario
 from roletrust_env.benchmarking.suite_files import load_suite
@@ -10,13 +11,27 @@ from roletrust_env.errors import suggest
 from roletrust_env.evaluation.attackers import Attacker
 from roletrust_env.evaluation.measurement import TaskArguments, exact_task, score
 from roletrust_env.evaluation.scripts import AttackKind
-from roletrust_env.evaluation.search import search_methods
-from roletrust_env.evaluation.specs import check_installed
-from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics.score import mean_or_nan
 from studies import SUITES
 
 _FRESH = 1_000_000  # added to the seed of a search: no search has seen the games that measure it
+
+
+def suite_of(name: str) -> Suite:
+    """Return a suite of trust models: one that only studies play, or else one of the project, or from a TOML file."""
+    own = SUITES / f"{name}.toml"
+    suite = load_suite(own if own.exists() else name)
+    if not isinstance(suite, Suite):
+        raise ValueError(f"the suite {suite.name} is one for {suite.kind}; choose one for trust models")
+    return suite
+
+
+def scenario_of(suite: str, name: str) -> Scenario:
+    """Return a scenario of a suite by its name."""
+    stages = suite_of(suite).scenarios
+    if name not in stages:
+        raise ValueError(f"suite {suite} has no scenario {name!r}{suggest(name, stages)}")
+    return stages[name].scenario()
 
 
 class Condition(NamedTuple):
@@ -26,7 +41,7 @@ class Condition(NamedTuple):
         suite: The suite.
         scenario: Name of the scenario in the suite.
         track: Name of the track in the suite.
-        share: Share of compromised agents in each role of the track.
+        share: Share of compromised agents in each role of the track, between 0 and 1.
     """
 
     suite: Suite
@@ -36,30 +51,19 @@ class Condition(NamedTuple):
 
     @classmethod
     def of(cls, suite: str, scenario: str, track: str, share: float) -> Self:
-        """Return a condition from the options of a command.
-
-        Args:
-            suite: Name of a suite of the studies or of the benchmark, or path of a TOML file.
-            scenario: Name of a scenario in the suite.
-            track: Name of a track in the suite.
-            share: Share of compromised agents.
+        """Return a condition from the options of a study.
 
         Raises:
-            ValueError: A name is unknown, the suite is for learners, or nobody is compromised on the track.
+            ValueError: A name is unknown, nobody is compromised on the track, or all are.
         """
-        own = SUITES / f"{suite}.toml"
-        loaded = load_suite(own if own.is_file() else suite)
-        if not isinstance(loaded, Suite):
-            raise ValueError(f"the suite {loaded.name} is one for {loaded.kind}; choose one for trust models")
-        check_installed(attackers, loaded.attacks)
-        check_installed(search_methods, loaded.searches)
-        tracks = [name for name, one in loaded.tracks.items() if one.roles]
-        for what, name, known in (("scenario", scenario, list(loaded.scenarios)), ("track", track, tracks)):
+        found = suite_of(suite)
+        tracks = [name for name, one in found.tracks.items() if one.roles]
+        for what, name, known in (("scenario", scenario, list(found.scenarios)), ("track", track, tracks)):
             if name not in known:
-                raise ValueError(f"suite {loaded.name} has no {what} {name!r} with attackers{suggest(name, known)}")
+                raise ValueError(f"suite {found.name} has no {what} {name!r} with attackers{suggest(name, known)}")
         if not 0 < share < 1:
             raise ValueError(f"the share of compromised agents is {share:g}; it must lie between 0 and 1")
-        return cls(loaded, scenario, track, share)
+        return cls(found, scenario, track, share)
 
     def __str__(self) -> str:
         """Return the condition in a few words."""
@@ -74,14 +78,14 @@ class Condition(NamedTuple):
         for model in models:
             exact_task(self.arguments(model))
 
-    def arguments(self, model: str, way: str = "scripted") -> TaskArguments:
+    def arguments(self, model: str, method: str = "scripted") -> TaskArguments:
         """Return the arguments of the attack task against a trust model.
 
         Args:
             model: Spec of the trust model.
-            way: Name of the search method, which may need its own objective.
+            method: Name of the search method, which may need its own objective.
         """
-        return task_arguments(self.suite, self._cell(model, way))
+        return task_arguments(self.suite, self._cell(model, method))
 
     def kinds(self, model: str) -> dict[str, AttackKind]:
         """Return the kinds of scripted attacks that the compromised agents can play, by name."""
@@ -113,5 +117,5 @@ class Condition(NamedTuple):
             "scenario": scenario.model_dump(mode="json"),
         }
 
-    def _cell(self, model: str, way: str = "scripted") -> Cell:
-        return Cell(model, self.scenario, self.track, self.share, way, 0)
+    def _cell(self, model: str, method: str = "scripted") -> Cell:
+        return Cell(model, self.scenario, self.track, self.share, method, 0)

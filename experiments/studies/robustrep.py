@@ -1,4 +1,4 @@
-"""The package robustrep as a trust model: `--on studies.attackers.robustrep:RobustRep`."""
+"""The package robustrep as a trust model: `--on studies.robustrep:RobustRep`."""
 
 from importlib.util import find_spec
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""The figure of an answer: means with 95% intervals, along an axis of numbers or in a row for each name."""
+"""The figure of a study: means with 95% intervals, along an axis of numbers or in a row for each name."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from roletrust_env.metrics.confidence import Interval
 from roletrust_experiments.plots.style import ATTACKERS, DASHES, HONEST, INK, QUIET
 
-_COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2])
-_MARKS = ("o", "s", "^", "D", "v")
-_COLUMNS = 2
+_COLOURS = (HONEST[0], ATTACKERS[0], HONEST[1], ATTACKERS[1], ATTACKERS[2], HONEST[2], HONEST[3], QUIET)
+_MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _WIDE, _HIGH, _ROW = 4.7, 3.1, 0.25  # inches of a panel, and of a row of names
 _APART = 0.24  # of a row, between series
 _FAR = 0.6  # share of the highest value above which the lowest value needs no line at 0
@@ -56,19 +55,20 @@ class Panel(NamedTuple):
     bound: float | None = None
 
 
-def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
+def panels_figure(title: str, panels: Sequence[Panel], note: str, columns: int = 2) -> Figure:
     """Return a figure with panels side by side.
 
     Args:
-        question: Question that the panels answer.
+        title: Title, such as the question that the panels answer.
         panels: Panels, at least one.
         note: Note below the panels, or above a legend that has no room beside it.
+        columns: Number of panels side by side, at most.
     """
-    looks, columns = _looks(panels), min(len(panels), _COLUMNS)
+    looks, columns = _looks(panels), min(len(panels), columns)
     down = -(-len(panels) // columns)
     high = max(_high(panel) for panel in panels)
     figure = Figure(figsize=(_WIDE * max(columns, 1.7), down * high + 1.1), layout="constrained")
-    for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=True)):
+    for k, (axes, panel) in enumerate(zip(figure.subplots(down, columns, squeeze=False).flat, panels, strict=False)):
         if names := _names(panel):
             _rows(axes, panel, looks)
             axes.set_yticks(range(len(names)), names if k % columns == 0 else [], fontsize=9)
@@ -76,7 +76,9 @@ def finding_figure(question: str, panels: Sequence[Panel], note: str) -> Figure:
             _lines(axes, panel, looks)
         axes.set_title(panel.title, loc="left", fontsize=10.5, color=INK)
         _quiet(axes, "x" if names else "y")
-    figure.suptitle(fill(question, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
+    for axes in figure.axes[len(panels) :]:
+        axes.set_visible(False)
+    figure.suptitle(fill(title, _LONGEST), x=0.012, ha="left", fontsize=12.5, fontweight="bold", color=INK)
     keys: dict[str, Any] = {}
     for axes in figure.axes:
         keys |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
@@ -129,7 +131,7 @@ def _lines(axes: Axes, panel: Panel, looks: dict[str, dict[str, Any]]) -> None:
         axes.set_xscale("symlog", linthresh=min(x for x in numbers if x > 0), linscale=0.6)
     elif panel.scale == "log":
         axes.set_xscale("log")
-    axes.set_xticks(numbers, [f"{x:g}" for x in numbers])
+    axes.set_xticks(numbers, [_short(x) for x in numbers])
     axes.set_xticks([], minor=True)
     if axes.get_ylim()[0] < _FAR * axes.get_ylim()[1]:
         axes.axhline(0, color=QUIET, linewidth=0.8, zorder=1)
@@ -171,3 +173,8 @@ def _quiet(axes: Axes, grid: Literal["x", "y"]) -> None:
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color("#9CA3AF")
+
+
+def _short(x: float) -> str:
+    """Return the label of a number on an axis, such as `0.3`, `30k` or `2M`."""
+    return f"{x:g}" if x < 10_000 else f"{x / 1e3:g}k" if x < 1e6 else f"{x / 1e6:g}M"

@@ -1,0 +1,275 @@
+"""Whether honest service stays the best response when providers and raters learn, too.
+
+Agents earn what the environment rewards: trust, less the cost of their services. A provider chooses a level of quality
+and how it reacts to its own trust; a rater chooses how far it lifts or sinks its ratings and how far it follows
+published trust. All agents learn at once, each for itself, from honest play and from random strategies. With shuffled
+rewards nothing can be learnt, and what happens is drift.
+
+Measured: welfare, which is the quality that consumers get less its cost; the price of anarchy, which is the best
+welfare over the welfare of what was learnt; the share of honest agents; and the gain of the best deviation of one
+agent, with everybody honest and with what was learnt. Some ten minutes on one core.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from roletrust_agents.strategic.deviations import best_response, best_welfare
+from roletrust_agents.strategic.learning import LearningSettings, learn
+from roletrust_agents.strategic.playing import MEASURED, play
+from roletrust_agents.strategic.strategies import (
+    Floats,
+    Side,
+    StrategyProfile,
+    departure,
+    honest_population,
+    random_population,
+)
+from roletrust_env import Game
+from roletrust_env.evaluation.specs import parse_trust_model
+from roletrust_env.metrics.confidence import Estimate, Interval, estimate
+from roletrust_env.storage.markdown import markdown_table
+from roletrust_experiments.commands.console import plus_minus
+from studies.charts import Panel, Series, panels_figure
+from studies.condition import scenario_of
+from studies.study import Recipe, Run, Study, with_ends
+
+
+class Options(NamedTuple):
+    """Populations, and the effort for each.
+
+    Attributes:
+        model: Specs of the trust models.
+        scenario: Names of scenarios of the suite of leaderboard, `standard`.
+        cost: Costs of a service of quality 1, see `Rewards.quality_cost`.
+        runs: Number of runs side by side, with other random numbers and other learners.
+        steps: Number of steps of the learners.
+        games: Number of games that measure each run, an even number: one half chooses, the other one measures.
+    """
+
+    model: tuple[str, ...] = (
+        *("role-trust", "wary-role-trust", "leave-one-out", "qor", "median", "beta"),
+        "own-experience",
+    )
+    scenario: tuple[str, ...] = ("crowd", "market")
+    cost: tuple[float, ...] = (0.1, 0.3)
+    runs: int = 5
+    steps: int = 150
+    games: int = 32
+
+
+FILES = ("strategic.png", "strategic.md", "strategic.csv")
+RECIPES = {"strategic": Recipe(Options(), {name: f"strategic/{name}" for name in FILES})}
+
+STARTS = {
+    "nobody learns": "nobody learns",
+    "honest": "from honest play",
+    "honest, shuffled": "the same, shuffled",
+    "random": "from random",
+}
+"""Starts of the learners with their labels. In the first everybody stays honest; in the third rewards are shuffled."""
+
+HONEST_WITHIN = 0.1
+"""Departure from honest play up to which a strategy counts as honest."""
+
+MEASURES = (
+    "welfare",
+    "best_welfare",
+    "quality",
+    "utility",
+    "provider_reward",
+    "rater_reward",
+    "honest_providers",
+    "honest_raters",
+    "provider_gain",
+    "rater_gain",
+    "moved",
+)
+"""Names of what is measured in each run.
+
+`welfare`, `quality`, `utility`: see `roletrust_agents.strategic.playing`. `best_welfare`: the highest one of
+populations that play alike. `honest_providers`, `honest_raters`: share of the agents with an honest strategy.
+`provider_gain`, `rater_gain`: what the best deviation of one agent brings it. `moved`: mean change of the departure
+from honest play in the last quarter of the learning.
+"""
+
+DEVIATIONS = "provider_deviation", "rater_deviation"
+_COLUMNS = {
+    "gain, provider": "provider_gain",
+    "gain, rater": "rater_gain",
+    "honest providers": "honest_providers",
+    "honest raters": "honest_raters",
+    "quality": "quality",
+    "welfare": "welfare",
+}
+_ROUNDS = 30
+_SMALL = 0.01  # of the best welfare: what is less is nothing
+_WORDS: dict[Side, tuple[str, str]] = {"providers": ("level", "reaction"), "raters": ("lift", "following")}
+
+
+class Point(NamedTuple):
+    """A population under a trust model: scenario, spec of the model, cost of a service, and start of the learners."""
+
+    scenario: str
+    model: str
+    cost: float
+    start: str
+
+    def game(self) -> Game:
+        """Return the game, in single precision."""
+        scenario = scenario_of("standard", self.scenario)
+        rewards = {**scenario.rewards.model_dump(), "quality_cost": self.cost}
+        scenario = scenario.change(max_cycles=_ROUNDS, rewards=rewards)
+        return Game(scenario, parse_trust_model(self.model, scenario), like=np.zeros((), np.float32))
+
+
+class Level(NamedTuple):
+    """What a population comes to, over its runs.
+
+    Attributes:
+        point: The population.
+        estimates: Mean of each measure with its interval.
+        anarchy: Price of anarchy with its interval: best welfare over welfare; infinite if welfare is not above 0.
+        deviations: The most frequent best deviation of a provider and of a rater, in words.
+    """
+
+    point: Point
+    estimates: dict[str, Estimate]
+    anarchy: Interval
+    deviations: tuple[str, ...]
+
+    @classmethod
+    def of(cls, point: Point, run: Mapping[str, Any]) -> Self:
+        """Return the level of a point from its runs."""
+        values = {name: np.asarray(run[name], np.float64) for name in MEASURES}
+        return cls(
+            point,
+            {name: estimate(each) for name, each in values.items()},
+            price_of_anarchy(values["best_welfare"], values["welfare"]),
+            tuple(max(sorted(set(run[name])), key=run[name].count) for name in DEVIATIONS),
+        )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Let all populations learn, and write what they come to."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked = study.options
+        if asked.games % 2:
+            raise ValueError(
+                f"--games is {asked.games}; it must be even, because one half chooses and the other measures"
+            )
+        points = [
+            Point(scenario, model, cost, start)
+            for scenario in asked.scenario
+            for cost in sorted(asked.cost)
+            for model in asked.model
+            for start in STARTS
+        ]
+        effort = {"runs": asked.runs, "steps": asked.steps, "games": asked.games, "seed": study.seed}
+        jobs = {"|".join(map(str, point)): (point, effort) for point in points}
+        played = study.play(play_point, jobs, effort)
+        found = [Level.of(point, played[key]) for key, (point, _) in jobs.items() if key in played]
+        header = ["scenario", "model", "cost", "start", *with_ends(MEASURES, ("", "_half_95"))]
+        header += [*with_ends(["anarchy"], ("", "_low_95", "_high_95")), *DEVIATIONS]
+        study.csv("strategic.csv", header, map(_line, found))
+        rows = [[*_names(level), *_cells(level)] for level in found]
+        headings = ["world", "model", "start", *_COLUMNS, "price of anarchy"]
+        note = f"{asked.runs} runs of {asked.steps} steps, {asked.games} games each; 95% intervals over the runs"
+        study.page("strategic.md", markdown_table(headings, rows, 3), f"{note}. Made by `{study.command}`.")
+        title = "What is left of welfare when providers and raters learn, by trust model?"
+        figure = panels_figure(title, _panels(found), f"{asked.runs} runs; 95% intervals")
+        study.figure("strategic.png", figure, colours=256)
+
+
+def play_point(point: Point, effort: Mapping[str, int]) -> Run:
+    """Let a population learn and measure it. Returns one value for each run, by `MEASURES` and `DEVIATIONS`."""
+    game, (runs, steps, games, seed) = point.game(), effort.values()
+    batch = (runs,)
+    population, moved = honest_population(game, batch), np.zeros(runs)
+    if point.start != "nobody learns":
+        begin = random_population(game, batch, seed) if point.start == "random" else population
+        shuffled = point.start.endswith("shuffled")
+        population, course = learn(game, begin, LearningSettings(steps=steps), seed, shuffled=shuffled)[:2]
+        moved = np.abs(course[-1] - course[-1 - (steps - 1) // 4]).mean(axis=0)
+    spread = StrategyProfile(*(part[:, :, None, :, None] for part in population))
+    played = play(game, spread, (MEASURED, seed), (runs, games), rows=1)
+    provider, rater = (best_response(game, population, side, seed, games // 2) for side in _WORDS)
+    rewards = played.rewards[:, 0].mean(axis=-1)
+    found: dict[str, Floats] = {
+        "welfare": played.welfare[0].mean(axis=-1),
+        "best_welfare": best_welfare(game, seed, runs, games // 2),
+        "quality": played.quality[0].mean(axis=-1),
+        "utility": played.utility[0].mean(axis=-1),
+        "provider_reward": game.roster.providers(rewards).mean(axis=0),
+        "rater_reward": game.roster.raters(rewards).mean(axis=0),
+        "honest_providers": (departure("providers", population.providers) <= HONEST_WITHIN).mean(axis=0),
+        "honest_raters": (departure("raters", population.raters) <= HONEST_WITHIN).mean(axis=0),
+        "provider_gain": provider.gain,
+        "rater_gain": rater.gain,
+        "moved": moved,
+    }
+    words = [_in_words("providers", provider.parameters), _in_words("raters", rater.parameters)]
+    return {name: values.tolist() for name, values in found.items()} | dict(zip(DEVIATIONS, words, strict=True))
+
+
+def price_of_anarchy(best: Floats, welfare: Floats) -> Interval:
+    """Return the price of anarchy of R runs with its 95% interval: mean best welfare over mean welfare.
+
+    Around the quotient p the runs vary as (best - p welfare) / mean welfare, to first order. Where the interval of
+    welfare reaches down to a hundredth of the best one, nothing is left of it, and the price is infinite.
+
+    Example:
+        >>> price_of_anarchy(np.array([0.9, 0.9]), np.array([0.45, 0.45])).value
+        2.0
+        >>> price_of_anarchy(np.array([0.9, 0.9]), np.array([0.2, -0.2])).value
+        inf
+    """
+    mean = estimate(welfare)
+    if mean.mean - np.nan_to_num(mean.half) <= _SMALL * best.mean():
+        return Interval(np.inf, np.nan, np.inf)
+    price = float(best.mean() / mean.mean)
+    half = estimate((best - price * welfare) / mean.mean).half
+    return Interval(price, price - half, price + half)
+
+
+def _in_words(side: Side, parameters: Floats) -> list[str]:
+    """Return a strategy of each run in words."""
+    return [
+        ", ".join(f"{n} {round(float(v), 2) + 0.0:g}" for n, v in zip(_WORDS[side], one, strict=True))
+        for one in parameters.T
+    ]
+
+
+def _line(level: Level) -> list[Any]:
+    """Return a row of the table of numbers."""
+    numbers = [part for name in MEASURES for part in level.estimates[name][:2]]
+    return [*level.point, *numbers, *(None if x == np.inf else x for x in level.anarchy), *level.deviations]
+
+
+def _names(level: Level) -> list[str]:
+    scenario, model, cost, start = level.point
+    return [f"{scenario}, {cost:g}", f"`{model}`", start]
+
+
+def _cells(level: Level) -> list[str]:
+    price, low, high = level.anarchy
+    measures = [plus_minus(level.estimates[name]) for name in _COLUMNS.values()]
+    return [*measures, "∞" if price == np.inf else f"{price:.2f} ({low:.2f}, {high:.2f})"]
+
+
+def _panels(found: Sequence[Level]) -> list[Panel]:
+    """Return a panel for each scenario and cost: the welfare of each model by the start."""
+    panels = []
+    for scenario, cost in dict.fromkeys((level.point.scenario, level.point.cost) for level in found):
+        series = []
+        for start, label in STARTS.items():
+            levels = [one for one in found if one.point[::2] == (scenario, cost) and one.point.start == start]
+            welfare = [one.estimates["welfare"].interval for one in levels]
+            series.append(Series(label, [one.point.model for one in levels], welfare))
+        panels.append(Panel(f"{scenario}, cost {cost:g}", "", "welfare", series))
+    return panels
+
+
+if __name__ == "__main__":
+    main()

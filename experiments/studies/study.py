@@ -1,0 +1,290 @@
+"""The runner of all studies: their options, the runs that they keep, and the files that they write and publish."""
+
+import json
+import math
+import shlex
+import shutil
+import sys
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, NamedTuple, Self, TypeVar, get_args, get_type_hints
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES, cores
+from roletrust_env.benchmarking.processes import WorkerPool
+from roletrust_env.benchmarking.schema import reason
+from roletrust_env.metrics.confidence import Estimate, estimate
+from roletrust_env.storage.files import prepare_folder, write_csv, write_json, write_text
+from roletrust_env.storage.provenance import software
+from roletrust_experiments.commands.console import progress_bar
+from roletrust_experiments.plots.figure_files import write_figure
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+Options = TypeVar("Options", bound=tuple[Any, ...])
+Run = dict[str, Any]
+"""Result of a run as plain data; `failed` has the reason of a run that raised an error."""
+
+
+class Recipe(NamedTuple, Generic[Options]):
+    """What makes some published files.
+
+    Attributes:
+        options: Options of the study, a `NamedTuple`: a tuple is an option that may be repeated, False is a flag.
+        files: Path below `docs/` of each published file, by its name in the folder of the study.
+    """
+
+    options: Options
+    files: Mapping[str, str] = {}
+
+
+class Runs(dict[str, Run]):
+    """Runs by key, in a JSON file that is written after each, so that an interrupted study continues.
+
+    Args:
+        path: Path of the file.
+        settings: Settings that all runs have in common, as plain data.
+        again: Begin again, and overwrite the file.
+
+    Raises:
+        ValueError: The file is no file of runs, or has runs with other settings.
+    """
+
+    def __init__(self, path: Path, settings: Mapping[str, Any], again: bool = False) -> None:
+        self._path, self._settings = path, json.loads(json.dumps(settings))
+        if again or not path.exists():
+            return
+        instead = "give --force to begin again, or another --out"
+        try:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+            made_with, runs = dict(stored["made_with"]), dict(stored["runs"])
+        except (ValueError, KeyError, TypeError):
+            raise ValueError(f"{path} holds no runs of a study; {instead}") from None
+        if made_with != self._settings:
+            other = [name for name in self._settings if made_with.get(name) != self._settings[name]]
+            raise ValueError(f"{path} holds runs with another {', '.join(other) or 'set of settings'}; {instead}")
+        self.update(runs)
+
+    def keep(self, key: str, run: Run) -> None:
+        """Add a run, and write all runs in an order that does not depend on their end."""
+        self[key] = run
+        write_json(self._path, {"made_with": self._settings, "runs": {key: self[key] for key in sorted(self)}})
+
+
+class Study(Generic[Options]):
+    """A study that is being run, as a context.
+
+    At its end it writes `study.json` with the command, the options and the software, copies the published files to
+    `docs/` if `--publish` is given, and says what it has written. An error of the user is one line, with exit code 2.
+
+    Args:
+        module: `__name__` of the study, whose documentation is its help.
+        recipes: Recipes by name; the first one is the default.
+        arguments: Arguments of the command; None means those of this process.
+
+    Attributes:
+        recipe: Name of the recipe, also that of the folder in `results/`.
+        options: Its options, with those of the command.
+        seed: Random seed.
+        workers: Number of processes.
+        out: Folder of the results.
+        command: Command that repeats the study.
+        facts: Further results for `study.json`.
+    """
+
+    def __init__(
+        self, module: str, recipes: Mapping[str, Recipe[Options]], arguments: Sequence[str] | None = None
+    ) -> None:
+        spec = sys.modules[module].__spec__
+        self.name = (spec.name if spec else module).removesuffix(".__main__")
+        first = next(iter(recipes))
+        given = _parser(self.name, sys.modules[module].__doc__, recipes).parse_args(arguments)
+        self.recipe: str = given.recipe or first
+        self._published, self._publish, self._again = recipes[self.recipe].files, given.publish, given.force
+        default = recipes[self.recipe].options
+        self.options, words = _given(default, given)
+        self.seed: int = given.seed
+        self.workers: int = given.workers or cores()
+        self.out: Path = given.out or Path("results") / self.recipe
+        seeded = ["--seed", str(self.seed)] if self.seed else []
+        chosen = [] if self.recipe == first else [self.recipe]
+        self.command = shlex.join(["python", "-m", self.name, *chosen, *words, *seeded])
+        self.facts: dict[str, Any] = {}
+        self._written: list[str] = []
+        self._failed = False
+
+    def __enter__(self) -> Self:
+        """Check that the folder can be written."""
+        try:
+            prepare_folder(self.out)
+        except OSError as error:
+            _stop(str(error), 2)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Say what was written, or what went wrong."""
+        if isinstance(error, KeyboardInterrupt):
+            _stop("Stopped. Finished runs are kept; repeat the command to continue.", 130)
+        if isinstance(error, ValueError | OSError):
+            _stop(f"Error: {error}", 2)
+        if error is not None:
+            return
+        about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
+        write_json(self.out / "study.json", json.loads(json.dumps({**about, **software(), **self.facts}, default=str)))
+        print(f"Written to {self.out}: {', '.join([*self._written, 'study.json'])}")
+        for name, place in self._published.items() if self._publish else ():
+            (DOCS / place).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.out / name, DOCS / place)
+        if self._failed:
+            raise SystemExit(1)
+
+    def runs(self, settings: Mapping[str, Any]) -> Runs:
+        """Return the runs of this study that are kept in `runs.json`.
+
+        Args:
+            settings: Settings that runs must share to be compared; the version of the software is added.
+        """
+        return Runs(self.out / "runs.json", {"study": self.name, **settings, **software()}, self._again)
+
+    def play(
+        self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]
+    ) -> dict[str, Run]:
+        """Play the runs that are not kept, each in a process of its own, and return all that did not fail.
+
+        Args:
+            work: Function of a module that plays a run.
+            jobs: Arguments of each run, by key.
+            settings: See `runs`.
+
+        Raises:
+            ValueError: All runs failed.
+        """
+        kept = self.runs(settings)
+        missing = {key: arguments for key, arguments in jobs.items() if key not in kept}
+        with self.progress(len(jobs)) as advance:
+            for key in jobs.keys() - missing.keys():
+                advance(key)
+            for key, run in _played(work, missing, self.workers):
+                if "failed" in run:
+                    self.warn(f"{key}: {run['failed']}")
+                    self._failed = True
+                else:
+                    kept.keep(key, run)
+                advance(key)
+        if not any(key in kept for key in jobs):
+            raise ValueError("no run was finished, so there is nothing to show")
+        return {key: kept[key] for key in jobs if key in kept}
+
+    @contextmanager
+    def progress(self, total: int) -> Iterator[Callable[[str], None]]:
+        """Show a progress bar, and yield a function that takes what was done last."""
+        with progress_bar() as bar:
+            task = bar.add_task(self.recipe, total=total)
+            yield lambda what: bar.update(task, advance=1, description=what.replace("[", r"\["))
+
+    def warn(self, line: str) -> None:
+        """Print a line that a reader must know."""
+        print(line, file=sys.stderr)
+
+    def csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+        """Write a table of numbers."""
+        write_csv(self.out / name, header, rows)
+        self._written.append(name)
+
+    def figure(self, name: str, figure: Figure, colours: int | None = None) -> None:
+        """Write a figure, see `write_figure`."""
+        write_figure(self.out / name, figure, colours)
+        self._written.append(name)
+
+    def page(self, name: str, *parts: str) -> None:
+        """Write a page of Markdown from its parts, without the empty ones, and print it."""
+        text = "\n\n".join(part for part in parts if part) + "\n"
+        write_text(self.out / name, text)
+        print(text)
+        self._written.append(name)
+
+
+def mean_of(values: Sequence[float | None]) -> Estimate:
+    """Return the mean over runs with its 95% interval. None counts as undefined."""
+    return estimate(np.array([math.nan if value is None else value for value in values], np.float64))
+
+
+def with_ends(columns: Iterable[str], ends: Sequence[str] = ("", "_low", "_high")) -> list[str]:
+    """Return the headings of columns that have an interval each."""
+    return [f"{name}{end}" for name in columns for end in ends]
+
+
+def _parser(name: str, about: str | None, recipes: Mapping[str, Recipe[Any]]) -> ArgumentParser:
+    default = next(iter(recipes.values())).options
+    parser = ArgumentParser(
+        f"python -m {name}", description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
+    )
+    if len(recipes) > 1:
+        parser.add_argument(
+            "recipe", nargs="?", choices=recipes, help=f"what is made; {next(iter(recipes))} if left out"
+        )
+    else:
+        parser.set_defaults(recipe=None)
+    types = get_type_hints(type(default))
+    for field, value in default._asdict().items():
+        option = f"--{field.replace('_', '-')}"
+        if isinstance(value, bool):
+            parser.add_argument(option, dest=field, action="store_true", default=None)
+        elif isinstance(value, tuple):
+            kind, shown = get_args(types[field])[0], ", ".join(map(str, value)) or "none"
+            parser.add_argument(option, dest=field, action="append", type=kind, help=f"repeat for more; {shown}")
+        else:
+            parser.add_argument(option, dest=field, type=type(value), help=str(value))
+    parser.add_argument("--seed", type=int, default=0, help="random seed")
+    parser.add_argument("--workers", type=int, help="number of processes; by default one for each core")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results")
+    parser.add_argument("--force", action="store_true", help="begin again, and overwrite runs that are kept")
+    parser.add_argument("--publish", action="store_true", help="copy the published files to docs/")
+    return parser
+
+
+def _given(default: Options, given: Namespace) -> tuple[Options, list[str]]:
+    """Return the options with those of a command, and the words of those that differ."""
+    changed: dict[str, Any] = {}
+    words: list[str] = []
+    for field, usual in default._asdict().items():  # type: ignore[attr-defined]
+        value = getattr(given, field)
+        if value is None:
+            continue
+        option = f"--{field.replace('_', '-')}"
+        changed[field] = tuple(dict.fromkeys(value)) if isinstance(value, list) else value
+        if changed[field] != usual:
+            several = changed[field] if isinstance(changed[field], tuple) else (changed[field],)
+            words += [option] if value is True else [word for one in several for word in (option, str(one))]
+    return default._replace(**changed), words  # type: ignore[attr-defined, no-any-return]
+
+
+def _played(work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], workers: int) -> Iterator[tuple[str, Run]]:
+    """Play runs and yield each with its key when it is finished; a single worker is this process."""
+    if workers == 1:
+        for key, arguments in jobs.items():
+            yield key, _play_safely(work, *arguments)
+        return
+    pool: WorkerPool[str] = WorkerPool(_play_safely, workers, ONE_THREAD)
+    with pool:
+        for key, result in pool.run({key: (work, *arguments) for key, arguments in jobs.items()}, math.inf, TRIES):
+            died = {"failed": f"its process died {TRIES} times, the last time with exit code {result.exit_code}"}
+            yield key, died if result.exit_code is not None else result.value
+
+
+def _play_safely(work: Callable[..., Run], *arguments: Any) -> Run:
+    """Play a run. An exception of a trust model or an attacker becomes a failed run."""
+    try:
+        return work(*arguments)
+    except (Exception, SystemExit) as error:  # plug-in code may raise anything
+        return {"failed": reason(error)}
+
+
+def _stop(line: str, code: int) -> None:
+    print(line, file=sys.stderr)
+    raise SystemExit(code) from None
