@@ -15,8 +15,7 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar, get_args, get_type_h
 import numpy as np
 from matplotlib.figure import Figure
 
-from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES, cores
-from roletrust_env.benchmarking.processes import WorkerPool
+from roletrust_env.benchmarking.pool import ONE_THREAD, TRIES, WorkerPool, cores
 from roletrust_env.benchmarking.schema import reason
 from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json, write_text

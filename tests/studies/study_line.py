@@ -1,10 +1,9 @@
-"""All studies as one command line, for tests."""
+"""Studies as one command line, for tests."""
 
 import typer
 from typer.testing import CliRunner
 
-from roletrust_experiments.cli import _Group
-from studies.budget import budget
+from roletrust_experiments.commands.group import CommandGroup
 from studies.costs import costs
 from studies.defend import defend
 from studies.equilibrium import equilibrium
@@ -14,12 +13,9 @@ from studies.models import models
 from studies.reruns import reruns
 from studies.scale import scale
 from studies.speed import speed
-from studies.strategic.__main__ import strategic
-from studies.transfer import transfer
 
-app = typer.Typer(cls=_Group)
-STUDIES = budget, costs, defend, equilibrium, findings, ladder, models, reruns, scale, speed, strategic, transfer
-for study in STUDIES:
+app = typer.Typer(cls=CommandGroup)
+for study in (costs, defend, equilibrium, findings, ladder, models, reruns, scale, speed):
     app.command(study.__name__)(study)
 
 

@@ -4,7 +4,6 @@ import csv
 from pathlib import Path
 
 import pytest
-
 from studies.strategic.points import COSTS, MODELS, SCENARIOS, STARTS
 
 pytestmark = pytest.mark.slow
