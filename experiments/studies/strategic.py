@@ -15,9 +15,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from roletrust_agents.strategic.deviations import best_response, best_welfare
-from roletrust_agents.strategic.learning import LearningSettings, learn
-from roletrust_agents.strategic.playing import MEASURED, play
+from roletrust_agents.strategic.learning import MEASURED, LearningSettings, best_response, best_welfare, learn, play
 from roletrust_agents.strategic.strategies import (
     Floats,
     Side,
@@ -88,7 +86,7 @@ MEASURES = (
 )
 """Names of what is measured in each run.
 
-`welfare`, `quality`, `utility`: see `roletrust_agents.strategic.playing`. `best_welfare`: the highest one of
+`welfare`, `quality`, `utility`: see `roletrust_agents.strategic.learning`. `best_welfare`: the highest one of
 populations that play alike. `honest_providers`, `honest_raters`: share of the agents with an honest strategy.
 `provider_gain`, `rater_gain`: what the best deviation of one agent brings it. `moved`: mean change of the departure
 from honest play in the last quarter of the learning.
