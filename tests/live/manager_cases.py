@@ -1,6 +1,7 @@
 """Managers, and messages to them."""
 
 import numpy as np
+import pytest
 
 from roletrust_env.live.journal import read_journal
 from roletrust_env.live.manager import Manager
@@ -9,9 +10,13 @@ from roletrust_env.live.state_growth import grows
 from roletrust_env.live.team import Team
 from roletrust_env.live.team_trust import replay_rounds
 from roletrust_env.live.validation import Envelope, RatingMessage
-from roletrust_env.trust import make_trust_model
+from roletrust_env.trust import make_trust_model, trust_models
 
 PERIOD = 500_000_000
+QUICK = "role-trust", "mean", "fire", "qor"
+MODELS = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in trust_models()]
+"""All trust models; two that grow and two that do not are tried in every run of the tests."""
+
 TEAM = Team(("sr_0", "sr_1", "sr_2"), ("sp_0", "sp_1", "sp_2"))
 
 

@@ -1,5 +1,7 @@
 """Lost, late and wrongly stamped ratings by a simulated clock: they cost their own rater, and nobody else."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from manager_cases import PERIOD, TEAM, manager, random_ratings, rating_message
@@ -55,49 +57,41 @@ def test_a_wrong_clock_takes_no_round_from_the_others(off_s, tmp_path):
     assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
 
 
-@pytest.mark.parametrize("every", [1, 2, 4, 8])
-@pytest.mark.parametrize("ahead", [0.9, 1.6, 2.5, 3.9])
-def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(ahead, every, tmp_path):
-    values, _ = random_ratings(40, lost=0.0)
-    honest = [
-        (PERIOD * r + i, message(name, r, values[r - 1, i]))
-        for r in range(1, 41)
+def honest(values):
+    """Return the messages of two raters that rate every round, with their times of arrival."""
+    return [
+        (PERIOD * r + i, message(name, r, row[i]))
+        for r, row in enumerate(values, 1)
         for i, name in enumerate(TEAM.raters[:2])
     ]
-    off = int(ahead * PERIOD)
-    early = [(PERIOD * r + 2, message("sr_2", r, values[r - 1, 2], off)) for r in range(every, 41, every)]
-    published = run(manager(tmp_path / "journal"), honest + early, PERIOD * 50)
-    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
-    assert len(whole) == 40
 
 
-@pytest.mark.parametrize("ahead", [0.0, 0.4, 0.6, 1.0, 1.3, 3.0])
-def test_stamps_of_every_half_period_take_no_round_from_the_others(ahead, tmp_path):
+def test_a_rater_that_is_ahead_and_then_silent_takes_no_round_from_the_others(tmp_path):
+    values, _ = random_ratings(20, lost=0.0)
+    for k, (ahead, every) in enumerate(product([0.9, 1.6, 2.5, 3.9], [1, 2, 4, 8])):
+        off = int(ahead * PERIOD)
+        early = [(PERIOD * r + 2, message("sr_2", r, values[r - 1, 2], off)) for r in range(every, 21, every)]
+        published = run(manager(tmp_path / f"journal {k}"), honest(values) + early, PERIOD * 25)
+        assert sum({"sr_0", "sr_1"} <= entry.ratings.keys() for entry in published) == 20, (ahead, every)
+
+
+def test_stamps_of_every_half_period_take_no_round_from_the_others(tmp_path):
     """Half a period is the smallest gap between two stamps that the manager accepts."""
     values, _ = random_ratings(40, lost=0.0)
-    honest = [
-        (PERIOD * r + i, message(name, r, values[r - 1, i]))
-        for r in range(1, 41)
-        for i, name in enumerate(TEAM.raters[:2])
-    ]
     stamps = [PERIOD * k // 2 for k in range(6, 80)]
-    often = [(stamp - int(ahead * PERIOD), message("sr_2", 0, values[0, 2], stamp)) for stamp in stamps]
-    published = run(manager(tmp_path / "journal"), honest + often, PERIOD * 50)
-    whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
-    assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41))
+    for ahead in (0.0, 0.4, 0.6, 1.0, 1.3, 3.0):
+        often = [(stamp - int(ahead * PERIOD), message("sr_2", 0, values[0, 2], stamp)) for stamp in stamps]
+        published = run(manager(tmp_path / f"journal {ahead}"), honest(values) + often, PERIOD * 50)
+        whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
+        assert [round(entry.stamp / PERIOD) for entry in whole] == list(range(1, 41)), ahead
 
 
 def test_a_rater_that_floods_has_its_share_and_no_more(tmp_path):
     values, _ = random_ratings(20, lost=0.0)
-    honest = [
-        (PERIOD * r + i, message(name, r, values[r - 1, i]))
-        for r in range(1, 21)
-        for i, name in enumerate(TEAM.raters[:2])
-    ]
     step = PERIOD // 500  # a thousand messages per second
     flood = [(at, message("sr_2", 0, values[0, 2], at)) for at in range(PERIOD, 20 * PERIOD, step)]
     keeper = manager(tmp_path / "journal")
-    published = run(keeper, honest + flood, PERIOD * 25)
+    published = run(keeper, honest(values) + flood, PERIOD * 25)
     whole = [entry for entry in published if {"sr_0", "sr_1"} <= entry.ratings.keys()]
     assert len(whole) == 20
     assert sum("sr_2" in entry.ratings for entry in published) <= 41  # two stamps a period, at half a period

@@ -2,17 +2,17 @@ import json
 
 import numpy as np
 import pytest
-from manager_cases import PERIOD, TEAM, feed, manager, random_ratings, rating_message, replay_journal
+from manager_cases import MODELS, PERIOD, TEAM, feed, manager, random_ratings, rating_message, replay_journal
 
 from roletrust_env import Game, JointPolicy, make_scenario
 from roletrust_env.live.journal import Journal, read_journal
 from roletrust_env.live.team import Team
 from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.live.validation import RefusalReason
-from roletrust_env.trust import make_trust_model, trust_models
+from roletrust_env.trust import make_trust_model
 
 
-@pytest.mark.parametrize("model", ["role-trust", "mean", "beta", "travos", "fire"])
+@pytest.mark.parametrize("model", ["role-trust", "mean", "beta", "fire"])
 def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp_path):
     scenario = make_scenario("paper-3x3").change(max_cycles=60, ratings={"lost": 0.3}, noise=0.1)
     game = Game(scenario, model)
@@ -204,7 +204,7 @@ def test_another_file_is_no_journal(tmp_path):
     assert path.read_text() == "dear diary\n"
 
 
-@pytest.mark.parametrize("model", trust_models())
+@pytest.mark.parametrize("model", MODELS)
 def test_a_newcomer_counts_as_a_silent_member_until_then(model, tmp_path):
     few, many = Team(TEAM.raters[:2], TEAM.providers[:2]), Team((*TEAM.raters, "both"), (*TEAM.providers, "both"))
     ratings, mask = random_ratings(20, team=few)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.live
+
 PATIENCE_S = 120.0
 HERE = Path(__file__).parent
 

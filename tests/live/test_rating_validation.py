@@ -120,7 +120,7 @@ def test_refused_messages_do_not_change_trust(tmp_path):
     for r in range(20):
         wanted += feed(clean, values[r : r + 1], mask[r : r + 1], first=r + 1)
         got += feed(noisy, values[r : r + 1], mask[r : r + 1], first=r + 1)
-        for _ in range(500):
+        for _ in range(100):
             message, kind = wrong(random, r + 1)
             sent[kind] += 1
             got += noisy.receive(message, PERIOD * (r + 1) + 400_000_000)

@@ -39,7 +39,7 @@ def close(one, other):
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=12)
+@settings(max_examples=4)
 @given(data=st.data())
 @pytest.mark.parametrize("name", sorted(set(trust_models()) - BY_REPLAY))
 def test_a_grown_state_gives_the_trust_of_a_replay(name, data):
