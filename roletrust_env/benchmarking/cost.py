@@ -173,10 +173,10 @@ class RemainingTime:
     @property
     def share(self) -> float:
         """Share of the estimated cost that is finished, in [0, 1]."""
-        return 1.0 - self._left / self._all if self._all > 0 else 1.0
+        return 1.0 - self._unfinished / self._all if self._all > 0 else 1.0
 
     @property
-    def _left(self) -> float:
+    def _unfinished(self) -> float:
         return sum(self._costs.values())
 
     def seconds(self, passed_s: float) -> float | None:
@@ -185,6 +185,6 @@ class RemainingTime:
         Args:
             passed_s: Time since the start in seconds.
         """
-        left = self._left
-        finished = self._all - left
-        return passed_s * left / finished if finished > _STARTING * self._all else None
+        unfinished = self._unfinished
+        finished = self._all - unfinished
+        return passed_s * unfinished / finished if finished > _STARTING * self._all else None

@@ -78,16 +78,16 @@ def joined(*lists: Iterable[KnownAttack]) -> tuple[KnownAttack, ...]:
     Args:
         *lists: Lists of known attacks.
     """
-    kept: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}  # by record and condition
+    by_record: dict[tuple[str, tuple[str, str, float]], KnownAttack] = {}  # and condition
     taken: set[tuple[str, tuple[str, str, float]]] = set()
     for one in chain(*lists):
-        if (one.record, one.condition) in kept:
+        if (one.record, one.condition) in by_record:
             continue
         names = (one.name if k == 1 else f"{one.name} ({k})" for k in count(1))
         name = next(name for name in names if (name, one.condition) not in taken)
         taken.add((name, one.condition))
-        kept[one.record, one.condition] = one.model_copy(update={"name": name})
-    return tuple(kept.values())
+        by_record[one.record, one.condition] = one.model_copy(update={"name": name})
+    return tuple(by_record.values())
 
 
 def check_records(attacks: Iterable[KnownAttack]) -> None:

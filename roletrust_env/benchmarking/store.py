@@ -78,7 +78,7 @@ class Store:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
-        self._left: list[Path] = []  # journals that a reader may leave
+        self._stray: list[Path] = []  # journals that a reader may leave
         if suite is None:
             check_file(path, "`roletrust benchmark` creates it", wanted="the results.sqlite in it")
         try:
@@ -91,7 +91,7 @@ class Store:
                 if suite is None:
                     there = [end for end in ("-journal", *_JOURNALS) if Path(f"{path}{end}").exists()]
                     mode = "mode=ro" if there else "immutable=1"  # a finished run has no journal
-                    self._left = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
+                    self._stray = [Path(f"{path}{end}") for end in _JOURNALS if end not in there]
                 self._file = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True, isolation_level=None)
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
@@ -122,10 +122,10 @@ class Store:
             self._file.close()
         if self._lock is not None:
             self._lock.release()
-        if any(journal.exists() for journal in self._left):
+        if any(journal.exists() for journal in self._stray):
             begun = Path(f"{self.path}.lock").exists()  # journals of a run that has begun since are its own
             with suppress(ValueError, OSError), _write_lock(self.path) if begun else nullcontext():
-                for journal in self._left:
+                for journal in self._stray:
                     journal.unlink(missing_ok=True)
 
     def add(self, cell: AnyCell, result: CellResult) -> None:

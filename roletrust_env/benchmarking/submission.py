@@ -184,7 +184,7 @@ class Submission(UntrustedModel):
     suite: dict[str, Any]
     """Fields of the suite, with all fields of its scenarios and only the submitted trust models."""
     suite_sha256: Sha256
-    """Hash of the suite without its models, see `fingerprint`."""
+    """Hash of the suite without its models, see `suite_hash`."""
     models: dict[Name, Source]
     attacks: dict[Name, Source]
     methods: dict[Name, Source]
@@ -231,7 +231,7 @@ def make_submission(store: Store, names: Sequence[str] = (), *, allow_code: bool
             software=Software.model_validate(store.software),
             processor=processor() if store.hosts() == {platform.node()} else "",
             suite=suite.model_dump(mode="json"),
-            suite_sha256=fingerprint(suite),
+            suite_sha256=suite_hash(suite),
             **suite_sources(suite),
             standings=model_scores(suite, ordered),
             cells=tuple(make_claim(cell, result) for cell, result in ordered),
@@ -254,7 +254,7 @@ def self_contained(suite: Suite, names: Sequence[str]) -> Suite:
     return suite.model_copy(update={"models": tuple(names), "attacks": tuple(suite.attack_names), "scenarios": stages})
 
 
-def fingerprint(suite: Suite) -> str:
+def suite_hash(suite: Suite) -> str:
     """Return the SHA-256 hash of a suite without its models. Suites with equal hashes test models in the same way.
 
     Args:
@@ -336,10 +336,10 @@ def make_entries(
     if unknown := [name for name in models if name not in known]:
         raise ValueError(f"the run has no trust model {unknown[0]!r}{suggest(unknown[0], known)}")
     entries, lost = [], []
-    for place, name in _worst(suite, stored, models or known):
-        entry = _entry(suite, stored, place, name, finder)
+    for cell, name in _worst(suite, stored, models or known):
+        entry = _entry(suite, stored, cell, name, finder)
         if entry is None:
-            lost.append(f"{name} in {place.key}")
+            lost.append(f"{name} in {cell.key}")
         else:
             entries.append(entry)
     if not entries:
@@ -358,24 +358,24 @@ def _worst(suite: Suite, stored: Sequence[StoredCell], models: Sequence[str]) ->
             yield Cell(model, *condition, case.choices[k].method, seeds[k]), case.choices[k].attack
 
 
-def _entry(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str, finder: str) -> KnownAttack | None:
+def _entry(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str, finder: str) -> KnownAttack | None:
     """Return an attack of a cell as a known attack, or None if it cannot be recorded."""
-    if place.method == "known":
-        return next(one for one in suite.known if (one.name, one.condition) == (attack, place[1:4]))
-    record = _record(suite, stored, place, attack)
+    if cell.method == "known":
+        return next(one for one in suite.known if (one.name, one.condition) == (attack, cell[1:4]))
+    record = _record(suite, stored, cell, attack)
     if not record:
         return None
-    title = re.sub(FORBIDDEN, "-", f"{attack} against {place.model}")[:300]
+    title = re.sub(FORBIDDEN, "-", f"{attack} against {cell.model}")[:300]
     return KnownAttack(
-        name=title, scenario=place.scenario, track=place.track, share=place.share, finder=finder, record=record
+        name=title, scenario=cell.scenario, track=cell.track, share=cell.share, finder=finder, record=record
     )
 
 
-def _record(suite: Suite, stored: Sequence[StoredCell], place: Cell, attack: str) -> str:
+def _record(suite: Suite, stored: Sequence[StoredCell], cell: Cell, attack: str) -> str:
     """Return the record of an attack in a cell. A script at its defaults is made again, since it has none."""
-    rows = next(one.result.rows for one in stored if one.cell == place)
+    rows = next(one.result.rows for one in stored if one.cell == cell)
     record = next(row.record for row in rows if row.attack == attack)
-    if record or place.method != "scripted":
+    if record or cell.method != "scripted":
         return record
-    found = find_attack(suite, place, attack)
+    found = find_attack(suite, cell, attack)
     return record_of(Scripted(found.batch.scripts(found.row)))

@@ -350,10 +350,10 @@ def _with_reserve(scenario: Scenario, track: Track, share: float) -> Scenario:
     groups = [group.model_dump() for group in scenario.agents]
     for role in track.roles:
         of_role = [group for group in groups if group["role"] == role]
-        left = track.compromised(share, sum(group["count"] for group in of_role))
+        remaining = track.compromised(share, sum(group["count"] for group in of_role))
         for group in reversed(of_role):
-            number = min(left, group["count"])
-            left -= number
+            number = min(remaining, group["count"])
+            remaining -= number
             group["count"] -= number
             if number:
                 groups.append({**group, "count": number, "reserve": track.reserve})

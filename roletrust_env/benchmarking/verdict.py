@@ -136,16 +136,16 @@ def _holds(means: Floats, pairs: _Pairs, alike: npt.NDArray[np.bool_]) -> list[f
     scale = freedom / random.chisquare(freedom, (_RESAMPLES, 1))
     noise = np.sqrt(scale) * random.normal(size=(_RESAMPLES, number)) * np.sqrt(spectrum) @ vectors.T
     among = np.flatnonzero(alike.sum(axis=1) > 1)
-    kept, middle = np.ones((_RESAMPLES, number)), 0.0
+    shrinkage, centre = np.ones((_RESAMPLES, number)), 0.0
     if len(among) > 1:
-        middle = float(means[among].mean())
-        squares = float(((means[among] - middle) ** 2).sum())
+        centre = float(means[among].mean())
+        squares = float(((means[among] - centre) ** 2).sum())
         spread = random.chisquare(len(among) - 1, (_RESAMPLES, 1)) / (len(among) - 1)
         own = float(np.trace(_covariance(pairs.error[np.ix_(among, among)] ** 2)))
         if squares > 0:
-            kept[:, among] = np.maximum(0.0, 1.0 - scale * spread * own / squares)
-    expected = middle + kept * (means - middle)
-    better = _better((expected + np.sqrt(1 + kept) * noise).round(DIGITS))
+            shrinkage[:, among] = np.maximum(0.0, 1.0 - scale * spread * own / squares)
+    expected = centre + shrinkage * (means - centre)
+    better = _better((expected + np.sqrt(1 + shrinkage) * noise).round(DIGITS))
     return [float(share) for share in (better == _better(means.round(DIGITS))).mean(axis=0)]
 
 

@@ -23,10 +23,10 @@ from roletrust_env.benchmarking.submission import (
     ClaimedScore,
     ModelScores,
     Submission,
-    fingerprint,
     make_claim,
     model_scores,
     self_contained,
+    suite_hash,
     suite_sources,
 )
 from roletrust_env.benchmarking.suite import HONEST, Suite
@@ -358,7 +358,7 @@ def _check_same(field: str, expected: Iterable[str], actual: Iterable[str]) -> N
 
 
 def _check_suite(submission: Submission, suite: Suite, own_suite: bool) -> Check:
-    if fingerprint(suite) != submission.suite_sha256:
+    if suite_hash(suite) != submission.suite_sha256:
         return Check("suite", False, "its hash is not the stated one")
     if suite.name not in suites():
         known = "not a suite of this package"
@@ -366,7 +366,7 @@ def _check_suite(submission: Submission, suite: Suite, own_suite: bool) -> Check
             "suite", own_suite, known if own_suite else f"{known}; --own-suite accepts it, a leaderboard does not"
         )
     bundled = load_suite(suite.name)
-    if isinstance(bundled, Suite) and fingerprint(self_contained(bundled, suite.models)) == submission.suite_sha256:
+    if isinstance(bundled, Suite) and suite_hash(self_contained(bundled, suite.models)) == submission.suite_sha256:
         return Check("suite", True, f"{suite.name}, the same as in this package")
     return Check("suite", False, f"its name is {suite.name}, but it differs from that suite of this package")
 

@@ -230,7 +230,7 @@ def watch(task: AttackTask, attacker: Attacker, seed: int, batch: tuple[int, int
         trusts.append(trust if present is None else np.where(present, trust, np.nan))
         bought.append(task.bought(before, actions, state))
         published.append(task.bought_by_published(before, actions, state))
-    rounds = (Bought(*(np.stack(part) for part in zip(*kept[1:], strict=True))) for kept in (bought, published))
+    rounds = (Bought(*(np.stack(part) for part in zip(*got[1:], strict=True))) for got in (bought, published))
     return GameRecord(np.stack(trusts), *rounds)
 
 
@@ -310,8 +310,8 @@ def _detection(task: AttackTask, trust: Floats, judged: tuple[str, ...]) -> Floa
     mean, roster = mean_or_nan(trust, axis=0), task.game.roster
     found = []
     for names in (roster.rater_names, roster.provider_names):
-        places = [i for i, name in enumerate(roster.names) if name in names and name in judged]
-        bad = [k for k, i in enumerate(places) if roster.names[i] in task.identities]
+        indices = [i for i, name in enumerate(roster.names) if name in names and name in judged]
+        bad = [k for k, i in enumerate(indices) if roster.names[i] in task.identities]
         if bad:
-            found.append(metrics.auc(mean[places], bad).value)
+            found.append(metrics.auc(mean[indices], bad).value)
     return mean_or_nan(np.stack(found), axis=0) if found else np.full(trust.shape[2:], np.nan)

@@ -261,9 +261,9 @@ def _one_of(options: tuple[Any, ...]) -> Callable[[float], Any]:
     return lambda x: options[_part(x, len(options))]
 
 
-def _first_of(places: tuple[int, ...]) -> Callable[[float], Any]:
+def _first_of(indices: tuple[int, ...]) -> Callable[[float], Any]:
     """Return a function from [0, 1] to the first of some indices, at least one; to None where there are none."""
-    return lambda x: places[: 1 + _part(x, len(places))] or None
+    return lambda x: indices[: 1 + _part(x, len(indices))] or None
 
 
 _PAPER_ATTACKS = ("on-off", "bad-mouthing")
@@ -310,8 +310,8 @@ class Scripts:
         """
         roster, bad = task.game.roster, {*task.identities, *task.joint_policy.attackers}
         providers = list(enumerate(roster.provider_names))
-        victims = tuple(place for place, name in providers if name not in bad)
-        accomplices = tuple(place for place, name in providers if name in task.identities)
+        victims = tuple(index for index, name in providers if name not in bad)
+        accomplices = tuple(index for index, name in providers if name in task.identities)
         owners = list(roster.owners.values())
         reserve = min(owners.count(name) - 1 for name in task.compromised)
         facts = victims, accomplices, task.game.scenario.max_cycles, reserve

@@ -103,7 +103,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
             raise ValueError(f"--attack has {text!r}; it must be of the form AGENT=NAME or AGENT=NAME:key=value,...")
         seated.append((_agents(pattern.strip(), roster.owner_names), attacker))
     attacked = {agent for agents, _ in seated for agent in agents}
-    accomplices = tuple(place for place, name in enumerate(roster.provider_names) if roster.owners[name] in attacked)
+    accomplices = tuple(index for index, name in enumerate(roster.provider_names) if roster.owners[name] in attacked)
     policies: dict[str, Policy] = {}
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
@@ -263,7 +263,7 @@ def _parsed_attack(text: str, roster: Roster) -> tuple[Registry[Any], str, dict[
     for keys, who, names in axes:
         for key in keys:
             if key in parameters:
-                parameters[key] = _places(key, parameters[key], who, names)
+                parameters[key] = _indices(key, parameters[key], who, names)
     return registry, name, parameters
 
 
@@ -303,7 +303,7 @@ def _made(registry: Registry[Any], name: str, parameters: Mapping[str, Any], tex
         raise ValueError(f"{text!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
+def _indices(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
     """Return indices, with the names of agents among them replaced, such as `[sp_1,sp_2]` or `sp_1`."""
     if isinstance(given, str):
         given = tuple(parse_value(part.strip()) for part in given.strip("[] ").split(","))
@@ -311,10 +311,10 @@ def _places(key: str, given: Any, who: str, names: Sequence[str]) -> Any:
         given = (given,)
     if not isinstance(given, tuple):
         return given
-    for place in given:
-        if isinstance(place, str) and place not in names:
-            raise ValueError(f"{key} has {place!r}; the {who} are {names[0]} ... {names[-1]}")
-    return tuple(names.index(place) if isinstance(place, str) else place for place in given)
+    for one in given:
+        if isinstance(one, str) and one not in names:
+            raise ValueError(f"{key} has {one!r}; the {who} are {names[0]} ... {names[-1]}")
+    return tuple(names.index(one) if isinstance(one, str) else one for one in given)
 
 
 def _agents(pattern: str, names: Sequence[str]) -> list[str]:

@@ -107,10 +107,10 @@ def aggregate(scales: dict[str, TaskScale], runs: Sequence[LearnerRun]) -> list[
     results = []
     for learner, budget in _group_scores(runs):
         by_task = {task: [run for run in runs if run[:3] == (task, learner, budget)] for task in scales}
-        shares = {task: np.array([scales[task].share(run) for run in some]) for task, some in by_task.items()}
+        shares = {task: np.array([scales[task].share(run) for run in group]) for task, group in by_task.items()}
         if all(by_task.values()):
             results.append(_result(ALL_TASKS, learner, budget, [], list(shares.values())))
-        results += [_result(task, learner, budget, some, [shares[task]]) for task, some in by_task.items() if some]
+        results += [_result(task, learner, budget, group, [shares[task]]) for task, group in by_task.items() if group]
     return results
 
 
@@ -179,7 +179,7 @@ def learner_results(
             if bound := row.measured.get("bound"):
                 bounds[trial.task][_BOUND_DESCRIPTIONS[trial.learner]] = float(bound[0] or 0.0)
     honest = {task: [run for run in runs if (run.task, run.learner) == (task, HONEST_PLAY)] for task in suite.tasks}
-    seeds = {task: {run.seed for run in some} for task, some in honest.items()}
+    seeds = {task: {run.seed for run in group} for task, group in honest.items()}
     learners = [run for run in runs if run.learner not in (HONEST_PLAY, *BOUNDS) and run.seed in seeds[run.task]]
     scales = {
         task: make_scale(honest[task], bounds[task], [run for run in learners if run.task == task])

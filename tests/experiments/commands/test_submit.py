@@ -14,7 +14,7 @@ from command_line import run
 from roletrust_env.benchmarking import verification
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store, StoredCell
-from roletrust_env.benchmarking.submission import ClaimedMetrics, fingerprint
+from roletrust_env.benchmarking.submission import ClaimedMetrics, suite_hash
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.benchmarking.verification import read_submission
 from roletrust_env.evaluation.measurement import MEASURED
@@ -190,7 +190,7 @@ def test_an_easier_suite_is_no_entry(tmp_path: Path, text: str) -> None:
 def test_a_suite_that_only_bears_a_known_name_is_told(verified: Callable, tmp_path: Path) -> None:
     def change(said: Any) -> None:
         said["suite"]["name"] = "quick"
-        said["suite_sha256"] = fingerprint(load_suite("quick").model_validate(said["suite"]))
+        said["suite_sha256"] = suite_hash(load_suite("quick").model_validate(said["suite"]))
 
     code, told = verified(change)
     assert code == 1
