@@ -290,7 +290,7 @@ zoo: setup universal
 	$(BIN)/roletrust train CollusionAttack --stealth-weight 2 --out $(OUT)/zoo/collusion-10x10
 	for name in provider-3x3 rater-3x3 collusion-10x10; do for kind in json safetensors; do \
 	  cp $(OUT)/zoo/$$name/attacker.$$kind agents/roletrust_agents/zoo/$$name.$$kind; done; done
-	$(BIN)/roletrust zoo
+	$(BIN)/roletrust list zoo --games 256
 
 # The technical report in build/report/, from the results in docs/; seconds. Chromium prints the PDF, where there is one.
 report: setup

@@ -23,7 +23,6 @@ _HERE = "roletrust_experiments.commands"
         "play": f"{_HERE}.play:play",
         "list": f"{_HERE}.listing:list_command",
         "train": f"{_HERE}.train:train",
-        "zoo": f"{_HERE}.zoo:zoo",
         "benchmark": f"{_HERE}.benchmark:benchmark",
         "report": f"{_HERE}.report:report",
         "replay": f"{_HERE}.replay:replay",

@@ -74,7 +74,7 @@ def test_measured_attackers_take_what_was_foreseen():
             "--games",
             "roletrust_experiments.commands.play.play_games",
         ),
-        (["zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.zoo.measure"),
+        (["list", "zoo", "provider-3x3"], "--games ", "--games", "roletrust_experiments.commands.listing.measure"),
         (
             ["train", "RaterAttack", "--set", "max_cycles=10"],
             "--learner PPO:games=",

@@ -4,8 +4,9 @@ A plug-in that cannot be loaded or read gets an entry with the reason, and does 
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
+from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from roletrust_env import Policy
@@ -15,7 +16,7 @@ from roletrust_env.evaluation.scripts import as_spec, declared_ranges, game_fact
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import Identities, SearchRange, allowed
-from roletrust_env.registry import Registry, summary
+from roletrust_env.registry import summary
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model import registry as models
 from roletrust_env.world.presets import registry as scenarios
@@ -56,7 +57,7 @@ class Parameter(NamedTuple):
 
 def all_scenarios() -> dict[str, Entry]:
     """Return every scenario by name, with all its fields."""
-    return _entries(scenarios, lambda name: scenarios.make(name).model_dump(mode="json"))
+    return _entries(scenarios.names(), lambda name: scenarios.make(name).model_dump(mode="json"))
 
 
 def all_models() -> dict[str, Entry]:
@@ -69,7 +70,7 @@ def all_models() -> dict[str, Entry]:
         parameters = {key: parameter._asdict() for key, parameter in _parameters(factory).items()}
         return {"description": summary(factory), **facts, "parameters": parameters}
 
-    return _entries(models, entry)
+    return _entries(models.names(), entry)
 
 
 def all_attackers() -> dict[str, Entry]:
@@ -91,7 +92,7 @@ def all_attackers() -> dict[str, Entry]:
         on = sorted(channels) if isinstance(channels, frozenset) else None
         return {"description": summary(factory), "channels": on, "parameters": parameters}
 
-    return _entries(attackers, entry)
+    return _entries(attackers.names(), entry)
 
 
 def all_learners() -> dict[str, Entry]:
@@ -107,7 +108,27 @@ def all_learners() -> dict[str, Entry]:
 
     described = {name: _BUILT_IN.get(name, text) for name, text in search_methods.describe().items()}
     searches = {name: {"description": described[name], "parameters": {}} for name in search_names()}
-    return {**searches, **_entries(learners, entry)}
+    return {**searches, **_entries(learners.names(), entry)}
+
+
+def all_trained(folder: Path | None = None) -> dict[str, Entry]:
+    """Return the trained attackers of a folder by name: their tasks, their trainings and their scores.
+
+    Args:
+        folder: Folder of the attackers; None is that of those that come with the project.
+    """
+    from roletrust_agents.learned.saved import ZOO, load_attacker, zoo
+
+    def entry(name: str) -> Entry:
+        card = load_attacker((folder or ZOO) / name).card
+        task, rules, training = card.task, card.scenario, card.training
+        price = f", stealth {task.stealth.weight:g} beyond {task.stealth.tolerance:g}" if task.stealth.weight else ""
+        played = f"{task.id}: {', '.join(task.compromised)} in {rules.name}, {rules.max_cycles} rounds"
+        learned = f"by {training.algorithm}, {training.rounds:,} rounds, seed {training.seed}"
+        words = f"{played}, {task.objective}{price}, {task.knowledge}; {learned}"
+        return {"description": words, **card.model_dump(mode="json", include={"task", "training", "score"})}
+
+    return _entries(zoo(folder or ZOO), entry)
 
 
 def unfit(entry: Entry) -> list[str]:
@@ -129,9 +150,9 @@ def where_searched(parameter: Mapping[str, Any]) -> str:
     return "given" if parameter["told"] else ""
 
 
-def _entries(registry: Registry[Any], entry: Callable[[str], Entry]) -> dict[str, Entry]:
+def _entries(names: Iterable[str], entry: Callable[[str], Entry]) -> dict[str, Entry]:
     found = {}
-    for name in registry.names():
+    for name in names:
         try:
             found[name] = entry(name)
         except Exception as error:  # whatever a foreign package raises

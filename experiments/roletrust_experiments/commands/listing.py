@@ -1,22 +1,28 @@
-"""`roletrust list`: the available scenarios, trust models, attackers and learners."""
+"""`roletrust list`: the available scenarios, trust models, attackers, learners and trained attackers."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
+from roletrust_env.errors import suggest
+from roletrust_env.evaluation.resources import check_memory
+from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_experiments.commands.catalogue import (
     Entry,
     all_attackers,
     all_learners,
     all_models,
     all_scenarios,
+    all_trained,
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.console import FittedTable, console, print_json, print_next
+from roletrust_experiments.commands.console import FittedTable, console, print_json, print_next, progress_bar
+from roletrust_experiments.commands.extras import require
 
 
 class Kind(StrEnum):
@@ -26,11 +32,32 @@ class Kind(StrEnum):
     MODELS = "models"
     ATTACKERS = "attackers"
     LEARNERS = "learners"
+    ZOO = "zoo"
 
 
 def list_command(
     kind: Annotated[
         Kind | None, typer.Argument(help="Kind of things to list; all kinds if left out.", show_default=False)
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names of trained attackers; all if left out.", show_default=False)
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of trained attackers, each a .json and a .safetensors file; the project's own if left out.",
+            show_default=False,
+        ),
+    ] = None,
+    games: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Number of games in which the score of each trained attacker is measured again; none if left out. "
+            "The exit code is 1 if a score differs from the saved one, or a file is refused.",
+            show_default=False,
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document with all details, and nothing else.")
@@ -39,7 +66,8 @@ def list_command(
     """List the [bold]scenarios, trust models, attackers and learners[/], including those of other packages.
 
     For trust models, the list shows parameters and limitations. For attackers, it shows parameters and the ranges in
-    which searches look for their best values.
+    which searches look for their best values. The [bold]zoo[/] are trained attackers: their tasks, and their scores,
+    the mean reward per round with its 95% confidence interval, beside that of honest play.
 
     [bold]Examples[/]
 
@@ -49,22 +77,89 @@ def list_command(
     [dim]# the attackers, with their parameters and the ranges of searches[/]
     [cyan]roletrust list attackers[/]
 
+    [dim]# the trained attackers that come with the project, and your own, with their scores measured again[/]
+    [cyan]roletrust list zoo[/]
+    [cyan]roletrust list zoo --folder results/train --games 256[/]
+
     [dim]# for scripts: the models with useful gradients[/]
     [cyan]roletrust list models --json | jq '.models | map_values(select(.differentiable)) | keys'[/]
     """
-    kinds = Kind if kind is None else [kind]
+    if kind is not Kind.ZOO and (names or folder or games):
+        raise ValueError("names, --folder and --games are for trained attackers: roletrust list zoo")
+    found = {one: _KINDS[one][0]() for one in Kind if kind in (None, one) and one is not Kind.ZOO}
+    if kind in (None, Kind.ZOO):
+        found[Kind.ZOO] = _trained(folder, names or [])
+    holds = games is None or _measure_again(found[Kind.ZOO], folder, games)
     if as_json:
-        print_json({one.value: _KINDS[one][0]() for one in kinds})
-        return
-    for one in kinds:
-        entries, table = _KINDS[one]
-        console.print(table(entries()))
+        print_json({one.value: entries for one, entries in found.items()})
+    else:
+        _print(found, kind)
+    if not holds:
+        raise typer.Exit(1)
+
+
+def _trained(folder: Path | None, names: Sequence[str]) -> dict[str, Entry]:
+    """Return the trained attackers of a folder, or those with some names.
+
+    Raises:
+        ValueError: There is none, or none with such a name.
+    """
+    known = all_trained(folder)
+    if not known:
+        raise ValueError(f"there is no attacker in {folder}; one is a .json and a .safetensors file of one name")
+    for name in names:
+        if name not in known:
+            raise ValueError(f"there is no trained attacker {name!r}{suggest(name, known)}")
+    return {name: known[name] for name in names or known}
+
+
+def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -> bool:
+    """Add the scores of trained attackers, measured again in their own tasks.
+
+    Returns:
+        Whether each attacker was read, and has the score that was saved.
+    """
+    require("a trained attacker", "train", "safetensors")
+    from roletrust_env.evaluation.attacked_games import task_memory
+
+    from roletrust_agents.learned.coalition_attacker import attacker_for
+    from roletrust_agents.learned.saved import ZOO, load_attacker
+
+    attackers = {name: load_attacker((folder or ZOO) / name) for name, one in entries.items() if "error" not in one}
+    for attacker in attackers.values():
+        mind = attacker_for(attacker.network, attacker.card.task.knowledge)
+        check_memory("--games", games, task_memory(attacker.task(), mind))
+    with progress_bar() as progress:
+        for name, attacker in progress.track(attackers.items(), description="Playing"):
+            measured, saved = measure(attacker, games), entries[name]["score"]
+            # Two equal means seldom have separate intervals; rounding differs between machines.
+            holds = abs(measured.mean - saved["mean"]) <= measured.half + saved["half_95"] + 1e-4
+            entries[name]["measured"] = {"mean": float(measured.mean), "half_95": float(measured.half), "holds": holds}
+    return all(one.get("measured", {}).get("holds", False) for one in entries.values())
+
+
+def measure(attacker: Any, games: int) -> Estimate:
+    """Return the score of a trained attacker in its own task.
+
+    Args:
+        attacker: Trained attacker, a `SavedAttacker`.
+        games: Number of games.
+    """
+    from roletrust_agents.learned.policy import play_task
+
+    return over_games(play_task(attacker.task(), attacker.network, games=games, seed=0))
+
+
+def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
+    """Print the tables, what their words mean, and a command that is useful next."""
+    for one, entries in found.items():
+        console.print(_KINDS[one][1](entries))
     if kind in (None, Kind.ATTACKERS):
         console.print(
             "[dim]victims: some of the honest providers; identities: from 1 to all identities in reserve; "
             "given: set by the command, from the game[/]"
         )
-    if kind is not Kind.SCENARIOS:
+    if kind not in (Kind.SCENARIOS, Kind.ZOO):
         console.print(
             "[dim]Your own: package.module:Class in place of a name, or an entry point (docs/guide/extend.md).[/]"
         )
@@ -116,6 +211,17 @@ def _learner_table(entries: Mapping[str, Entry]) -> FittedTable:
     return table
 
 
+def _zoo_table(entries: Mapping[str, Entry]) -> FittedTable:
+    again = any("measured" in entry for entry in entries.values())
+    table = _table("Trained attackers", "honest", "score", *(("measured", "holds") if again else ()))
+    for name, entry in _readable(entries, table):
+        scores = [entry["score"], *([entry["measured"]] if again else [])]
+        texts = [f"{score['mean']:.4f} ± {score['half_95']:.4f}" for score in scores]
+        holds = ["yes" if entry["measured"]["holds"] else "[red]no[/]"] if again else []
+        table.add_row(name, _described(entry), f"{entry['score']['honest']:.4f}", *texts, *holds)
+    return table
+
+
 def _readable(entries: Mapping[str, Entry], table: FittedTable) -> Iterator[tuple[str, Entry]]:
     """Yield the entries that can be read; add a row with the reason for each other entry."""
     for name, entry in entries.items():
@@ -147,6 +253,7 @@ def _table(title: str, *columns: str) -> FittedTable:
 _NEXT: dict[Kind | None, tuple[str, ...]] = {
     Kind.SCENARIOS: ("play", "crowd-10x10"),
     Kind.MODELS: ("play", "--model", "beta", "--attack", "sr_2=bad-mouthing"),
+    Kind.ZOO: ("play", "--attack", "sp_2=learned:path=provider-3x3"),
     Kind.LEARNERS: ("benchmark", "--suite", "learners-quick", "--learner", "PPO"),
     None: ("play", "--attack", "sr_2=bad-mouthing"),
 }
@@ -156,4 +263,5 @@ _KINDS: dict[Kind, tuple[Callable[[], dict[str, Entry]], Callable[[Mapping[str, 
     Kind.MODELS: (all_models, _model_table),
     Kind.ATTACKERS: (all_attackers, _attacker_table),
     Kind.LEARNERS: (all_learners, _learner_table),
+    Kind.ZOO: (all_trained, _zoo_table),
 }

@@ -216,7 +216,7 @@ def train(
                 f"Stopped. The training so far is kept; continue with: roletrust train {again}", soft_wrap=True
             )
             raise typer.Exit(130) from None
-    print_next("zoo", "--folder", out if runs == 1 else folders[0].path)
+    print_next("list", "zoo", "--folder", out if runs == 1 else folders[0].path)
 
 
 def _refuse_options(context: typer.Context) -> None:

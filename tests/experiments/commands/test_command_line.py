@@ -128,7 +128,7 @@ def test_a_seated_attack_is_completed_in_two_steps():
         (["train", "RaterAttack", "--learner", "SCA"], "did you mean 'SAC'?"),
         (["train", "RaterAttack", "--learner", "SAC:gama=0.5"], "did you mean 'gamma'?"),
         (["benchmark", "--suite", "quik"], "did you mean 'quick'?"),
-        (["zoo", "provider-3x"], "did you mean 'provider-3x3'?"),
+        (["list", "zoo", "provider-3x"], "did you mean 'provider-3x3'?"),
     ],
     ids=" ".join,
 )

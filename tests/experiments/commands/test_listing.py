@@ -24,7 +24,7 @@ def test_list(arguments):
     assert result.exit_code == 0
     assert all(name in result.output for name in scenarios()) == (arguments in ([], ["scenarios"]))
     assert all(name in result.output for name in trust_models()) == (arguments in ([], ["models"]))
-    assert ("bad-mouthing" in result.output) == (arguments in ([], ["attackers"]))
+    assert ("whitewashing" in result.output) == (arguments in ([], ["attackers"]))
 
 
 class Steady:

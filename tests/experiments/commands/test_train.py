@@ -229,7 +229,7 @@ def test_settings_are_tuned_by_task_and_changed_by_hand():
 
 
 def test_the_zoo_scores_what_it_says():
-    result = CliRunner().invoke(app, ["zoo", "--games", "16"], env={"COLUMNS": "160"})
+    result = CliRunner().invoke(app, ["list", "zoo", "--games", "16"], env={"COLUMNS": "160"})
     assert result.exit_code == 0, result.output
     names = [path.stem for path in ZOO.glob("*.json")]
     assert len(names) >= 2
@@ -237,7 +237,7 @@ def test_the_zoo_scores_what_it_says():
         assert name in result.output
         for suffix in (".json", ".safetensors"):
             assert (ZOO / name).with_suffix(suffix).stat().st_size < 200_000
-    assert "nobody" in CliRunner().invoke(app, ["zoo", "nobody"]).output
+    assert "nobody" in CliRunner().invoke(app, ["list", "zoo", "nobody"]).output
 
 
 def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
@@ -247,9 +247,9 @@ def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
     for name, json_bytes, weights in (("damaged", text, data[:-1]), ("boaster", json.dumps(card).encode(), data)):
         (tmp_path / f"{name}.json").write_bytes(json_bytes)
         (tmp_path / f"{name}.safetensors").write_bytes(weights)
-    result = CliRunner().invoke(app, ["zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"})
+    result = CliRunner().invoke(app, ["list", "zoo", "--games", "2", "--folder", str(tmp_path)], env={"COLUMNS": "160"})
     assert result.exit_code == 1
-    assert "refused" in result.output
+    assert "digest" in result.output
     assert "no" in result.output.split("boaster")[1]
 
 

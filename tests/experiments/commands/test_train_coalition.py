@@ -54,7 +54,7 @@ def test_a_run_leaves_a_coalition_that_plays_in_other_worlds(tmp_path, learner):
     assert result.rounds == card.training.rounds
     with pytest.raises(ValueError, match="coalition"):
         learned(str(tmp_path / "one"))
-    checked = CliRunner().invoke(app, ["zoo", "--folder", str(tmp_path / "one"), "--games", "8"])
+    checked = CliRunner().invoke(app, ["list", "zoo", "--folder", str(tmp_path / "one"), "--games", "8"])
     assert "beta" in json.dumps(card.model_dump(mode="json"))
     assert name in checked.output
 
