@@ -43,7 +43,7 @@ def cells(page: Path) -> list[str]:
 
 def written_file(page: Path, name: str) -> str:
     """What a tutorial writes to a file."""
-    return next(cell for cell in page.cells() if cell.startswith(f"%%writefile {name}\n")).partition("\n")[2]
+    return next(cell for cell in cells(page) if cell.startswith(f"%%writefile {name}\n")).partition("\n")[2]
 
 
 def run(page: Path) -> dict:
@@ -56,7 +56,7 @@ def run(page: Path) -> dict:
 
 def commands(page: Path) -> list[str]:
     """The lines for a shell: of fenced blocks, of cells, and of indented blocks that call one of our commands."""
-    shell = [*blocks(page, "bash"), *(cell.partition("\n")[2] for cell in page.cells() if cell.startswith("%%bash\n"))]
+    shell = [*blocks(page, "bash"), *(cell.partition("\n")[2] for cell in cells(page) if cell.startswith("%%bash\n"))]
     lines = [line for block in shell for line in block.replace("\\\n", " ").splitlines()]
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
     lines += re.findall(r"^ {4}((?:roletrust|make|pip) .*)$", text, flags=re.MULTILINE)

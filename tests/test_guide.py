@@ -4,7 +4,7 @@ import types
 
 import numpy as np
 import pytest
-from pages import HOUSE, blocks, run, written_file
+from pages import HOUSE, blocks, cells, run, written_file
 
 from roletrust_baselines import BadMouthing
 from roletrust_env import Game, JointPolicy, load_scenario, make_scenario
@@ -13,6 +13,8 @@ from roletrust_env.benchmarking.learners.suite import SuiteTask
 from roletrust_env.evaluation.search import find
 from roletrust_env.game.rollout import record
 from roletrust_env.testing import check_trust_model
+
+pytestmark = pytest.mark.slow
 
 GUIDE, TUTORIALS = HOUSE / "docs/guide", HOUSE / "docs/tutorials"
 
@@ -91,7 +93,7 @@ def test_the_models_of_the_tutorials_pass_the_check_for_plug_ins(page, module, n
 
 def test_the_coalition_runs_down_the_best_providers_and_keeps_its_trust():
     names = {}
-    exec(next(cell for cell in (TUTORIALS / "attacker.md").cells() if "watch_lies" in cell), names)
+    exec(next(cell for cell in cells(TUTORIALS / "attacker.md") if "watch_lies" in cell), names)
     lies = names["lies"]
     by_place = lies.by_place.mean(axis=1)
     assert (np.diff(by_place) > 0).all()

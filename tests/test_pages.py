@@ -1,10 +1,12 @@
-"""What people wrote: Python blocks run, commands are there, links lead somewhere, pictures are described."""
+"""What people wrote: Python blocks run, commands are there, links lead somewhere."""
 
 import re
 import tomllib
 
 import pytest
 from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
+
+pytestmark = pytest.mark.slow
 
 named = pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(HOUSE)))
 tutorials = pytest.mark.parametrize("page", [page for page in TUTORIALS if cells(page)], ids=lambda page: page.stem)
@@ -23,15 +25,6 @@ def test_its_commands_are_there(page):
 
 
 @named
-def test_it_has_no_other_blocks(page):
-    """A block in another language would be looked at by nobody."""
-    known = {"python", "bash", "toml", "text", "mermaid", "{code-cell}", "{toctree}", "{include}", "{literalinclude}"}
-    known |= {"{bibliography}", "json", "javascript"}  # the last two are tried in tests/trust/test_outside.py
-    found = re.findall(r"^```(\S*)$|^```(\{literalinclude\}|\{include\}) ", page.read_text(), flags=re.MULTILINE)
-    assert {fence or directive for fence, directive in found} - known - {"", "{eval-rst}"} == set()
-
-
-@named
 def test_its_toml_is_toml(page):
     for block in blocks(page, "toml"):
         tomllib.loads(block)
@@ -46,19 +39,6 @@ def test_its_links_lead_somewhere(page):
         file = (page.parent / path).resolve() if path else page
         assert file.exists(), target
         assert not anchor or anchor in anchors(file), target
-
-
-@named
-def test_its_pictures_are_described(page):
-    assert "![](" not in prose(page)
-
-
-@tutorials
-def test_a_tutorial_ends_with_a_picture_and_describes_all(page):
-    found = blocks(page, "{code-cell}")
-    drawn = [cell for cell in found if "plt.subplots" in cell or "Image(" in cell]
-    assert all("    alt: " in cell for cell in drawn)
-    assert drawn[-1] == found[-1]
 
 
 @tutorials
