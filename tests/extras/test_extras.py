@@ -73,14 +73,18 @@ def test_cli(fresh: Callable[..., Environment]) -> None:
     cli.python(HELPS)
     listed = cli.roletrust("list")
     assert all(name in listed for name in ("paper-3x3-hog", "role-trust", "bad-mouthing", "learned"))
-    assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2, "--video")
+    assert "damage" in cli.roletrust("play", *SHORT, "--attack", "sr_2=bad-mouthing", "--games", 2)
     assert "not ok" not in cli.roletrust("figures", "--service", "synthetic")
 
 
 def test_cli_and_vision(fresh: Callable[..., Environment]) -> None:
     both = fresh("cli,vision")
     assert "not ok" not in both.roletrust("figures")
-    assert "paper-3x3-hog" in both.roletrust("play", "paper-3x3-hog", "--set", "max_cycles=2", "--video")
+    assert "pip install 'roletrust-env[video]'" in both.refused("play", "--video")
+
+
+def test_video(fresh: Callable[..., Environment]) -> None:
+    assert "play.mp4" in fresh("video").roletrust("play", *SHORT, "--video")
 
 
 def test_vision(fresh: Callable[..., Environment]) -> None:

@@ -16,6 +16,7 @@ from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import console, errors, option, print_json, print_next, progress_bar
+from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import NAMED, SeatedAttacks, Seed, SettingsOption
 from roletrust_experiments.commands.play_report import as_data, as_table, notes
 from roletrust_experiments.playing.games import HEADER, Played, all_curve_bytes, foresee, play_games, rows
@@ -112,6 +113,8 @@ def play(
     title = f"{rules.name}, {', '.join(model)}, {attacks_in_words(attackers)}"
     if out is None and not as_json:
         out = Path("results/play") / _slug(title)
+    if video:
+        require("--video", "video", "imageio", "imageio_ffmpeg")
     if out is None and video:
         raise ValueError("--video needs a folder to write to; with --json give one with --out")
     one, *_ = joint_policies.values()

@@ -75,6 +75,8 @@ def replay(
     [cyan]roletrust replay results/quick/results.sqlite --cell 'beta|market|raters|0.3|scripted|0' --attack rank-lies[/]
     """
     require("a replay", "train", "scipy", "cma")  # as the benchmark whose suite it reads
+    if video:
+        require("--video", "video", "imageio", "imageio_ffmpeg")
     if cell and model:
         raise ValueError("give --cell or --model; the cell names its trust model")
     if attack and not cell:

@@ -53,7 +53,7 @@ class Layout(NamedTuple):
     grids: int
     mark: float
     selected: bool
-    style: Mapping[str, Any]
+    style: Any
 
 
 PAGE = Layout(width=10, row=0.3, panel=3.2, panels=2, grids=3, mark=22, selected=False, style={})
@@ -104,7 +104,7 @@ def write_figures(folder: Path, content: Content, layout: Layout, *suffixes: str
         suffixes: Suffixes of the files, which give their formats.
     """
     # Matplotlib makes labels of ticks when it draws, so that the style must hold until the file is written.
-    with rc_context(dict(layout.style)):
+    with rc_context(layout.style):
         found = _figures(content.robustness, layout) if content.robustness else {}
         if learners := content.learners:
             found["learners"] = (

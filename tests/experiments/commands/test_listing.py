@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 import roletrust_env
+from roletrust_agents.learned.saved import zoo
 from roletrust_env import Scenario, make_scenario, scenarios, trust_models
 from roletrust_env.benchmarking import register_learner
 from roletrust_env.benchmarking.learners.learner import search_names
@@ -139,6 +140,7 @@ def test_json_holds_all_there_is():
         "models": set(trust_models()),
         "attackers": set(roletrust_env.attackers()),
         "learners": set(search_names()),
+        "zoo": set(zoo()),
     }
     for name, fields in found["scenarios"].items():
         assert Scenario(**fields) == make_scenario(name)  # all fields, and as they are in a file
