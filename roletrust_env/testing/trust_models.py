@@ -19,14 +19,14 @@ Floats = npt.NDArray[Any]
 Shape = tuple[int, ...]
 
 
-class Round(NamedTuple):
+class RoundRatings(NamedTuple):
     """The ratings of one round, shape (S, P, ...), and the mask of the pairs that met; NaN outside the mask."""
 
     ratings: Floats
     mask: npt.NDArray[np.bool_]
 
     @classmethod
-    def of(cls, ratings: Floats, mask: npt.NDArray[np.bool_]) -> "Round":
+    def of(cls, ratings: Floats, mask: npt.NDArray[np.bool_]) -> "RoundRatings":
         """Return the ratings with NaN outside the mask."""
         return cls(np.where(mask, ratings, ratings.dtype.type(np.nan)), mask)
 
@@ -35,7 +35,7 @@ class Round(NamedTuple):
         return Ratings(asarray(self.ratings), asarray(self.mask))
 
 
-def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0) -> list[Round]:
+def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: int = 0) -> list[RoundRatings]:
     """Return rounds of random ratings, with some in which no pair, every pair or not every agent takes part.
 
     Args:
@@ -49,7 +49,7 @@ def random_rounds(shape: Shape, count: int = 12, dtype: Any = np.float64, seed: 
         mask = rng.random(shape) < rng.choice([0.0, 0.5, 0.5, 0.8, 1.0])
         mask[rng.integers(shape[0]), :, ...] &= rng.random() < 0.5
         mask[:, rng.integers(shape[1]), ...] &= rng.random() < 0.5
-        rounds.append(Round.of(rng.random(shape).astype(np.float32).astype(dtype), mask))
+        rounds.append(RoundRatings.of(rng.random(shape).astype(np.float32).astype(dtype), mask))
     return rounds
 
 
@@ -64,7 +64,7 @@ def some_peers(shape: Shape) -> npt.NDArray[np.bool_]:
 
 def play_rounds(
     model: TrustModel[Any],
-    rounds: Iterable[Round],
+    rounds: Iterable[RoundRatings],
     like: Array,
     peers: npt.NDArray[np.bool_] | None = None,
     asarray: Callable[..., Any] = np.asarray,
@@ -182,7 +182,7 @@ def check_purity(model: TrustModel[Any], shape: Shape) -> None:
 
 def check_silence(model: TrustModel[Any], shape: Shape) -> None:
     """Check that a round without ratings is valid, before any other and after many."""
-    silence = Round.of(np.zeros(shape), np.zeros(shape, bool))
+    silence = RoundRatings.of(np.zeros(shape), np.zeros(shape, bool))
     for played in ([silence] * 3, [*random_rounds(shape), silence]):
         for trust in read_trust(model, play_rounds(model, played, np.zeros(shape))):
             inside = bool(np.all((trust >= 0) & (trust <= 1)))
@@ -194,7 +194,7 @@ def check_batch(model: TrustModel[Any], shape: Shape) -> None:
     rounds = random_rounds(shape)
     together = read_trust(model, play_rounds(model, rounds, np.zeros(shape)))
     for index in np.ndindex(shape[2:]):
-        single = [Round(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
+        single = [RoundRatings(ratings[..., *index], mask[..., *index]) for ratings, mask in rounds]
         alone = read_trust(model, play_rounds(model, single, np.zeros(shape[:2])))
         same = all(map(_near, alone, (trust[..., *index] for trust in together)))
         _require(same, model, "a game in a batch differs from the same game alone; reduce over axes 0 and 1 only")
@@ -206,7 +206,7 @@ def check_permutation(model: TrustModel[Any], seed: int = 0) -> None:
     rounds, peers = random_rounds(shape, seed=seed), some_peers(shape)
     raters, providers = read_trust(model, play_rounds(model, rounds, np.zeros(shape), peers))
     i, j = _moved(shape[0], rng), _moved(shape[1], rng)
-    permuted = [Round(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
+    permuted = [RoundRatings(ratings[i][:, j], mask[i][:, j]) for ratings, mask in rounds]
     found = read_trust(model, play_rounds(model, permuted, np.zeros(shape), peers[i][:, j]))
     same = all(map(_near, found, (raters[i], providers[j])))
     _require(same, model, "the order of the agents counts; if that is no intention, treat all agents alike")
@@ -218,7 +218,7 @@ def check_full_rounds(model: TrustModel[Any], shape: Shape) -> None:
     state = masked = play_rounds(model, [], np.zeros(shape))
     for played in random_rounds(shape, 30):
         if rng.random() < 0.6:
-            played = Round(rng.random(shape), np.ones(shape, bool))
+            played = RoundRatings(rng.random(shape), np.ones(shape, bool))
         state = model.update(state, Ratings(played.ratings) if played.mask.all() else played.given())
         masked = model.update(masked, played.given())
         same = all(map(_near, read_trust(model, state), read_trust(model, masked)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from roletrust_env.testing.trust_models import Round, random_rounds
+from roletrust_env.testing.trust_models import RoundRatings, random_rounds
 from roletrust_env.testing.trust_models import play_rounds as play
 from roletrust_env.testing.trust_models import read_trust as read
 from roletrust_env.testing.trust_models import some_peers as who_is_who
@@ -15,7 +15,7 @@ from roletrust_env.trees import arrays
 from roletrust_env.trust import Ratings, Traits, TrustModel, make_trust_model, trust_models
 from roletrust_env.trust.model import registry
 
-__all__ = ["EVERY_MODEL", "Round", "arrays", "play", "random_rounds", "read", "who_is_who"]
+__all__ = ["EVERY_MODEL", "RoundRatings", "arrays", "play", "random_rounds", "read", "who_is_who"]
 
 EVERY_MODEL = pytest.mark.parametrize("name", trust_models())
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from model_cases import (
     EVERY_MODEL,
-    Round,
+    RoundRatings,
     assert_close,
     named,
     play,
@@ -49,19 +49,19 @@ def test_trust_and_state_keep_their_shapes_and_dtypes(name: str, shape: tuple[in
 
 
 @st.composite
-def games(draw: st.DrawFn) -> list[Round]:
+def games(draw: st.DrawFn) -> list[RoundRatings]:
     """Up to four rounds of any ratings and any masks, in any precision."""
     shape = draw(st.tuples(st.integers(1, 4), st.integers(1, 4)))
     dtype = draw(st.sampled_from([np.float32, np.float64]))
     note = st.floats(0, 1, width=8 * dtype().itemsize) | st.sampled_from([0.0, 0.5, 1.0])
-    one_round = st.builds(Round.of, arrays(dtype, shape, elements=note), arrays(np.bool_, shape))
+    one_round = st.builds(RoundRatings.of, arrays(dtype, shape, elements=note), arrays(np.bool_, shape))
     return draw(st.lists(one_round, min_size=1, max_size=4))
 
 
 @EVERY_MODEL
 @settings(max_examples=40)
 @given(rounds=games())
-def test_trust_stays_in_0_to_1_and_finite(name: str, rounds: list[Round]) -> None:
+def test_trust_stays_in_0_to_1_and_finite(name: str, rounds: list[RoundRatings]) -> None:
     model = named(name)
     for count in range(1, len(rounds) + 1):
         state = play(model, rounds[:count], rounds[0].ratings)
@@ -75,7 +75,7 @@ def test_trust_of_a_peer_whom_all_rate_0_is_in_range(name: str, dtype: type) -> 
     model, rng, shape = named(name), np.random.default_rng(0), (9, 9, 20)
     peers, mask = np.eye(9, dtype=bool), np.zeros(shape, bool) | ~np.eye(9, dtype=bool)[..., None]
     mask[1, 0] = False
-    rounds = [Round.of(rng.random(shape).astype(dtype), mask) for _ in range(4)]
+    rounds = [RoundRatings.of(rng.random(shape).astype(dtype), mask) for _ in range(4)]
     for ratings, _ in rounds:
         ratings[1:, 0] = 0
     assert all(map(in_range, read(model, play(model, rounds, rounds[0].ratings, peers))))
@@ -120,7 +120,10 @@ def test_the_order_of_two_halves_of_raters_does_not_matter(
         order = np.random.default_rng(raters).permutation(raters)
         peers, like, full = np.zeros(ratings.shape, bool), asarray(np.zeros_like(ratings)), ratings >= 0
         one, other = (
-            [np.asarray(trust) for trust in read(model, play(model, [Round(f, full)] * 30, like, peers, asarray))]
+            [
+                np.asarray(trust)
+                for trust in read(model, play(model, [RoundRatings(f, full)] * 30, like, peers, asarray))
+            ]
             for f in (ratings, ratings[order])
         )
         assert_close(other, (one[0][order], one[1]), tolerance)
@@ -141,7 +144,7 @@ def test_before_any_rating_providers_have_the_initial_trust(name: str, shape: tu
 @EVERY_MODEL
 @SHAPES
 def test_who_is_not_rated_keeps_the_initial_trust(name: str, shape: tuple[int, ...]) -> None:
-    model, silence = named(name), Round.of(np.zeros(shape), np.zeros(shape, bool))
+    model, silence = named(name), RoundRatings.of(np.zeros(shape), np.zeros(shape, bool))
     start = read(model, play(model, [], np.zeros(shape)))
     assert_close(read(model, play(model, [silence] * 3, np.zeros(shape))), start, 1e-12)
 
@@ -150,7 +153,7 @@ def test_who_is_not_rated_keeps_the_initial_trust(name: str, shape: tuple[int, .
 def test_where_nobody_rates_trust_stays_or_is_forgotten(name: str) -> None:
     """It stays, or goes back towards that of the start; never further away."""
     model, shape = named(name), (4, 3, 5)
-    rounds, silence = random_rounds(shape), Round.of(np.zeros(shape), np.zeros(shape, bool))
+    rounds, silence = random_rounds(shape), RoundRatings.of(np.zeros(shape), np.zeros(shape, bool))
     start = read(model, play(model, [], np.zeros(shape)))
     state = play(model, rounds, np.zeros(shape))
     for _ in range(3):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from model_cases import EVERY_MODEL, Round, arrays, assert_close, having, named, play, random_rounds, read
+from model_cases import EVERY_MODEL, RoundRatings, arrays, assert_close, having, named, play, random_rounds, read
 
 from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
@@ -14,12 +14,12 @@ from roletrust_env.trust import Ratings, make_trust_model
 SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
 
 
-def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[Round]:
+def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[RoundRatings]:
     """Providers differ, their raters differ a little, and about two pairs of three meet."""
     rng = np.random.default_rng(2)
     quality = rng.uniform(0.2, 0.8, shape[1:])
     notes = [(quality + rng.uniform(-0.15, 0.15, shape)).astype(np.float32).astype(np.float64) for _ in range(count)]
-    return [Round.of(ratings, rng.random(shape) < 0.7) for ratings in notes]
+    return [RoundRatings.of(ratings, rng.random(shape) < 0.7) for ratings in notes]
 
 
 @EVERY_MODEL
@@ -32,7 +32,7 @@ def test_torch_computes_what_numpy_does(name: str, shape: tuple[int, ...]) -> No
 @SHAPES
 def test_single_precision_is_enough_and_stays_single(name: str, shape: tuple[int, ...]) -> None:
     model, rounds = named(name), calm_rounds(shape)
-    singles = [Round(ratings.astype(np.float32), mask) for ratings, mask in rounds]
+    singles = [RoundRatings(ratings.astype(np.float32), mask) for ratings, mask in rounds]
     state = play(model, singles, torch.zeros(shape), asarray=torch.asarray)
     assert not any(leaf.dtype == torch.float64 for leaf in arrays(state) if isinstance(leaf, torch.Tensor))
     found = read(model, state)
@@ -51,7 +51,7 @@ def test_a_round_compiles_into_one_graph(name: str) -> None:
         state = model.update(state, Ratings(ratings, mask))
         return state, read(model, state)
 
-    rounds = [Round(ratings.astype(np.float32), mask) for ratings, mask in calm_rounds(shape, 4)]
+    rounds = [RoundRatings(ratings.astype(np.float32), mask) for ratings, mask in calm_rounds(shape, 4)]
     state = play(model, [], torch.zeros(shape), asarray=torch.asarray)
     for played, (ratings, mask) in enumerate(rounds, 1):
         state, found = compiled(state, torch.asarray(ratings), torch.asarray(mask))
@@ -68,7 +68,7 @@ def test_gradients_are_finite(name: str, notes: str) -> None:
     agreed = {"differ": None, "agree": 0.75, "are 0": 0.0, "are 1": 1.0}[notes]
     state, given = play(model, [], torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray), []
     for ratings, mask in random_rounds(shape, 6):
-        values = ratings if agreed is None else Round.of(np.full(shape, agreed), mask).ratings
+        values = ratings if agreed is None else RoundRatings.of(np.full(shape, agreed), mask).ratings
         given.append(torch.tensor(values, requires_grad=True))
         state = model.update(state, Ratings(given[-1], torch.asarray(mask)))
     torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
