@@ -9,6 +9,7 @@ import base64
 import hashlib
 import io
 import json
+import mmap
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -314,14 +315,8 @@ def _lock(file: int, path: Path) -> None:
 
 def _complete_size(path: Path) -> int:
     """Return the size of a file without an unfinished last line, bytes."""
-    with path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        at, tail = size, b""
-        while at > 0 and b"\n" not in tail:
-            at = max(0, at - 65536)
-            file.seek(at)
-            tail = file.read(min(65536, size - at))
-    return at + tail.rfind(b"\n") + 1
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        return text.rfind(b"\n") + 1
 
 
 def _line(data: dict[str, Any]) -> bytes:

@@ -75,16 +75,12 @@ def run_until_signal() -> Iterator[RunState]:
 
 def run_with_parent(run: Callable[..., object], /, *args: Any, **kwargs: Any) -> None:
     """Run a function in a process of `multiprocessing` that ends with its parent, even if the parent is killed."""
-    end_with_parent()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     run(*args, **kwargs)
 
 
-def end_with_parent() -> None:
-    """End this process as SIGTERM does when its parent has ended, or some seconds later if it ignores that."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
 def _end_with_parent() -> None:
+    """End this process as SIGTERM does when its parent has ended, or some seconds later if it ignores that."""
     if (parent := multiprocessing.parent_process()) is not None:
         parent.join()
         os.kill(os.getpid(), signal.SIGTERM)

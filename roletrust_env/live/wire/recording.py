@@ -160,42 +160,33 @@ def _readable_messages(data: bytes) -> Iterator[RecordedMessage]:
     topics: dict[int, tuple[str, str]] = {}
     for code, content in _records(data):
         with suppress(*_DAMAGED):
-            if code != _CHUNK:
-                yield from _message(code, content, kinds, topics)
-            elif not _text(content, 28):  # this project does not compress
-                yield from _chunk_messages(content[28 + 4 + 8 :], kinds, topics)
+            if code == _SCHEMA:
+                kinds[struct.unpack_from("<H", content)[0]] = _text(content, 2)
+            elif code == _CHANNEL:
+                number, schema = struct.unpack_from("<HH", content)
+                topics[number] = _text(content, 4), kinds[schema]
+            elif code == _MESSAGE:
+                number, _, time = struct.unpack_from("<HIQ", content)
+                yield RecordedMessage(time, *topics[number], content[22:])
 
 
-def _chunk_messages(
-    data: bytes, kinds: dict[int, str], topics: dict[int, tuple[str, str]]
-) -> Iterator[RecordedMessage]:
-    for code, content in _records(data):
-        with suppress(*_DAMAGED):
-            yield from _message(code, content, kinds, topics)
+def _records(data: bytes, *, chunked: bool = False) -> Iterator[tuple[int, bytes]]:
+    """Iterate over the codes and contents of the complete records in some bytes, and of those in their chunks.
 
-
-def _message(
-    code: int, content: bytes, kinds: dict[int, str], topics: dict[int, tuple[str, str]]
-) -> Iterator[RecordedMessage]:
-    """Read one record: store a type or a topic, or yield a message."""
-    if code == _SCHEMA:
-        kinds[struct.unpack_from("<H", content)[0]] = _text(content, 2)
-    elif code == _CHANNEL:
-        number, schema = struct.unpack_from("<HH", content)
-        topics[number] = _text(content, 4), kinds[schema]
-    elif code == _MESSAGE:
-        number, _, time = struct.unpack_from("<HIQ", content)
-        yield RecordedMessage(time, *topics[number], content[22:])
-
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the codes and contents of the complete records in some bytes."""
+    The records of a chunk are never chunks themselves.
+    """
     at = 0
     while at + 9 <= len(data):
         code, length = struct.unpack_from("<BQ", data, at)
-        if at + 9 + length > len(data):
+        content = data[at + 9 : at + 9 + length]
+        if len(content) < length:
             return
-        yield code, data[at + 9 : at + 9 + length]
+        if code != _CHUNK or chunked:
+            yield code, content
+        else:
+            with suppress(*_DAMAGED):
+                if not _text(content, 28):  # this project does not compress
+                    yield from _records(content[28 + 4 + 8 :], chunked=True)
         at += 9 + length
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
-from roletrust_env.live.nodes.run_loop import end_with_parent
+from roletrust_env.live.nodes.run_loop import run_with_parent
 
 _NODES = [f"roletrust_env.live.nodes.{name}" for name in ("agent_nodes", "manager_node", "recorder_node")]
 _READY_S = 120.0  # time for a process to start, even on a busy machine
@@ -46,7 +46,9 @@ class NodeProcesses:
     def start(self, name: str, run: Run, /, **arguments: Any) -> None:
         """Start a process that waits for `begin`, and then calls `run` with the arguments of both."""
         here, there = self._context.Pipe()
-        process = self._context.Process(target=_run_child, args=(there, run, arguments), name=name, daemon=True)
+        process = self._context.Process(
+            target=run_with_parent, args=(_run_child, there, run, arguments), name=name, daemon=True
+        )
         process.start()
         there.close()
         self._processes[name] = _Process(process, here)
@@ -103,7 +105,6 @@ class NodeProcesses:
 
 def _run_child(pipe: Connection, run: Run, arguments: Mapping[str, Any]) -> None:
     """Wait for `begin`, run the function, and send the message of an error back."""
-    end_with_parent()
     pipe.send(True)
     with suppress(KeyboardInterrupt, EOFError):
         further = pipe.recv()
