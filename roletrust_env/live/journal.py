@@ -18,7 +18,7 @@ from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
 
-from roletrust_env.live.team import PublishedTrust, RoundRatings, Team, Trust
+from roletrust_env.live.team import PublishedTrust, RatingRows, Team, Trust
 from roletrust_env.storage.files import replacing
 
 _VERSION, _SNAPSHOT_VERSION = 1, 2
@@ -42,7 +42,7 @@ class JournalEntry(NamedTuple):
     stamp: int
     closed: int
     team: Team
-    ratings: RoundRatings
+    ratings: RatingRows
     missing: tuple[str, ...]
     trust: Trust
 

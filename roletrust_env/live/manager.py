@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from roletrust_env.live.journal import JournalEntry
-from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
+from roletrust_env.live.rounds import MatchedRound, RoundAssembler, RoundTiming
 from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.team_trust import TeamTrust
 from roletrust_env.live.validation import (
@@ -107,7 +107,7 @@ class Manager:
         """Release the journal."""
         self._trust.close()
 
-    def _close(self, closed: Round[dict[str, float]], now: int) -> JournalEntry:
+    def _close(self, closed: MatchedRound[dict[str, float]], now: int) -> JournalEntry:
         return self._trust.close_round(closed, now, self.validator.last_stamps)
 
     def _of_members(self, rater: str, accepted: dict[str, float]) -> dict[str, float]:

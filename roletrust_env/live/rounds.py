@@ -48,7 +48,7 @@ class RoundTiming:
         return max(_QUOTA, math.ceil(_QUOTA * 1e9 / self.period))
 
 
-class Round(NamedTuple, Generic[Item]):
+class MatchedRound(NamedTuple, Generic[Item]):
     """Messages that belong together.
 
     Attributes:
@@ -93,7 +93,7 @@ class RoundAssembler(Generic[Item]):
         """Streams that a complete round needs."""
         return self._expected
 
-    def add(self, name: str, stamp: int, item: Item, now: int) -> list[Round[Item]]:
+    def add(self, name: str, stamp: int, item: Item, now: int) -> list[MatchedRound[Item]]:
         """Take a message and return the rounds that it closes.
 
         Args:
@@ -112,7 +112,7 @@ class RoundAssembler(Generic[Item]):
             return closed
         return closed + self._apply(self._sync.add(self._expected.index(name), Message(stamp, now, item)))
 
-    def close_due(self, now: int) -> list[Round[Item]]:
+    def close_due(self, now: int) -> list[MatchedRound[Item]]:
         """Return the rounds whose deadline has passed, and stop expecting silent streams. Call it often."""
         closed = []
         while (start := self._wait_start()) is not None and now - start >= self._timing.deadline * self._timing.period:
@@ -137,7 +137,7 @@ class RoundAssembler(Generic[Item]):
     def _waiting(self) -> _Named[Item]:
         return [(self._expected[k], message) for k, message in self._sync.waiting()]
 
-    def _close_partial(self) -> list[Round[Item]]:
+    def _close_partial(self) -> list[MatchedRound[Item]]:
         """Close the earliest round with the messages that have arrived."""
         pending = [*self._parts.items(), *self._waiting()]
         first, self._parts = self._earliest_round(pending), {}
@@ -146,7 +146,7 @@ class RoundAssembler(Generic[Item]):
         self._reset_synchroniser(self._expected)
         return closed + self._feed(entry for entry in pending if entry[1].stamp - start > self._timing.max_spread)
 
-    def _expect(self, names: tuple[str, ...]) -> list[Round[Item]]:
+    def _expect(self, names: tuple[str, ...]) -> list[MatchedRound[Item]]:
         """Change the expected streams; a match that exists is published first."""
         closed = self._apply(self._sync.publish_candidate())
         waiting = self._waiting()
@@ -159,7 +159,7 @@ class RoundAssembler(Generic[Item]):
             len(names), max_interval=self._timing.max_spread, lower_bound=4 * period // 5
         )
 
-    def _feed(self, messages: Iterable[tuple[str, Message[Item]]]) -> list[Round[Item]]:
+    def _feed(self, messages: Iterable[tuple[str, Message[Item]]]) -> list[MatchedRound[Item]]:
         """Add earlier messages again, whether or not their streams are still expected."""
         closed = []
         for name, message in messages:
@@ -169,7 +169,7 @@ class RoundAssembler(Generic[Item]):
                 closed += self._add_part(name, message)
         return closed
 
-    def _apply(self, decisions: Iterable[Decision[Item]]) -> list[Round[Item]]:
+    def _apply(self, decisions: Iterable[Decision[Item]]) -> list[MatchedRound[Item]]:
         """Return the rounds that some decisions of the synchroniser close."""
         closed = []
         for decision in decisions:
@@ -178,7 +178,7 @@ class RoundAssembler(Generic[Item]):
             closed += self._close_complete(messages) if decision.matched else self._add_part(*messages[0])
         return closed
 
-    def _close_complete(self, messages: _Named[Item]) -> list[Round[Item]]:
+    def _close_complete(self, messages: _Named[Item]) -> list[MatchedRound[Item]]:
         """Close a complete round, after the partial rounds before it.
 
         A part of the same round is closed with it. The match has the newer message of its streams.
@@ -190,7 +190,7 @@ class RoundAssembler(Generic[Item]):
         self._parts = {name: part for name, part in parts.items() if part.stamp - start > spread}
         return self._close(earlier) + self._close(same + messages)
 
-    def _add_part(self, name: str, message: Message[Item]) -> list[Round[Item]]:
+    def _add_part(self, name: str, message: Message[Item]) -> list[MatchedRound[Item]]:
         """Keep a message that will be in no complete round."""
         stamps = [message.stamp, *(part.stamp for part in self._parts.values())]
         another = name in self._parts or max(stamps) - min(stamps) > self._timing.max_spread
@@ -198,11 +198,11 @@ class RoundAssembler(Generic[Item]):
         self._parts[name] = message
         return closed
 
-    def _close_parts(self) -> list[Round[Item]]:
+    def _close_parts(self) -> list[MatchedRound[Item]]:
         parts, self._parts = self._parts, {}
         return self._close(list(parts.items()))
 
-    def _close(self, messages: _Named[Item]) -> list[Round[Item]]:
+    def _close(self, messages: _Named[Item]) -> list[MatchedRound[Item]]:
         """Return the round of some messages, without those of closed rounds; none if no message remains."""
         late = [name for name, message in messages if self._is_closed(message.stamp)]
         messages = [(name, message) for name, message in messages if not self._is_closed(message.stamp)]
@@ -213,7 +213,7 @@ class RoundAssembler(Generic[Item]):
         items = {name: message.item for name, message in messages}
         self.unused.update((Counter(name for name, _ in messages) - Counter(list(items))).elements())
         self._after = stamp
-        return [Round(stamp, items, tuple(name for name in self._expected if name not in items))]
+        return [MatchedRound(stamp, items, tuple(name for name in self._expected if name not in items))]
 
     def _is_closed(self, stamp: int) -> bool:
         """Return whether the round of a stamp, or a later one, is closed."""

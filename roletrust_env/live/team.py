@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from roletrust_env.world.roster import Roster
 from roletrust_env.world.scenario import Scenario
 
-RoundRatings = Mapping[str, Sequence[float | None]]
+RatingRows = Mapping[str, Sequence[float | None]]
 """The ratings of a round: for each rater, one entry per provider in the team's order. None means no rating."""
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from roletrust_env.live.journal import Journal, JournalEntry, Snapshot, read_journal, read_snapshot, write_snapshot
-from roletrust_env.live.rounds import Round
+from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.state_growth import grows
 from roletrust_env.live.team import Team, Trust
 from roletrust_env.live.trust_tracker import TrustTracker
@@ -108,7 +108,9 @@ class TeamTrust:
             if self._replay.rounds == self.next_round:
                 self._tracker, self.team, self._replay = self._replay.tracker, self._replay.tracker.team, None
 
-    def close_round(self, closed: Round[dict[str, float]], now: int, last_stamps: dict[str, int]) -> JournalEntry:
+    def close_round(
+        self, closed: MatchedRound[dict[str, float]], now: int, last_stamps: dict[str, int]
+    ) -> JournalEntry:
         """Update trust with a round, and write it to the journal.
 
         Args:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roletrust_env.live.state_growth import grown_state
-from roletrust_env.live.team import RoundRatings, Team, Trust
+from roletrust_env.live.team import RatingRows, Team, Trust
 from roletrust_env.trees import leaves, map_leaves
 from roletrust_env.trust import TrustModel, agent_trust, check_trust_model
 from roletrust_env.trust.model import start_model
@@ -28,7 +28,7 @@ class TrustTracker:
         ValueError: The model is not sound, see `check_trust_model` and `watched_update`.
     """
 
-    def __init__(self, model: TrustModel[Any], team: Team, past: Iterable[RoundRatings] = ()) -> None:
+    def __init__(self, model: TrustModel[Any], team: Team, past: Iterable[RatingRows] = ()) -> None:
         like = np.zeros((len(team.raters), len(team.providers)))
         check_trust_model(model, team.peers, np.zeros(()))
         self.team, self._model = team, model
@@ -71,7 +71,7 @@ class TrustTracker:
         values = iter(state)
         self._round, self._state = np.asarray(number), map_leaves(lambda _: next(values), self._state)
 
-    def update(self, ratings: RoundRatings) -> None:
+    def update(self, ratings: RatingRows) -> None:
         """Update trust with the ratings of one round."""
         values = np.full((len(self._rated), len(self._provided)), np.nan)
         for name, row in ratings.items():

@@ -13,7 +13,7 @@ from test_state_growth import BY_REPLAY, close
 from roletrust_env.live import journal as journals
 from roletrust_env.live import team_trust
 from roletrust_env.live.journal import read_journal, read_snapshot, snapshot_path
-from roletrust_env.live.rounds import Round
+from roletrust_env.live.rounds import MatchedRound
 from roletrust_env.live.team import Team
 from roletrust_env.live.trust_tracker import TrustTracker
 from roletrust_env.live.validation import RefusalReason
@@ -219,7 +219,7 @@ def test_a_restart_after_100_000_rounds_takes_less_than_two_seconds(tmp_path):
     for r in range(1, 100_500):
         rows = random.random((10, 10)).tolist()
         items = {name: dict(zip(team.providers, row, strict=True)) for name, row in zip(team.raters, rows, strict=True)}
-        made.close_round(Round(PERIOD * r, items, ()), PERIOD * r, {})
+        made.close_round(MatchedRound(PERIOD * r, items, ()), PERIOD * r, {})
     last = made.values
     made.close()
     began = time.monotonic()

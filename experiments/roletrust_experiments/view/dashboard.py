@@ -89,7 +89,7 @@ def _state(last: Sequence[PublishedTrust], silent: bool) -> str:
     if silent:
         return _state_line("bad", title, "The manager has been silent since.")
     if last[0].missing:
-        return _state_line("some", title, f"missing: {', '.join(last[0].missing)}")
+        return _state_line("partial", title, f"missing: {', '.join(last[0].missing)}")
     return _state_line("good", title, "nobody is missing")
 
 

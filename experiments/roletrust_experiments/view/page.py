@@ -45,14 +45,14 @@ class Page:
 
     def __init__(self, dashboard: Dashboard) -> None:
         self._dashboard, self._shown = dashboard, 0
-        self._tor, self._top = _Curves("tor", dashboard), _Curves("top", dashboard)
-        self._matches = _Matches()
+        self._tor, self._top = _TrustPlot("tor", dashboard), _TrustPlot("top", dashboard)
+        self._arrivals = _ArrivalPlot()
         sheet = InlineStyleSheet(css=(_TEMPLATE / "parts.css").read_text(encoding="utf-8"))
         self._parts = {
             name: Div(name=name, stylesheets=[sheet], sizing_mode="stretch_width", margin=0, disable_math=True)
             for name in PageParts._fields  # a name from the network may look like TeX
         }
-        self.roots: list[Any] = [self._tor.figure, self._top.figure, self._matches.figure, *self._parts.values()]
+        self.roots: list[Any] = [self._tor.figure, self._top.figure, self._arrivals.figure, *self._parts.values()]
         self.refresh()
 
     def refresh(self) -> None:
@@ -65,10 +65,10 @@ class Page:
             self._shown = rounds[-1].stamp
             self._tor.add(rounds)
             self._top.add(rounds)
-            self._matches.add(rounds)
+            self._arrivals.add(rounds)
 
 
-class _Curves:
+class _TrustPlot:
     """Curves of the trust of raters, or of providers, over time."""
 
     def __init__(self, kind: str, dashboard: Dashboard) -> None:
@@ -92,23 +92,23 @@ class _Curves:
 
     def _add_line(self, name: str) -> None:
         """Add a line. Its column is named by a number, since names from the network may be any text."""
-        place = len(self._names)
+        index = len(self._names)
         self._names.append(name)
-        self.source.add([float("nan")] * len(self.source.data["time_s"]), str(place))
+        self.source.add([float("nan")] * len(self.source.data["time_s"]), str(index))
         bad = name in self._dashboard.attackers
-        colour = ATTACKER if bad else _COLOURS[place % len(_COLOURS)]
-        look: dict[str, Any] = {"color": colour, "line_width": 3.4 if bad else 2, "line_dash": _DASHES[place % 4]}
+        colour = ATTACKER if bad else _COLOURS[index % len(_COLOURS)]
+        style: dict[str, Any] = {"color": colour, "line_width": 3.4 if bad else 2, "line_dash": _DASHES[index % 4]}
         if bad:
-            look["line_dash"] = "solid"
-        label = {"legend_label": f"{name} (attacker)" if bad else name} if place < _MAX_LEGEND else {}
-        self.figure.line("time_s", str(place), source=self.source, name=name, **look, **label)
+            style["line_dash"] = "solid"
+        label = {"legend_label": f"{name} (attacker)" if bad else name} if index < _MAX_LEGEND else {}
+        self.figure.line("time_s", str(index), source=self.source, name=name, **style, **label)
         legend: Any = self.figure.legend
         legend.location, legend.orientation = "bottom_left", "horizontal"
         legend.background_fill_alpha, legend.border_line_color = 0.0, None
-        legend.visible = place < _MAX_LEGEND
+        legend.visible = index < _MAX_LEGEND
 
 
-class _Matches:
+class _ArrivalPlot:
     """Figure of the raters whose ratings arrived in the last rounds."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ from roletrust_env.live.nodes.inboxes import RatingSubscription, TrustSubscripti
 from roletrust_env.live.nodes.person_detector import PersonDetector, StrangePictures
 from roletrust_env.live.nodes.publishers import DiagnosticsPublisher
 from roletrust_env.live.nodes.run_loop import SECOND, Timeline, run_until_signal
-from roletrust_env.live.rounds import Round, RoundAssembler, RoundTiming
+from roletrust_env.live.rounds import MatchedRound, RoundAssembler, RoundTiming
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire import messages
@@ -124,7 +124,7 @@ def run_rater_node(
     rounds: RoundAssembler[bytes] = RoundAssembler(timing)
     diagnostics = DiagnosticsPublisher(node, name, signer)
 
-    def publish(closed: Round[bytes]) -> None:
+    def publish(closed: MatchedRound[bytes]) -> None:
         began = time.monotonic()
         perceived = {camera: detector.probability(jpeg) for camera, jpeg in closed.items.items()}
         perceived |= strangers.probabilities(closed.stamp, began)

@@ -37,7 +37,7 @@ class StrangePictures:
     """The pictures of cameras without a key and without a place in the scenario.
 
     They cost the raters next to nothing: one picture is looked at every few rounds, the turn passes from camera to
-    camera, and there is no look if the known cameras have left no time.
+    camera, and nobody has a turn if the known cameras took too long.
 
     Args:
         detector: Detector of people.

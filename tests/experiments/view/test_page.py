@@ -63,8 +63,8 @@ def test_curves_follow_what_is_heard(team, dashboard):
     page.refresh()
     assert dict(page._tor.source.data) == {"time_s": [0.0, 1.0], "0": [0.5, 0.25], "1": [0.9, 0.9]}
     assert page._top.source.data["0"] == [0.75, 0.75]
-    assert page._matches.source.data["rater"] == ["sr_0", "sr_1"] * 2
-    assert page._matches.source.data["colour"] == [HONEST[1]] * 3 + [ATTACKER]
+    assert page._arrivals.source.data["rater"] == ["sr_0", "sr_1"] * 2
+    assert page._arrivals.source.data["colour"] == [HONEST[1]] * 3 + [ATTACKER]
     assert [line.glyph.line_color for line in page._tor.figure.renderers] == [HONEST[0], ATTACKER]
     page.refresh()
     assert len(page._tor.source.data["time_s"]) == 2
@@ -79,7 +79,7 @@ def test_a_newcomer_has_no_trust_before(team, dashboard):
     before, after = page._tor.source.data["1"]
     assert before != before
     assert after == 0.6
-    assert page._matches._raters.factors == ["sr_2", "sr_0"]
+    assert page._arrivals._raters.factors == ["sr_2", "sr_0"]
 
 
 def test_the_state_of_the_round(team, dashboard):

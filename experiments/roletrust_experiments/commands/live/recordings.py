@@ -34,7 +34,7 @@ def record(
 
     [cyan]roletrust live record results/bag[/]
 
-    [dim]# what is left of a recording whose process was killed[/]
+    [dim]# the readable messages of a recording whose process was killed[/]
     [cyan]roletrust live record results/recovered --recover results/bag[/]
     """
     require_live()
