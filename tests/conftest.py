@@ -11,6 +11,7 @@ import shutil
 import hypothesis
 import pytest
 
+import roletrust_experiments.commands.console  # noqa: F401 - takes the width of the terminal when it is imported
 from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy import registry as attackers
