@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
-from typing import Any
+from functools import cache, partial
+from typing import Any, cast
 
 import cloudpickle
 
@@ -93,23 +93,14 @@ def _unpacking(packed: bytes) -> Any:
 
 def _factory(model: TrustModel[Any]) -> Any:
     """Return a factory that states the source of the model's class, see `roletrust_env.benchmarking.sources`."""
-
-    class InstanceFactory:
-        """Factory of a trust model that was given as an object."""
-
-        kind = type(model)
-
-        def __init__(self) -> None:
-            self.fingerprint = fingerprint(model)
-
-        def __call__(self) -> TrustModel[Any]:
-            return model
-
-    factory = InstanceFactory()
-    factory.__module__ = type(model).__module__
-    factory.__qualname__ = type(model).__qualname__  # type: ignore[attr-defined]
-    factory.__doc__ = type(model).__doc__
+    kind, factory = type(model), cast(Any, partial(_same, model))
+    factory.kind, factory.fingerprint = kind, fingerprint(model)
+    factory.__module__, factory.__qualname__, factory.__doc__ = kind.__module__, kind.__qualname__, kind.__doc__
     return factory
+
+
+def _same(model: TrustModel[Any]) -> TrustModel[Any]:
+    return model
 
 
 def _instance(model: Any) -> TrustModel[Any]:

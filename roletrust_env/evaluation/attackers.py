@@ -8,7 +8,7 @@ returns the attacker.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar, Protocol, Self, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -25,8 +25,6 @@ from roletrust_env.registry import Registry
 from roletrust_env.storage.untrusted import parse_json
 
 HONEST_POLICY = Policy()
-
-View = TypeVar("View", ProviderView, RaterView, IdentityView)
 
 
 @dataclass(frozen=True)
@@ -85,38 +83,36 @@ class SideBySide(Policy):
 
     def quality(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.quality`."""
-        rows = [p.quality(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
-        return _stack(rows)
+        return _stack(self._rows("quality", view, memory, random))
 
     def treats(self, view: ProviderView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.treats`."""
-        rows = [p.treats(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
-        return _stack_unusual(rows, 0 * view.ratings[..., 0, :] + 1)
+        return _stack_unusual(self._rows("treats", view, memory, random), 0 * view.ratings[..., 0, :] + 1)
 
     def ratings(self, view: RaterView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.ratings`."""
-        rows = [p.ratings(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
-        return _stack(rows)
+        return _stack(self._rows("ratings", view, memory, random))
 
     def withholds(self, view: RaterView, memory: Any, random: Random) -> tuple[Array | None, Any]:
         """See `Policy.withholds`."""
-        rows = [p.withholds(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
-        return _stack_unusual(rows, view.awaiting[..., 0, :] & False)
+        return _stack_unusual(self._rows("withholds", view, memory, random), view.awaiting[..., 0, :] & False)
 
     def presence(self, view: IdentityView, memory: Any, random: Random) -> tuple[Array, Any]:
         """See `Policy.presence`."""
-        rows = [p.presence(_row(view, k), memory[k], random) for k, p in enumerate(self.policies)]
-        return _stack(rows)
+        return _stack(self._rows("presence", view, memory, random))
+
+    def _rows(self, channel: str, view: Any, memory: Any, random: Random) -> list[tuple[Any, Any]]:
+        """Return what each policy does on a channel in its row of games, shape (K, G), and its memory."""
+        rows = (type(view)(*(field[..., k, :] for field in view)) for k in range(len(self.policies)))
+        return [
+            getattr(policy, channel)(row, memory[k], random)
+            for k, (policy, row) in enumerate(zip(self.policies, rows, strict=True))
+        ]
 
 
 def side_by_side(attacks: Sequence[Mapping[str, Policy]]) -> dict[str, Policy]:
     """Return K attacks as one attack, for a batch of games of shape (K, G)."""
     return {name: SideBySide(tuple(attack[name] for attack in attacks)) for name in attacks[0]}
-
-
-def _row(view: View, k: int) -> View:
-    """Return the view of the k-th policy in a batch of games of shape (K, G)."""
-    return type(view)(*(field[..., k, :] for field in view))
 
 
 def _stack_unusual(rows: Sequence[tuple[Array | None, Any]], usual: Array) -> tuple[Array | None, Any]:
