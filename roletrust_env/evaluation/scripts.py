@@ -67,7 +67,7 @@ class Space:
     ) -> None:
         self._make: Any
         self._make, given = (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
-        self._fixed = {**game_facts(self._make, accomplices, length), **given}
+        self._fixed = {**declared_facts(self._make, accomplices, length), **given}
         hints = _hints(self._make)
         free = [name for name in hints if name not in self._fixed]
         self.default = self._policy()
@@ -140,7 +140,7 @@ class Mixture:
         return self._spaces[_part(float(point[0]), len(self._spaces))].decode(point[1:])
 
 
-def game_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
+def declared_facts(kind: Any, accomplices: tuple[int, ...], length: int) -> dict[str, Any]:
     """Return the facts of the game that a kind of attack declares as parameters, by the parameter's name.
 
     Args:

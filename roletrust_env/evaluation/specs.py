@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from roletrust_env.errors import suggest
-from roletrust_env.evaluation.scripts import AttackKind, game_facts
+from roletrust_env.evaluation.scripts import AttackKind, declared_facts
 from roletrust_env.game.policy import Policy
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import unknown_parameter
@@ -70,7 +70,7 @@ def parse_settings(settings: Sequence[str], option: str = "--set") -> dict[str, 
     return parsed
 
 
-def changed(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
+def with_settings(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
     """Return the scenario with the settings of `--set`.
 
     Raises:
@@ -107,7 +107,7 @@ def parse_attacks(texts: Sequence[str], scenario: Scenario) -> dict[str, Policy]
     policies: dict[str, Policy] = {}
     for agents, attacker in seated:
         registry, name, parameters = _parsed_attack(attacker, roster)
-        facts = game_facts(registry.factory(name), accomplices, scenario.max_cycles)
+        facts = declared_facts(registry.factory(name), accomplices, scenario.max_cycles)
         _check_ring(registry.factory(name), {**facts, **parameters}, attacker)
         policy = _made(registry, name, {**facts, **parameters}, attacker)
         for agent in agents:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, get_type_hints
 from roletrust_env import Policy
 from roletrust_env.benchmarking.learners.learner import registry as learners
 from roletrust_env.benchmarking.learners.learner import search_names
-from roletrust_env.evaluation.scripts import as_spec, declared_ranges, game_facts
+from roletrust_env.evaluation.scripts import as_spec, declared_facts, declared_ranges
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.parameters import Identities, SearchRange, allowed
@@ -83,7 +83,7 @@ def all_attackers() -> dict[str, Entry]:
 
     def entry(name: str) -> Entry:
         factory = attackers.factory(name)
-        ranges, known = declared_ranges(factory), game_facts(factory, (0,), 1)
+        ranges, known = declared_ranges(factory), declared_facts(factory, (0,), 1)
         parameters = {
             key: {**parameter._asdict(), "searched": _plain(ranges.get(key)), "told": key in known}
             for key, parameter in _parameters(factory).items()

@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Policy, make_scenario
 from roletrust_env.evaluation.resources import check_memory, in_bytes, in_time
-from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings, parse_trust_model
+from roletrust_env.evaluation.specs import parse_attacks, parse_settings, parse_trust_model, with_settings
 from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe, describe_policies, provenance
 from roletrust_experiments.commands import completion
@@ -103,7 +103,7 @@ def play(
     [cyan]roletrust play mine.toml --set lam=0.7 --set 'admission={threshold=0.3}'[/]
     """
     given = parse_settings(settings or [])
-    rules = changed(make_scenario(scenario), given)
+    rules = with_settings(make_scenario(scenario), given)
     if len(set(model)) < len(model):
         raise ValueError("--model names the same model twice")
     attackers = parse_attacks(attack or [], rules)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
-from roletrust_env.evaluation.specs import changed, parse_attacks, parse_settings
+from roletrust_env.evaluation.specs import parse_attacks, parse_settings, with_settings
 from roletrust_experiments.commands.catalogue import Entry
 from roletrust_experiments.commands.console import errors, progress_bar
 from roletrust_experiments.plots.figure_files import write_figure
@@ -62,7 +62,7 @@ class Shown(NamedTuple):
     @property
     def scenario(self) -> Scenario:
         """The scenario with its changes."""
-        return changed(make_scenario(self.preset), parse_settings(self.settings))
+        return with_settings(make_scenario(self.preset), parse_settings(self.settings))
 
     @property
     def command(self) -> str:
