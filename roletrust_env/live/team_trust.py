@@ -2,8 +2,9 @@
 
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,8 @@ class TeamTrust:
         self.last_stamps: dict[str, int] = {}
         self.last_stamp: int | None = None
         self._joining = Team()
-        self._replay: GradualReplay | None = None
+        self._replay: Iterator[tuple[TrustTracker, int]] | None = None
+        self._closed = deque[JournalEntry]()  # during a replay
         self.team = self._journal.position.team
         self._tracker = self._restore(snapshot)
         if self.newcomers_wait:
@@ -102,11 +104,26 @@ class TeamTrust:
         """Replay for a moment if newcomers wait."""
         larger = self.team.with_newcomers(self._joining.raters, self._joining.providers)
         if self._replay is None and larger != self.team:
-            self._replay = GradualReplay(self._model, larger, self._path)
-        if self._replay is not None:
-            self._replay.advance(_TICK_S)
-            if self._replay.rounds == self.next_round:
-                self._tracker, self.team, self._replay = self._replay.tracker, self._replay.tracker.team, None
+            self._closed.clear()
+            self._replay = self._replayed(larger)
+        end = time.monotonic() + _TICK_S
+        while self._replay is not None and time.monotonic() < end:
+            tracker, rounds = next(self._replay)
+            if rounds == self.next_round:
+                self._tracker, self.team, self._replay = tracker, tracker.team, None
+
+    def _replayed(self, team: Team) -> Iterator[tuple[TrustTracker, int]]:
+        """Replay the rounds so far with a larger team, and then those that close meanwhile.
+
+        Yields:
+            The trust of the larger team and the number of replayed rounds, after each round.
+        """
+        tracker, rounds = TrustTracker(self._model, team), 0
+        for entry in chain(read_journal(self._path), iter(self._closed.popleft, None)):
+            if entry.round == rounds:  # the file may have contained rounds that are noted as well
+                tracker.update(entry.ratings)
+                rounds += 1
+            yield tracker, rounds
 
     def close_round(
         self, closed: MatchedRound[dict[str, float]], now: int, last_stamps: dict[str, int]
@@ -132,7 +149,7 @@ class TeamTrust:
         entry = JournalEntry(self.next_round, closed.stamp, now, self.team, ratings, closed.missing, trust)
         self._journal.append(entry)
         if self._replay is not None:
-            self._replay.add(entry)
+            self._closed.append(entry)
         if self.next_round % _SNAPSHOT_ROUNDS == 0:
             self._write_snapshot(closed.stamp, last_stamps)
         return entry
@@ -180,36 +197,3 @@ def replay_rounds(
                 f"{model!r} gives {tracker.trust}; another version wrote the journal, or it was changed"
             )
     return tracker
-
-
-class GradualReplay:
-    """A replay with a larger team, a little at a time, while further rounds close.
-
-    Args:
-        model: Trust model.
-        team: Larger team.
-        path: Path of the journal.
-
-    Attributes:
-        tracker: Trust of the larger team after the replayed rounds.
-        rounds: Number of replayed rounds.
-    """
-
-    def __init__(self, model: TrustModel[Any], team: Team, path: Path) -> None:
-        self.tracker, self.rounds = TrustTracker(model, team), 0
-        self._stored, self._new = read_journal(path), deque[JournalEntry]()
-
-    def add(self, entry: JournalEntry) -> None:
-        """Note a round that has closed meanwhile."""
-        self._new.append(entry)
-
-    def advance(self, seconds: float) -> None:
-        """Replay for a time."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            entry = next(self._stored, None) or (self._new.popleft() if self._new else None)
-            if entry is None:
-                return
-            if entry.round == self.rounds:  # the file may have contained some of the new rounds
-                self.tracker.update(entry.ratings)
-                self.rounds += 1

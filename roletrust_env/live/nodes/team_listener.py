@@ -15,6 +15,7 @@ from roletrust_env.live.validation import MANAGER, Keyring, MessageValidator, Re
 from roletrust_env.live.wire.dds import Node
 
 _WAIT_S = 0.1
+_ROUNDS = 600  # that are remembered
 _FORGET_S = 60.0  # strangers are forgotten that long after their last message
 _WIDTH, _JPEG_QUALITY = 320, 80  # small pictures: a page shows several, to many viewers
 
@@ -28,7 +29,6 @@ class TeamListener:
         team: Agents of the scenario.
         timing: Timing of the rounds, which limits the stamps.
         keyring: Keys of the team, with the manager's; None accepts every message.
-        rounds: Number of rounds to keep.
         network: See `Node`.
 
     Attributes:
@@ -44,10 +44,9 @@ class TeamListener:
         timing: RoundTiming,
         *,
         keyring: Keyring | None = None,
-        rounds: int = 600,
         network: bool = False,
     ) -> None:
-        self.rounds: deque[PublishedTrust] = deque(maxlen=rounds)
+        self.rounds: deque[PublishedTrust] = deque(maxlen=_ROUNDS)
         self.pictures: dict[str, bytes] = {}
         self.last_heard: dict[str, float] = {}
         self.reports: dict[str, dict[str, str]] = {}
