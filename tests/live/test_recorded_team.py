@@ -24,6 +24,8 @@ TEAM = Scenario(
     max_cycles=200,
 )
 
+PAPER = make_scenario("paper-3x3")
+
 
 @pytest.fixture(scope="module")
 def found():
@@ -62,7 +64,7 @@ def test_the_scenario_has_presence_and_disturbances(found):
 
 
 def test_late_ratings_count_as_lost():
-    scenario = make_scenario("paper-3x3").change(ratings={"lost": 0.1})
+    scenario = PAPER.change(ratings={"lost": 0.1}, max_cycles=120)
     found = infer_scenario(observe_team(spoken(scenario, late=0.2)), "late")
     assert within(found.lost, 0.1 + 0.9 * 0.2)
     assert found.late == pytest.approx(0.2, abs=0.05)
@@ -70,7 +72,7 @@ def test_late_ratings_count_as_lost():
 
 def test_short_attacks_do_not_change_the_estimates():
     attackers = {"sr_2": BadMouthing(start=40, stop=90), "sp_1": OnOff(start=100, stop=180)}
-    found = infer_scenario(observe_team(spoken(make_scenario("paper-3x3"), attackers=attackers)), "attacked")
+    found = infer_scenario(observe_team(spoken(PAPER, attackers=attackers)), "attacked")
     assert [value.value for value in found.perception.noise] == pytest.approx([0.005] * 3, rel=0.2)
     assert all(group.ability == 1 and group.bias == 0 for group in found.scenario.agents)
     assert len(found.scenario.perturbations) == 2
@@ -81,7 +83,7 @@ def test_absence_is_reported_and_is_no_loss():
         round = one.time // PERIOD - 1000
         return not (one.topic == "/sr_1/ratings" and 50 <= round < 100)
 
-    found = infer_scenario(observe_team(filter(there, spoken(make_scenario("paper-3x3")))), "away")
+    found = infer_scenario(observe_team(filter(there, spoken(PAPER.change(max_cycles=140)))), "away")
     assert found.away == ("sr_1",)
     assert found.lost.value < 0.01
     assert found.scenario.agents[1].leaves is None
