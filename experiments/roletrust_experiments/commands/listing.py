@@ -21,7 +21,7 @@ from roletrust_experiments.commands.catalogue import (
     unfit,
     where_searched,
 )
-from roletrust_experiments.commands.console import FittedTable, console, print_json, print_next, progress_bar
+from roletrust_experiments.commands.console import FittedTable, console, print_json, print_next, progress_bar, short
 from roletrust_experiments.commands.extras import require
 
 
@@ -213,13 +213,17 @@ def _learner_table(entries: Mapping[str, Entry]) -> FittedTable:
 
 def _zoo_table(entries: Mapping[str, Entry]) -> FittedTable:
     again = any("measured" in entry for entry in entries.values())
-    table = _table("Trained attackers", "honest", "score", *(("measured", "holds") if again else ()))
+    table = _table("Trained attackers", "score", "honest", *(("measured", "holds") if again else ()), needed=3)
     for name, entry in _readable(entries, table):
-        scores = [entry["score"], *([entry["measured"]] if again else [])]
-        texts = [f"{score['mean']:.4f} ± {score['half_95']:.4f}" for score in scores]
-        holds = ["yes" if entry["measured"]["holds"] else "[red]no[/]"] if again else []
-        table.add_row(name, _described(entry), f"{entry['score']['honest']:.4f}", *texts, *holds)
+        texts = [_score(entry["score"]), short(f"{entry['score']['honest']:.4f}")]
+        if measured := entry.get("measured"):
+            texts += [_score(measured), "yes" if measured["holds"] else "[red]no[/]"]
+        table.add_row(name, _described(entry), *texts)
     return table
+
+
+def _score(score: Mapping[str, float]) -> str:
+    return short(f"{score['mean']:.4f} ± {score['half_95']:.4f}")
 
 
 def _readable(entries: Mapping[str, Entry], table: FittedTable) -> Iterator[tuple[str, Entry]]:
@@ -240,15 +244,17 @@ def _given(name: str, parameter: Mapping[str, Any]) -> str:
     return escape(name if parameter["required"] else f"{name}={parameter['default']}")
 
 
-def _table(title: str, *columns: str) -> FittedTable:
-    table = FittedTable(title, needed=2 + len(columns))
+def _table(title: str, *columns: str, needed: int | None = None) -> FittedTable:
+    table = FittedTable(title, needed=needed or 2 + len(columns))
     table.show_lines = True
     table.column("name", style="cyan")
     table.column("description")
     for column in columns:
-        table.column(column, "right" if column == "rounds" else "left")
+        table.column(column, "right" if column in _NUMBERS else "left")
     return table
 
+
+_NUMBERS = ("rounds", "honest", "score", "measured")
 
 _NEXT: dict[Kind | None, tuple[str, ...]] = {
     Kind.SCENARIOS: ("play", "crowd-10x10"),
