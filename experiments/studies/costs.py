@@ -1,10 +1,7 @@
 """`python -m studies.costs`: the time that every trust model takes, by the size of the game, and its growth."""
 
 import math
-import os
-import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +18,7 @@ from roletrust_experiments.commands.console import console, number_table, option
 from roletrust_experiments.commands.options import ModelsOption, OptionalOut, Seed, Threads
 from studies.costs_edges import show_lists
 from studies.running import run
-from studies.timing.contestants import Spread, measure
+from studies.timing.contestants import Spread, machine, measure
 from studies.timing.edge_costs import measure_lists
 from studies.timing.edges import copying
 from studies.timing.models import LIBRARIES, LIMITS, Cell, Found, Size, growth, measure_models, sizes
@@ -199,17 +196,6 @@ def _page(tables: Mapping[str, list[list[str]]], caption: str, reasons: Sequence
         parts.append("\n".join(f"- Left out: {reason}." for reason in reasons))
     parts.append(f"Written by `python -m studies.costs` on {machine(threads)}; `make costs` measures again.")
     return "\n\n".join(parts) + "\n"
-
-
-def machine(threads: int) -> str:
-    """Return the machine and the software that timings are of, in words."""
-    packages = [f"Python {platform.python_version()}"]
-    for name in ("numpy", "torch"):
-        try:
-            packages.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            continue
-    return f"{os.cpu_count()} cores of {platform.machine()}, {', '.join(packages)}, torch on {threads} of them"
 
 
 if __name__ == "__main__":

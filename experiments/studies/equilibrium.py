@@ -1,118 +1,352 @@
-"""`python -m studies.equilibrium`: the game between trust models and attackers that a benchmark has played."""
+"""The game between trust models and attackers that a benchmark has played: is a mixture worth more than the best model?
 
-import shlex
+The payoff is the score of the suite, a zero-sum game. The defender picks a trust model for each game at random, with
+one set of probabilities for all conditions, since it does not know who attacks. The attacker knows the probabilities
+and the condition, but not the model that was drawn. Only attacks that were played on every model are its strategies: a
+search that was trained on one model has no payoff against the others. Each condition counts alike.
+
+Mixtures and attacks are chosen in one set of games, and scored in another. Intervals resample games. Alpha-rank is the
+share of the time in which a model is in use where both sides copy what does better, the mean over the conditions. A
+minute, once `make benchmark` has run.
+"""
+
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import NamedTuple
 
-import typer
-from rich.markup import escape
+import numpy as np
+from scipy.optimize import linprog  # type: ignore[import-untyped]
 
-from roletrust_env.storage.files import prepare_folder, write_csv, write_text
+from roletrust_env.benchmarking.suite import WITHOUT_SEARCH
+from roletrust_env.benchmarking.worst_case import AttackScores, Condition, Floats, attack_scores
+from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import console, number_table, print_next
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-from roletrust_experiments.plots.figure_files import write_figure
+from roletrust_experiments.commands.leaderboard import read_run
 from studies.charts import Panel, Series, panels_figure
-from studies.running import run
+from studies.study import Recipe, Study, with_ends
 
-_COLUMNS = ("weight", "alone", "exploitability")
-_HEADER = ("model", *(f"{name}{end}" for name in _COLUMNS for end in ("", "_low", "_high")), "alpha_rank")
+SHARED = WITHOUT_SEARCH | {"universal"}
+"""Methods that play the same attacks on every model."""
+
+_POPULATION = 50
+"""Number of individuals in either population of `alpha_rank`."""
+
+_LEAST = 1e-6  # a probability that is smaller is rounding
 _SHOWN = 0.005  # least probability of an attack in the text
+_COLUMNS = ("weight", "alone", "exploitability")
 
 
-def equilibrium(
-    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark` for trust models, results.sqlite.")],
-    model: ModelsOption = None,
-    resamples: Annotated[int, typer.Option(min=20, help="Number of draws of games for the intervals.")] = 200,
-    seed: Seed = 0,
-    out: Out = Path("results/equilibrium"),
-) -> None:
-    """Solve [bold]the game between trust models and attackers[/]: is a mixture of models worth more than the best one?
+class Options(NamedTuple):
+    """Results of a benchmark of trust models.
 
-    The payoff is the score of the suite. The defender draws a model for each game, the attacker knows the
-    probabilities but not the draw, and each condition counts alike. Only attacks that every model has met count, so
-    searches that were trained on one model are left out. Mixtures and attacks are chosen in one set of games, and
-    scored in another. Intervals resample games. Alpha-rank is the share of the time in which a model is in use where
-    both sides copy what does better, the mean over the conditions.
-
-    Written: [green]equilibrium.md equilibrium.csv equilibrium.png[/]; [green]attacks.csv[/], the attacker's mixture.
-
-    [bold]Examples[/]
-
-    [dim]# the equilibrium of the quick suite[/]
-    [cyan]roletrust benchmark --out results/quick[/]
-    [cyan]python -m studies.equilibrium results/quick/results.sqlite[/]
-
-    [dim]# of some models only[/]
-    [cyan]python -m studies.equilibrium results/quick/results.sqlite --model beta --model median --model travos[/]
+    Attributes:
+        results: Its file.
+        model: Specs of the trust models; all of the suite if left out.
+        resamples: Number of draws of games for the intervals.
     """
-    require("the equilibrium", "train", "scipy", "cma")  # to read a suite of the benchmark
-    from roletrust_env.benchmarking.worst_case import attack_scores
-    from roletrust_experiments.commands.leaderboard import read_run
-    from studies.equilibria import equilibrium as solved
-    from studies.equilibria import payoffs
 
-    suite, stored = read_run(results)
-    names = list(dict.fromkeys(model or suite.model_names))
-    if unknown := [name for name in names if name not in suite.model_names]:
-        raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(suite.model_names)}")
-    games = payoffs(attack_scores(suite, stored), names)
-    found = solved(games, names, resamples, seed)
-    order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)
-    rows = [(names[k], found.weights[k], found.alone[k], found.exploitability[k]) for k in order]
-    shares = dict(zip(names, found.alpha_rank, strict=True))
-    prepare_folder(out)
-    write_csv(
-        out / "equilibrium.csv",
-        _HEADER,
-        [[name, *(x for part in parts for x in part), shares[name]] for name, *parts in rows],
+    results: Path = Path("results/standard/results.sqlite")
+    model: tuple[str, ...] = ()
+    resamples: int = 200
+
+
+FILES = ("equilibrium.md", "equilibrium.csv", "equilibrium.png", "attacks.csv")
+RECIPES = {"equilibrium": Recipe(Options(), {name: f"equilibrium/{name}" for name in FILES})}
+
+
+class Payoffs(NamedTuple):
+    """Scores of one condition, in the games for choosing and in the games for measuring.
+
+    Attributes:
+        condition: Condition.
+        attacks: Names of the attacks that were played on every model.
+        chosen: Scores of M models under A attacks in the games for choosing, shape (M, A, G).
+        measured: Scores in the games for measuring, shape (M, A, G).
+    """
+
+    condition: Condition
+    attacks: tuple[str, ...]
+    chosen: Floats
+    measured: Floats
+
+
+class Solution(NamedTuple):
+    """Equilibrium of the game in which each condition counts alike.
+
+    Attributes:
+        value: Score that the defender has, at least, whatever the attacker does.
+        models: Probability of each model, shape (M,).
+        attacks: Probability of each attack, by condition, shape (A,) each.
+    """
+
+    value: float
+    models: Floats
+    attacks: tuple[Floats, ...]
+
+
+class Equilibrium(NamedTuple):
+    """Equilibrium of a run, with 95% intervals that resample games.
+
+    Mixtures and attacks are chosen in the games for choosing, and all scores are of the games for measuring.
+
+    Attributes:
+        names: Names of the models.
+        weights: Probability of each model in the equilibrium.
+        alone: Score of each model alone under the best response to it.
+        exploitability: What the mixture has over each model alone.
+        mixture: Score of the mixture under the best response to it.
+        gain: What the mixture has over the model that is the best one alone.
+        informed: Score of a defender that knows the condition, and takes the best model alone of each.
+        informed_mixture: Score of one that knows the condition, and has the mixture of each.
+        attacks: Probability of each attack in the equilibrium by condition, those above 0.
+        alpha_rank: Share of each model by `alpha_rank`, the mean over the conditions, without an interval.
+    """
+
+    names: tuple[str, ...]
+    weights: tuple[Interval, ...]
+    alone: tuple[Interval, ...]
+    exploitability: tuple[Interval, ...]
+    mixture: Interval
+    gain: Interval
+    informed: Interval
+    informed_mixture: Interval
+    attacks: dict[Condition, dict[str, float]]
+    alpha_rank: tuple[float, ...]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Solve the game of a results file, and write its equilibrium."""
+    with Study(__name__, RECIPES, arguments) as study:
+        results, chosen, resamples = study.options
+        suite, stored = read_run(results)
+        names = list(chosen or suite.model_names)
+        if unknown := [name for name in names if name not in suite.model_names]:
+            raise ValueError(f"{results} has no model {unknown[0]!r}; it has {', '.join(suite.model_names)}")
+        games = payoffs(attack_scores(suite, stored), names)
+        found = equilibrium(games, names, resamples, study.seed)
+        order = sorted(range(len(names)), key=lambda k: -found.alone[k].value)
+        columns = (found.weights, found.alone, found.exploitability)
+        rows = [(names[k], [column[k] for column in columns], found.alpha_rank[k]) for k in order]
+        header = ("model", *with_ends(_COLUMNS), "alpha_rank")
+        lines = [[name, *(x for part in parts for x in part), share] for name, parts, share in rows]
+        study.csv("equilibrium.csv", header, lines)
+        mixed = [(*where, name, weight) for where, of in found.attacks.items() for name, weight in of.items()]
+        study.csv("attacks.csv", ("scenario", "track", "share", "attack", "weight"), mixed)
+        facts = {
+            "best mixture": found.mixture,
+            "what it has over the best model alone": found.gain,
+            "best model alone in each condition, if the condition is known": found.informed,
+            "best mixture in each condition, if the condition is known": found.informed_mixture,
+        }
+        mixtures = [
+            [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
+            for where, of in found.attacks.items()
+        ]
+        weights = [[f"`{name}`", *map(_text, parts), f"{share:.3f}"] for name, parts, share in rows]
+        note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
+        study.page(
+            "equilibrium.md",
+            markdown_table(["model", *_COLUMNS, "alpha-rank"], weights, names=1),
+            markdown_table(["defender", suite.score], [[what, _text(value)] for what, value in facts.items()], names=1),
+            markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
+            f"{note}. Made by `{study.command}`.",
+        )
+        at = [name for name, _, _ in rows]
+        alone, weight = ([parts[k] for _, parts, _ in rows] for k in (1, 0))
+        panels = [
+            Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, alone)]),
+            Panel("in the equilibrium", "", "probability", [Series("probability", at, weight)]),
+        ]
+        title = "What is a mixture of trust models worth against attackers who know it?"
+        study.figure("equilibrium.png", panels_figure(title, panels, note), colours=256)
+
+
+def payoffs(attacks: Iterable[AttackScores], models: Sequence[str]) -> list[Payoffs]:
+    """Return the payoffs of each condition in which agents attack.
+
+    Args:
+        attacks: Scores of all attacks of a run.
+        models: Names of the models.
+
+    Raises:
+        ValueError: No attack was played on all models in some condition, or in none an agent attacks.
+    """
+    groups: dict[Condition, dict[tuple[str, str], dict[str, AttackScores]]] = {}
+    for one in attacks:
+        if one.condition.share and one.model in models:
+            group = groups.setdefault(one.condition, {})
+            if one.method in SHARED:
+                group.setdefault((one.method, one.attack), {})[one.model] = one
+    if not groups:
+        raise ValueError("the results have no condition with an attack")
+    found = []
+    for condition, group in groups.items():
+        common = {name: rows for (_, name), rows in group.items() if _complete(rows, models)}
+        if not common:
+            raise ValueError(f"no attack was played on all {len(models)} models in {condition.description}")
+        chosen, measured = (
+            np.array([[np.ravel(getattr(rows[m], part)) for rows in common.values()] for m in models])
+            for part in ("chosen", "score")
+        )
+        found.append(Payoffs(condition, tuple(common), chosen, measured))
+    return found
+
+
+def _complete(rows: dict[str, AttackScores], models: Sequence[str]) -> bool:
+    return len(rows) == len(models) and not any(
+        np.isnan(x).any() for one in rows.values() for x in (one.chosen, one.score)
     )
-    mixed = [(*where, name, weight) for where, of in found.attacks.items() for name, weight in of.items()]
-    write_csv(out / "attacks.csv", ("scenario", "track", "share", "attack", "weight"), mixed)
-    at = [row[0] for row in rows]
-    panels = [
-        Panel("alone, under its worst attack", "", suite.score, [Series(suite.score, at, [row[2] for row in rows])]),
-        Panel("in the equilibrium", "", "probability", [Series("probability", at, [row[1] for row in rows])]),
+
+
+def solve(games: Sequence[Floats]) -> Solution:
+    """Return the equilibrium of mean scores, one matrix of shape (M, A) for each condition, by linear programming.
+
+    The defender's program is: maximise the mean of v[c] with v[c] <= sum over the models of x[m] U[c][m, a] for every
+    attack a. The attacker's mixtures are its dual.
+
+    Example:
+        >>> rock_paper = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])
+        >>> found = solve([rock_paper])
+        >>> round(found.value, 6) + 0.0, found.models.round(3).tolist()
+        (0.0, [0.333, 0.333, 0.333])
+    """
+    models, conditions = len(games[0]), len(games)
+    rows = [np.hstack([-game.T, np.eye(conditions)[[c] * game.shape[1]]]) for c, game in enumerate(games)]
+    cost = np.r_[np.zeros(models), np.full(conditions, -1 / conditions)]
+    whole = np.r_[np.ones(models), np.zeros(conditions)][None]
+    bounds = [(0.0, None)] * models + [(None, None)] * conditions
+    below = np.vstack(rows)
+    found = linprog(cost, below, np.zeros(len(below)), whole, [1.0], bounds, method="highs")
+    if not found.success:
+        raise ValueError(f"the game has no solution: {found.message}")
+    weights = np.clip(found.x[:models], 0.0, None)
+    ends = np.cumsum([game.shape[1] for game in games])[:-1]
+    duals = np.split(np.clip(-found.ineqlin.marginals, 0.0, None) * conditions, ends)
+    return Solution(float(-found.fun), weights / weights.sum(), tuple(duals))
+
+
+def responded(weights: Floats, chosen: Sequence[Floats], measured: Sequence[Floats]) -> float:
+    """Return the mean score of a mixture over the conditions, each under the attack that is worst when it is chosen.
+
+    Args:
+        weights: Probability of each model, shape (M,).
+        chosen: Mean scores in the games for choosing, shape (M, A) for each condition.
+        measured: Mean scores in the games for measuring.
+    """
+    worst = [
+        weights @ measure[:, np.argmin(weights @ choose)] for choose, measure in zip(chosen, measured, strict=True)
     ]
-    note = f"suite {suite.name}, {len(games)} conditions, 95% intervals over games"
-    question = "What is a mixture of trust models worth against attackers who know it?"
-    write_figure(out / "equilibrium.png", panels_figure(question, panels, note), colours=256)
-    facts = [
-        ("best mixture", found.mixture),
-        ("what it has over the best model alone", found.gain),
-        ("best model alone in each condition, if the condition is known", found.informed),
-        ("best mixture in each condition, if the condition is known", found.informed_mixture),
-    ]
-    table = number_table("Equilibrium", note, *_COLUMNS, "alpha-rank", name="model")
-    for name, *parts in rows:
-        table.add_row(escape(name), *map(_text, parts), f"{shares[name]:.3f}")
-    console.print(table)
-    for what, value in facts:
-        console.print(f"{what}: {_text(value)}", soft_wrap=True)
-    weights = [[f"`{name}`", *map(_text, parts), f"{shares[name]:.3f}"] for name, *parts in rows]
-    mixtures = [
-        [where.description, ", ".join(f"{name} {weight:.0%}" for name, weight in of.items() if weight >= _SHOWN)]
-        for where, of in found.attacks.items()
-    ]
-    chosen = [part for name in model or [] for part in ("--model", name)]
-    command = shlex.join(["python", "-m", "studies.equilibrium", str(results), *chosen, "--resamples", str(resamples)])
-    texts = [
-        markdown_table(["model", *_COLUMNS, "alpha-rank"], weights, names=1),
-        markdown_table(["defender", suite.score], [[what, _text(value)] for what, value in facts], names=1),
-        markdown_table(["condition", "the attacker's mixture"], mixtures, names=2),
-        f"{note}. Made by `{command} --seed {seed}`.",
-    ]
-    write_text(out / "equilibrium.md", "\n\n".join(texts) + "\n")
-    console.print(
-        escape(f"Written to {out}: equilibrium.md, equilibrium.csv, equilibrium.png, attacks.csv"), soft_wrap=True
+    return float(np.mean(worst))
+
+
+def equilibrium(games: Sequence[Payoffs], models: Sequence[str], resamples: int = 200, seed: int = 0) -> Equilibrium:
+    """Return the equilibrium with intervals: games are drawn anew, and everything is chosen and measured in the draw.
+
+    Args:
+        games: Payoffs of each condition.
+        models: Names of the models.
+        resamples: Number of draws.
+        seed: Random seed of the draws.
+    """
+    rng = np.random.default_rng(seed)
+    numbers, solution = _numbers(games, None)
+    draws = np.array([_numbers(games, rng)[0] for _ in range(resamples)])
+    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
+    ends = [Interval(*map(float, ends)) for ends in zip(numbers, low, high, strict=True)]
+    m = len(models)
+    mixture, gain, informed, informed_mixture = ends[3 * m :]
+    return Equilibrium(
+        names=tuple(models),
+        weights=tuple(ends[:m]),
+        alone=tuple(ends[m : 2 * m]),
+        exploitability=tuple(ends[2 * m : 3 * m]),
+        mixture=mixture,
+        gain=gain,
+        informed=informed,
+        informed_mixture=informed_mixture,
+        attacks={
+            game.condition: {name: float(w) for name, w in zip(game.attacks, weights, strict=True) if w > _LEAST}
+            for game, weights in zip(games, solution.attacks, strict=True)
+        },
+        alpha_rank=tuple(np.mean([alpha_rank(game.chosen.mean(axis=2)) for game in games], axis=0).tolist()),
     )
-    print_next("report", results)
 
 
-def _text(value: tuple[float, float, float]) -> str:
+def _numbers(games: Sequence[Payoffs], rng: np.random.Generator | None) -> tuple[Floats, Solution]:
+    """Return all numbers of an equilibrium in one row, of the games as they are or of a draw, and its solution."""
+    chosen, measured = (
+        [_means(part, rng) for part in parts] for parts in zip(*(game[2:] for game in games), strict=True)
+    )
+    pairs = [([c], [m]) for c, m in zip(chosen, measured, strict=True)]
+    found, single = solve(chosen), np.eye(len(chosen[0]))
+    alone = np.array([responded(row, chosen, measured) for row in single])
+    mixture = responded(found.models, chosen, measured)
+    least = np.array([game.min(axis=1) for game in chosen])  # (C, M)
+    best = alone[np.argmax(least.mean(axis=0))]
+    informed = np.mean([responded(single[np.argmax(row)], *pair) for row, pair in zip(least, pairs, strict=True)])
+    mixed = np.mean([responded(solve(pair[0]).models, *pair) for pair in pairs])
+    return np.r_[found.models, alone, mixture - alone, mixture, mixture - best, informed, mixed], found
+
+
+def _means(scores: Floats, rng: np.random.Generator | None) -> Floats:
+    """Return the mean over the games, shape (M, A), or over as many games that are drawn from them."""
+    count = scores.shape[2]
+    drawn = np.arange(count) if rng is None else rng.integers(count, size=count)
+    means: Floats = scores @ np.bincount(drawn, minlength=count) / count
+    return means
+
+
+def alpha_rank(scores: Floats, intensity: float = 100.0) -> Floats:
+    """Return the share of the time in which each model is in use, shape (M,), in a zero-sum game.
+
+    Omidshafiei et al. (2019): a population of defenders has one model, and one of attackers has one attack. Now and
+    then an individual tries something else. It takes over its population with the probability
+
+        rho(d) = (1 - exp(-a d)) / (1 - exp(-n a d)),   1 / n where d = 0
+
+    where d is what it gains, a the `intensity`, and n = 50 the size of the population. Each model and each attack is
+    tried as often. The result is the stationary distribution of this chain, summed over the attacks.
+
+    Args:
+        scores: Scores of M models under A attacks, shape (M, A).
+        intensity: Intensity of selection, above 0. The larger, the more surely what is better takes over.
+
+    Example:
+        >>> alpha_rank(np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])).round(3).tolist()
+        [0.333, 0.333, 0.333]
+    """
+    models, attacks = scores.shape
+    chain = np.zeros((models, attacks, models, attacks))
+    each = 1 / max(models + attacks - 2, 1)
+    for attack in range(attacks):
+        of = scores[:, attack]
+        chain[:, attack, :, attack] += each * _takes_over(intensity * (of[None] - of[:, None]))
+    for model in range(models):
+        of = scores[model]
+        chain[model, :, model, :] += each * _takes_over(intensity * (of[:, None] - of[None]))
+    flow = chain.reshape(models * attacks, -1)
+    np.fill_diagonal(flow, 0.0)
+    np.fill_diagonal(flow, 1 - flow.sum(axis=1))
+    # The distribution p has p = p flow and the sum 1; one of the equations follows from the others.
+    system, right = flow.T - np.eye(len(flow)), np.zeros(len(flow))
+    system[-1], right[-1] = 1.0, 1.0
+    share: Floats = np.linalg.solve(system, right).reshape(models, attacks).sum(axis=1).clip(0.0, None)
+    shares: Floats = share / share.sum()
+    return shares
+
+
+def _takes_over(gain: Floats) -> Floats:
+    """Return the probability rho, of gains times the intensity, in a form that does not overflow."""
+    size = abs(gain)
+    with np.errstate(invalid="ignore"):
+        rising = np.where(size > 0, np.expm1(-size) / np.expm1(-_POPULATION * size), 1 / _POPULATION)
+    found: Floats = np.where(gain < 0, rising * np.exp(-(_POPULATION - 1) * size), rising)
+    return found
+
+
+def _text(value: Interval) -> str:
     return "{:.3f} ({:.3f}, {:.3f})".format(*(x + 0.0 for x in value))
 
 
 if __name__ == "__main__":
-    run(equilibrium)
+    main()

@@ -1,21 +1,37 @@
-"""`python -m studies.models`: every trust model under the same three attacks, on one page of figures."""
+"""Every trust model under the same three attacks, in one row each, with the same random numbers.
 
-from pathlib import Path
-from typing import Annotated, Any
+Ten raters rate ten providers for a minute. The attacks last from 15 s to 45 s: a provider that alternates between bad
+and good service every 5 s; four raters that rate everybody 0; and a ring of four raters and two providers that serves
+badly, praises its own members and rates all others 0.
+"""
 
-import typer
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 
 from roletrust_env import Game, JointPolicy, make_scenario
-from roletrust_env.evaluation.resources import check_memory
+from roletrust_env.evaluation.curves import Curves, record_curves
 from roletrust_env.evaluation.specs import parse_attacks, parse_trust_model
-from roletrust_env.storage.files import prepare_folder, write_csv, write_json
-from roletrust_env.storage.provenance import describe, describe_policies, provenance
+from roletrust_env.metrics.confidence import Floats
+from roletrust_env.metrics.score import mean_or_nan
 from roletrust_env.trust import Traits, trust_models
-from roletrust_experiments.commands.console import console, option, print_next, progress_bar
-from roletrust_experiments.commands.options import ModelsOption, Out, Seed
-from roletrust_experiments.playing.games import all_curve_bytes
-from roletrust_experiments.plots.figure_files import write_figure
-from studies.running import run
+from roletrust_env.world.roster import Roster
+from roletrust_experiments.playing.group_measures import attack_rounds
+from roletrust_experiments.plots.style import ATTACKED, ATTACKER, DASHES, HONEST, INK, QUIET, shade, tidy
+from studies.study import Recipe, Study
+
+
+class Options(NamedTuple):
+    """Trust models, all that are installed if left out, and the number of games whose mean is drawn."""
+
+    model: tuple[str, ...] = ()
+    games: int = 8
+
 
 SCENARIO, ROUNDS = "crowd-10x10", 120
 """Scenario of the comparison, and its number of rounds."""
@@ -28,73 +44,175 @@ ATTACKS = {
 }
 """Attacks as `--attack` takes them, by their titles on the page."""
 
-_HEADER = ("trust_model", "attack", "trust", "whose", "time_s", "mean")
+_ROW, _HEAD = 0.82, 1.5  # inches
+_SMALL = 3.6, 2.7
+_COLOURS = {"honest": HONEST[0], "attackers": ATTACKER}
+_TRUSTS: dict[str, tuple[Any, float]] = {"ToP": ("-", 1.7), "ToR": (DASHES[2], 1.5)}
+_WORDS = {
+    ("ToP", "honest"): "honest providers",
+    ("ToR", "honest"): "honest raters",
+    ("ToP", "attackers"): "attacking providers",
+    ("ToR", "attackers"): "attacking raters",
+}
+
+RECIPES = {"models": Recipe(Options(), {"models.png": "models.png"})}
 
 
-def models(
-    model: ModelsOption = None,
-    games: Annotated[int, typer.Option(min=1, help="Number of games whose mean is drawn.")] = 8,
-    seed: Seed = 0,
-    out: Out = Path("results/models"),
-) -> None:
-    """Draw [bold]every trust model under the same three attacks[/], in one row each, with the same random numbers.
+class Panel(NamedTuple):
+    """One model under one attack.
 
-    Ten raters rate ten providers for a minute. The attacks last from 15 s to 45 s: a provider that alternates between
-    bad and good service every 5 s; four raters that rate everybody 0; and a ring of four raters and two providers that
-    serves badly, praises its own members and rates all others 0.
-
-    Written: [green]models.png models.csv results.json[/].
-
-    [bold]Examples[/]
-
-    [dim]# the page in docs/[/]
-    [cyan]python -m studies.models[/]
-
-    [dim]# one model with two settings of its memory[/]
-    [cyan]python -m studies.models --model beta --model beta:keep=0.99 --out results/beta[/]
+    Attributes:
+        time_s: seconds, (T,).
+        lines: mean trust over agents and games, (T,), by the trust, `"ToR"` or `"ToP"`, and whose, `"honest"` or
+            `"attackers"`, as far as there are such agents and the model rates them.
+        attacked: seconds from and to which the attack lasts.
     """
-    from studies.plots.models import Panel, models_figure, play_panel
 
-    rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
-    attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
-    names = list(dict.fromkeys(model or trust_models()))
-    played = {name: Game(rules, parse_trust_model(name, rules)) for name in names}
-    one, *_ = played.values()
-    check_memory("--games", games, all_curve_bytes([JointPolicy(one, {})], {}))
-    prepare_folder(out)
-    panels: dict[str, dict[str, Panel]] = {name: {} for name in names}
-    with progress_bar() as progress:
-        pages = progress.add_task("Trust models under attacks", total=len(names) * len(attacks))
-        for name, game in played.items():
-            for attack, attackers in attacks.items():
-                label = f"{name}, {attack}"
-                panels[name][attack] = play_panel(JointPolicy(game, attackers), seed, progress, label, games=games)
-                progress.advance(pages)
-    families = {name: Traits.of(game.model).family for name, game in played.items()}
-    note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
-    write_figure(out / "models.png", models_figure(panels, families, note))
-    write_csv(
-        out / "models.csv",
-        _HEADER,
-        [
+    time_s: Floats
+    lines: Mapping[tuple[str, str], Floats]
+    attacked: tuple[float, float]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play all models under all attacks, and draw them."""
+    with Study(__name__, RECIPES, arguments) as study:
+        rules = make_scenario(SCENARIO).change(max_cycles=ROUNDS)
+        attacks = {name: parse_attacks(texts, rules) for name, texts in ATTACKS.items()}
+        games = study.options.games
+        models = {name: Game(rules, parse_trust_model(name, rules)) for name in study.options.model or trust_models()}
+        panels: dict[str, dict[str, Panel]] = {name: {} for name in models}
+        with study.progress(len(models) * len(attacks)) as advance:
+            for name, game in models.items():
+                for attack, attackers in attacks.items():
+                    panels[name][attack] = play_panel(JointPolicy(game, attackers), study.seed, games=games)
+                    advance(f"{name}, {attack}")
+        note = f"shaded: during the attack; means over agents and {games} game{'s' * (games > 1)} of {rules.name}"
+        families = {name: Traits.of(game.model).family for name, game in models.items()}
+        study.figure("models.png", models_figure(panels, families, note))
+        rows = [
             (name, attack, *line, *point)
             for name, by_attack in panels.items()
             for attack, panel in by_attack.items()
             for line, values in panel.lines.items()
             for point in zip(panel.time_s.tolist(), values.tolist(), strict=True)
-        ],
+        ]
+        study.csv("models.csv", ("trust_model", "attack", "trust", "whose", "time_s", "mean"), rows)
+
+
+def play_panel(joint_policy: JointPolicy, seed: int, *, games: int) -> Panel:
+    """Return a panel from games of one model under one attack."""
+    game = joint_policy.game
+    curves = record_curves(joint_policy, seed, games=games)
+    lines = mean_lines(game.roster, curves, joint_policy.attackers, game.model.rates_raters)
+    start, stop = (r * game.scenario.period_s for r in attack_rounds(joint_policy.policies, game.scenario.max_cycles))
+    return Panel(curves.time_s, lines, (start, stop))
+
+
+def mean_lines(
+    roster: Roster, curves: Curves, attackers: Sequence[str], rates_raters: bool
+) -> dict[tuple[str, str], Floats]:
+    """Return the lines of a panel.
+
+    Args:
+        roster: who is who.
+        curves: of the games.
+        attackers: names of the attackers.
+        rates_raters: whether the model does.
+    """
+    sides = [("ToP", roster.provider_names, curves.top)]
+    sides += [("ToR", roster.rater_names, curves.tor)] if rates_raters else []
+    found = {}
+    for trust, names, values in sides:
+        bad = np.array([name in attackers for name in names])
+        for whose, places in (("honest", ~bad), ("attackers", bad)):
+            if places.any():
+                found[trust, whose] = mean_or_nan(values[:, places], axis=(1, 2))
+    return found
+
+
+def models_figure(panels: Mapping[str, Mapping[str, Panel]], families: Mapping[str, str], note: str) -> Figure:
+    """Small multiples.
+
+    Args:
+        panels: by model and by attack; the same attacks for every model.
+        families: of the models.
+        note: what is shown, for the foot of the page.
+    """
+    attacks = list(next(iter(panels.values())))
+    size = 2.6 + 2.5 * len(attacks), _HEAD + _ROW * len(panels)
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.03, hspace=0.02))
+    grid = figure.subplots(len(panels), len(attacks), sharex=True, sharey=True, squeeze=False)
+    for row, (model, by_attack) in zip(grid, panels.items(), strict=True):
+        for axes, attack in zip(row, attacks, strict=True):
+            _draw(axes, by_attack[attack])
+        row[0].set_ylabel(model, rotation=0, ha="right", va="center", labelpad=12, color=INK, fontweight="bold")
+        row[0].annotate(
+            families[model],
+            (0, 0.5),
+            xytext=(-33, -12),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=8,
+            color=QUIET,
+        )
+    for axes, attack in zip(grid[0], attacks, strict=True):
+        axes.set_title(attack, color=INK, fontsize=10)
+    for axes in grid[-1]:
+        axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    shown = [panel for by_attack in panels.values() for panel in by_attack.values()]
+    figure.legend(handles=_keys(shown), loc="outside upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
+    figure.supxlabel(note, x=0.99, ha="right", fontsize=9, color=QUIET)
+    return figure
+
+
+def panel_figure(panel: Panel, title: str) -> Figure:
+    """One panel by itself, small."""
+    figure = Figure(figsize=_SMALL, layout="constrained")
+    axes = figure.subplots()
+    _draw(axes, panel)
+    axes.set_title(title, color=INK, fontsize=10)
+    axes.set_xlabel("time (s)", color=INK, fontsize=9)
+    axes.set_ylabel("trust", color=INK, fontsize=9)
+    figure.legend(
+        handles=_keys([panel]), loc="outside lower center", ncols=2, frameon=False, fontsize=8, labelcolor=INK
     )
-    results: dict[str, Any] = {
-        "command": "python -m studies.models",
-        "games": games,
-        **{key: value for key, value in provenance(one, seed).items() if key != "trust_model"},
-        "attackers": {attack: describe_policies(attackers) for attack, attackers in attacks.items()},
-        "trust_models": {name: describe(game.model) for name, game in played.items()},
-    }
-    write_json(out / "results.json", results)
-    console.print(f"Written to {out}: models.png, models.csv, results.json", soft_wrap=True)
-    print_next("benchmark", option("--model", model))
+    return figure
+
+
+def in_words(panel: Panel) -> str:
+    """Return the description of a panel for readers who cannot see it."""
+    start, stop = (int(np.searchsorted(panel.time_s, second, side="right")) for second in panel.attacked)
+    told = []
+    for (trust, whose), values in panel.lines.items():
+        before, meanwhile = values[max(start - 1, 0)], values[start:stop]
+        there = meanwhile[~np.isnan(meanwhile)]  # none in a round in which all such agents have left
+        during = f"{there.min():.2f} to {there.max():.2f} in it" if len(there) else "absent in it"
+        told.append(f"{trust} of {_WORDS[trust, whose]} {before:.2f} before, {during}")
+    return f"the attack lasts from {panel.attacked[0]:g} s to {panel.attacked[1]:g} s; {', '.join(told)}"
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    tidy(axes, "")
+    axes.tick_params(labelsize=8)
+    shade(axes, [panel.attacked], ATTACKED)
+    for (trust, whose), values in panel.lines.items():
+        dashes, width = _TRUSTS[trust]
+        axes.plot(panel.time_s, values, color=_COLOURS[whose], linestyle=dashes, linewidth=width)
+    axes.set_xlim(0, panel.time_s[-1])
+
+
+def _keys(panels: Iterable[Panel]) -> list[Line2D]:
+    """Return an entry of the legend for each kind of line."""
+    shown = {key for panel in panels for key in panel.lines}
+    return [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=f"{_WORDS[trust, whose]}, {trust}")
+        for whose, colour in _COLOURS.items()
+        for trust, (dashes, width) in _TRUSTS.items()
+        if (trust, whose) in shown
+    ]
 
 
 if __name__ == "__main__":
-    run(models)
+    main()

@@ -1,112 +1,221 @@
-"""`python -m studies.reruns`: whether runs with other seeds, or with agents at other places, agree as they should."""
+"""Whether runs of a benchmark with other seeds, or with agents at other places, agree as they should.
 
-from collections.abc import Sequence
+The suite `reruns` has many seeds, which are cut into runs of a few seeds each. Each run searches, chooses and measures
+as if it were alone, so the runs are reruns of one another. Each has a leaderboard of its own, with intervals and the
+probability that a rank holds in another run; the other runs show how often such a promise is kept.
+
+The suite `reruns-shuffled` has the same cells with all agents at random places. Both search and measure with the same
+random numbers. A model that treats all agents alike has the same scores in both, but for rounding, which may decide
+between providers with equal trust, and so lead a search elsewhere. Some 20 minutes on two cores; a repeat continues.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, permutations
 from pathlib import Path
-from typing import Annotated
+from typing import NamedTuple
 
-import typer
-from rich.markup import escape
+import numpy as np
 
-from roletrust_env.storage.files import prepare_folder, write_text
+from roletrust_env.benchmarking import benchmark
+from roletrust_env.benchmarking.leaderboard import Floats, LeaderboardRow, leaderboard_rows, score_table
+from roletrust_env.benchmarking.store import StoredCell
+from roletrust_env.benchmarking.suite import Suite
+from roletrust_env.benchmarking.worst_case import WorstCase, attack_scores, worst_cases
+from roletrust_env.metrics.confidence import Estimate, over_seeds
 from roletrust_env.storage.markdown import markdown_table
-from roletrust_experiments.commands.console import console, number_table, plus_minus, print_next, short
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import Out
-from studies.running import run
+from roletrust_experiments.commands.console import plus_minus
+from roletrust_experiments.commands.leaderboard import read_run
+from studies.condition import suite_of
+from studies.study import Recipe, Study
+
+_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
-def reruns(
-    results: Annotated[Path, typer.Argument(help="Results of `roletrust benchmark` with many seeds, results.sqlite.")],
-    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds of each run.")] = 2,
-    shuffled: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help='Results of the same suite with `places = "shuffled"`: show instead whether the places of agents '
-            "matter.",
-            show_default=False,
-        ),
-    ] = None,
-    out: Out = Path("results/reruns"),
-) -> None:
-    """Show whether [bold]runs of a benchmark with other seeds[/] agree as often as their leaderboards promise.
+class Options(NamedTuple):
+    """Suites to play.
 
-    The seeds of the results are cut into runs. Each run has a leaderboard of its own, which has intervals and the
-    probability that a rank holds in another run. The other runs show how often such a promise is kept.
-
-    With --shuffled, show instead whether the places of agents matter: how the scores of each model change if it sees
-    the agents of each game in another order.
-
-    Written: [green]reruns.md[/], and with --shuffled in place of it [green]places.md[/].
-
-    [bold]Examples[/]
-
-    [dim]# ten trust models, six runs of two seeds; a quarter of an hour on two cores[/]
-    [cyan]roletrust benchmark --suite reruns --out results/reruns[/]
-    [cyan]python -m studies.reruns results/reruns/results.sqlite[/]
-
-    [dim]# the same models with all agents at random places[/]
-    [cyan]roletrust benchmark --suite reruns-shuffled --out results/reruns-shuffled[/]
-    [cyan]python -m studies.reruns results/reruns/results.sqlite --shuffled results/reruns-shuffled/results.sqlite[/]
+    Attributes:
+        suite: Suite with many seeds.
+        shuffled: The same suite with `places = "shuffled"`, and some of the seeds.
+        seeds: Number of seeds of each run.
     """
-    require("the benchmark", "train", "scipy", "cma")  # to read a suite of the benchmark
-    if shuffled is None:
-        _show_promises(results, seeds, out)
-    else:
-        _show_places(results, shuffled, out)
-    print_next("report", results)
+
+    suite: str = "reruns"
+    shuffled: str = "reruns-shuffled"
+    seeds: int = 2
 
 
-def _show_promises(results: Path, seeds: int, out: Path) -> None:
-    """Show and write what runs of a few seeds promise of one another, and how often others keep it."""
-    from roletrust_experiments.commands.leaderboard import read_run
-    from studies.rerun_promises import promises
-    from studies.rerun_promises import reruns as leaderboards
-
-    suite, stored = read_run(results)
-    boards = leaderboards(suite, stored, seeds)
-    caption = f"suite {suite.name}: {len(boards)} runs of {seeds} seeds, {len(boards[0])} models; every pair of runs"
-    rows = [[one.what, f"{one.promised:.2f}", f"{one.kept:.2f}", f"{one.cases:,}"] for one in promises(boards)]
-    command = f"python -m studies.reruns {results} --seeds {seeds}"
-    _show("Reruns", ["promise", "promised", "kept", "cases"], rows, caption, command, out / "reruns.md")
+RECIPES = {"reruns": Recipe(Options(), {name: f"leaderboards/{name}" for name in ("reruns.md", "places.md")})}
 
 
-def _show_places(results: Path, shuffled: Path, out: Path) -> None:
-    """Show and write how the scores of models change if they see the agents in another order."""
-    from roletrust_experiments.commands.leaderboard import read_run
-    from studies.shuffled import place_effects
+class Promise(NamedTuple):
+    """Promise of runs, and how often other runs keep it.
 
-    (suite, stored), (other, theirs) = read_run(results), read_run(shuffled)
-    rows = [
-        [
-            one.model,
-            plus_minus(one.clean),
-            plus_minus(one.clean_change, 5),
-            plus_minus(one.worst),
-            plus_minus(one.worst_change, 5),
+    Attributes:
+        what: What is promised.
+        promised: Mean of the promised probability.
+        kept: Share of the cases in which the other run keeps it.
+        cases: Number of cases: a model in a run, with another run.
+    """
+
+    what: str
+    promised: float
+    kept: float
+    cases: int
+
+
+class PlaceEffect(NamedTuple):
+    """Scores of a model that sees the agents in order, and how they differ where it sees them shuffled.
+
+    Attributes:
+        model: Name of the model.
+        clean: Mean score over the tracks on which all agents are honest; NaN if there are none.
+        clean_change: Mean difference of that score in the same games: shuffled minus in order.
+        worst: Mean score of the worst case over the conditions.
+        worst_change: Mean difference of that score in the same games.
+    """
+
+    model: str
+    clean: Estimate
+    clean_change: Estimate
+    worst: Estimate
+    worst_change: Estimate
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play both suites, and write how often promises are kept, and what places change."""
+    with Study(__name__, RECIPES, arguments) as study:
+        suite, stored = _played(study, study.options.suite)
+        boards, seeds = reruns(suite, stored, study.options.seeds), study.options.seeds
+        study.page(
+            "reruns.md",
+            markdown_table(
+                ["promise", "promised", "kept", "cases"],
+                [[one.what, f"{one.promised:.2f}", f"{one.kept:.2f}", f"{one.cases:,}"] for one in promises(boards)],
+                names=1,
+            ),
+            f"Reruns of suite {suite.name}: {len(boards)} runs of {seeds} seeds, {len(boards[0])} models; every pair "
+            f"of runs. Made by `{study.command}`.",
+        )
+        other, theirs = _played(study, study.options.shuffled)
+        rows = [
+            [one.model, *(plus_minus(value, digits) for value, digits in zip(one[1:], (3, 5, 3, 5), strict=True))]
+            for one in place_effects(suite, stored, other, theirs)
         ]
-        for one in place_effects(suite, stored, other, theirs)
-    ]
-    caption = (
-        f"suites {suite.name} and {other.name}, {len(other.seeds)} seeds: {suite.score} with agents in order, and its "
-        "change in the same games if they are shuffled"
-    )
-    command = f"python -m studies.reruns {results} --shuffled {shuffled}"
-    headings = ["model", "clean", "change", "worst", "change"]
-    _show("Places of agents", headings, rows, caption, command, out / "places.md")
+        study.page(
+            "places.md",
+            markdown_table(["model", "clean", "change", "worst", "change"], rows, names=1),
+            f"Places of agents of suites {suite.name} and {other.name}, {len(other.seeds)} seeds: {suite.score} with "
+            "agents in order, and its change in the same games if they are shuffled. Made by "
+            f"`{study.command}`.",
+        )
 
 
-def _show(title: str, headings: Sequence[str], rows: list[list[str]], caption: str, command: str, path: Path) -> None:
-    """Print a table, and write it with its caption and its command."""
-    prepare_folder(path.parent)
-    table = number_table(title, caption, *headings[1:], name=headings[0])
-    for name, *numbers in rows:
-        table.add_row(escape(name), *(short(number) for number in numbers))
-    console.print(table)
-    text = markdown_table(headings, rows, names=1)
-    write_text(path, f"{text}\n\n{title} of {caption}. Made by `{command}`.\n")
-    console.print(escape(f"Written: {path}"), soft_wrap=True)
+def _played(study: Study[Options], suite: str) -> tuple[Suite, list[StoredCell]]:
+    """Play the cells of a suite that are not in its folder, and return all."""
+    folder = study.out / Path(suite).stem
+    benchmark(suite=suite_of(suite), out=folder, workers=study.workers)
+    return read_run(folder / "results.sqlite")
+
+
+def reruns(suite: Suite, stored: Sequence[StoredCell], seeds: int) -> list[list[LeaderboardRow]]:
+    """Return the leaderboard of each run.
+
+    Args:
+        suite: Suite of all seeds.
+        stored: Cells of all seeds with their results.
+        seeds: Number of seeds of a run. Seeds that are left over are not used.
+
+    Raises:
+        ValueError: There are fewer than two runs, or a cell is missing or failed.
+    """
+    runs = [suite.seeds[at : at + seeds] for at in range(0, len(suite.seeds) - seeds + 1, seeds)]
+    if len(runs) < 2:
+        raise ValueError(f"the suite has {len(suite.seeds)} seeds, too few for two runs of {seeds}")
+    models, boards = suite.model_names, []
+    for run in runs:
+        part = [one for one in stored if one.cell.seed in run]
+        cells_each = sum(cell.seed in run for cell in suite.cells()) // len(models)
+        board = leaderboard_rows(suite, part, models, cells_each)
+        if missing := [row.model for row in board if row.missing or np.isnan(row.worst.mean)]:
+            raise ValueError(f"cells of {missing[0]} with the seeds {', '.join(map(str, run))} are missing or failed")
+        boards.append(board)
+    return boards
+
+
+def promises(boards: Sequence[Sequence[LeaderboardRow]]) -> list[Promise]:
+    """Return what runs promise of one another: intervals of 95%, and the probability of ranks in five parts.
+
+    Args:
+        boards: Leaderboards of the runs, with the same models.
+    """
+    cases = list(_cases(boards))
+    worst = [(one.worst, other.worst) for one, other in cases]
+    near = [abs(one.mean - other.mean) <= np.hypot(one.half, other.half) for one, other in worst]
+    found = [Promise("means are within the interval of their difference", 0.95, float(np.mean(near)), len(near))]
+    holds = np.array([one.holds for one, _ in cases])
+    same = np.array([one.rank == other.rank for one, other in cases])
+    for low, high in pairwise(_EDGES):
+        part = (holds >= low) & ((holds < high) | (high == _EDGES[-1]))
+        if part.any():
+            what = f"ranks are the same, holds from {low:.1f} to {high:.1f}"
+            found.append(Promise(what, float(holds[part].mean()), float(same[part].mean()), int(part.sum())))
+    found.append(Promise("ranks are the same, all", float(holds.mean()), float(same.mean()), len(cases)))
+    return found
+
+
+def _cases(boards: Sequence[Sequence[LeaderboardRow]]) -> Iterator[tuple[LeaderboardRow, LeaderboardRow]]:
+    """Yield each row of a run with the row of the same model in each other run."""
+    for one, other in permutations(boards, 2):
+        rows = {row.model: row for row in other}
+        for row in one:
+            yield row, rows[row.model]
+
+
+def place_effects(
+    suite: Suite, stored: Sequence[StoredCell], shuffled: Suite, stored_shuffled: Sequence[StoredCell]
+) -> list[PlaceEffect]:
+    """Return how the scores of each model change if it sees the agents shuffled, with intervals over games and seeds.
+
+    Args:
+        suite: Suite of a run in which models see the agents in order. It may have more seeds than the other one.
+        stored: Cells of that run with their results.
+        shuffled: Suite of the other run, with `places = "shuffled"`.
+        stored_shuffled: Cells of the other run with their results.
+
+    Raises:
+        ValueError: The suites differ in more than places, or a cell is missing or failed.
+    """
+    if suite.places == "shuffled" or shuffled.places != "shuffled":
+        raise ValueError(
+            f"places is {suite.places!r} in the suite {suite.name} and {shuffled.places!r} in {shuffled.name}; it must "
+            "be 'shuffled' in the second one only"
+        )
+    alike = suite.model_copy(update={"places": shuffled.places, "seeds": shuffled.seeds})
+    played = shuffled.cells()
+    differs = alike.score != shuffled.score or alike.cells() != played
+    if differs or any(alike.rules(cell) != shuffled.rules(cell) for cell in played):
+        raise ValueError(f"the suites {suite.name} and {shuffled.name} differ in more than places and seeds")
+    one, other = (_scores(shuffled, own) for own in (stored, stored_shuffled))
+    columns = [one[0], other[0] - one[0], one[1], other[1] - one[1]]
+    models = shuffled.model_names
+    estimates = [over_seeds(values, len(models)).estimates for values in columns]
+    return [PlaceEffect(*row) for row in zip(models, *estimates, strict=True)]
+
+
+def _scores(suite: Suite, stored: Sequence[StoredCell]) -> tuple[Floats, Floats]:
+    """Return the clean score and that of the worst case of each model, seed and game, shape (M, S, G) each."""
+    wanted = {cell.key: cell for cell in suite.cells()}
+    part = [one for one in stored if one.cell.key in wanted and not one.result.failed]
+    if missing := [wanted[key] for key in wanted.keys() - {one.cell.key for one in part}]:
+        raise ValueError(f"cell {min(missing).key} is missing or failed")
+    honest: dict[bool, list[WorstCase]] = {True: [], False: []}
+    for one in worst_cases(attack_scores(suite, part)).values():
+        honest[not suite.tracks[one.condition.track].roles].append(one)
+    models = suite.model_names
+    clean, worst = (score_table(honest[which], models) for which in (True, False))
+    return clean, worst
 
 
 if __name__ == "__main__":
-    run(reruns)
+    main()

@@ -1,123 +1,357 @@
-"""`python -m studies.scale`: cities of up to a million agents: what liars cost consumers, and what a round costs."""
+"""Cities, in which each rater meets five of many providers in a round, from 25 agents to a million.
+
+The first table is what attackers cost consumers, by the number of agents: a consumer goes to the most trusted of the
+providers that it meets. Four in five agents are raters, so that every provider has 20 ratings a round in every city.
+The second table is the time of a round and its memory, beside a round of `mean` in plain NumPy. Only central models can
+be played. Some 20 minutes.
+"""
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from statistics import mean
-from typing import Annotated
+import time
+import tracemalloc
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from statistics import mean, median
+from typing import Any, NamedTuple
 
-import typer
-from rich.markup import escape
-from rich.table import Table
+import numpy as np
 
-from roletrust_env import make_scenario
+from roletrust_baselines import BadMouthing, Collusion, OnOff
+from roletrust_env import JointPolicy, Policy, Scenario, SparseGame, make_scenario
 from roletrust_env.evaluation.resources import in_bytes
 from roletrust_env.evaluation.specs import parse_trust_model
-from roletrust_env.storage.files import prepare_folder, replacing, write_csv
+from roletrust_env.game.rollout import rollout
+from roletrust_env.metrics.confidence import Estimate, Floats, estimate
+from roletrust_env.metrics.consumers import share_of_best, skill
 from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.edge_state import edge_model
-from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import console, number_table, plus_minus, print_next, progress_bar, short
-from roletrust_experiments.commands.options import NAMED, OptionalOut, Seed
-from studies.cities import ATTACKS, LEAST, MET, Harm, city, city_sizes, measure_harm
-from studies.costs import machine
-from studies.running import run
-from studies.timing.cities import PLAIN, RoundCost, measure_rounds
-from studies.timing.contestants import Spread
-
-_SIZES = 25, 100, 1000, 10_000
-_COST_SIZES = 1000, 10_000, 100_000, 1_000_000
-_MODELS = "role-trust", "mean", "median"
-_SHARES = 0.2, 0.4
-_TITLE = "Cities of up to a million agents"
-_HARM = "Skill that consumers lose to attackers"
-_COSTS = "What a round costs"
-_PARTS = "noise", "policies", "step"
-_COST_HEADINGS = ("model", "agents", "services", "ms", "least - greatest", *_PARTS, "times plain", "memory")
+from roletrust_experiments.commands.console import plus_minus
+from studies.study import Recipe, Study
+from studies.timing.contestants import Spread, machine
 
 
-def scale(
-    agents: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=1,
-            help="Number of agents of an attacked city; repeat for more; 25, 100, 1,000 and 10,000 if left out.",
-            show_default=False,
-        ),
-    ] = None,
-    cost: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=1,
-            help="Number of agents of a city whose rounds are timed; repeat for more; 1,000 to 1,000,000 if left out.",
-            show_default=False,
-        ),
-    ] = None,
-    model: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar=NAMED,
-            help="Central trust model; repeat for more; role-trust, mean and median if left out.",
-            autocompletion=completion.models,
-            show_default=False,
-        ),
-    ] = None,
-    rounds: Annotated[int, typer.Option(min=2, help="Rounds of an attacked city.")] = 30,
-    seeds: Annotated[int, typer.Option(min=2, help="Seeds of each attacked city, from --seed on.")] = 10,
-    seed: Seed = 0,
-    out: OptionalOut = None,
-) -> None:
-    """Play [bold]cities[/], in which each rater meets five of many providers in a round, from 25 agents to a million.
+class Options(NamedTuple):
+    """Cities to play.
 
-    The first table is what attackers cost consumers, by the number of agents: a consumer goes to the most trusted of
-    the providers that it meets. Four in five agents are raters, so that every provider has 20 ratings a round in every
-    city. The second table is the time of a round and its memory, beside a round of `mean` in plain NumPy.
-
-    Only central models can be played.
-
-    Written with --out: [green]scale-harm.csv scale-costs.csv scale.md[/].
-
-    [bold]Examples[/]
-
-    [dim]# a first look, in half a minute[/]
-    [cyan]python -m studies.scale --agents 25 --agents 1000 --cost 10000 --seeds 3[/]
-
-    [dim]# the page in docs/, up to half an hour[/]
-    [cyan]python -m studies.scale --seeds 20 --out results/scale[/]
+    Attributes:
+        agents: Numbers of agents of attacked cities.
+        cost: Numbers of agents of cities whose rounds are timed.
+        model: Specs of central trust models.
+        rounds: Rounds of an attacked city.
+        seeds: Seeds of each attacked city, from the seed of the study on.
     """
-    sizes, cost_sizes = sorted(set(agents or _SIZES)), sorted(set(cost or _COST_SIZES))
-    scenario = make_scenario("city")
-    models = {name: edge_model(parse_trust_model(name, scenario)) for name in dict.fromkeys(model or _MODELS)}
-    for size in (sizes[0], sizes[-1], cost_sizes[0], cost_sizes[-1]):
-        city(size, rounds)  # refuses what is too small or too large
-    if out is not None:
-        prepare_folder(out)
-    with progress_bar() as progress:
-        conditions = 1 + len(ATTACKS) * len(_SHARES)
-        steps = len(sizes) * len(models) * conditions + len(cost_sizes) * (len(models) + 1)
-        task = progress.add_task("", total=steps)
 
-        def advance(what: str) -> None:
-            progress.update(task, description=what, advance=1)
+    agents: tuple[int, ...] = (25, 100, 1000, 10_000)
+    cost: tuple[int, ...] = (1000, 10_000, 100_000, 1_000_000)
+    model: tuple[str, ...] = ("role-trust", "mean", "median")
+    rounds: int = 30
+    seeds: int = 20
 
-        chosen = range(seed, seed + seeds)
-        harms = measure_harm(sizes, models, _SHARES, rounds=rounds, seeds=chosen, advance=advance)
-        costs = measure_rounds(cost_sizes, models, seed=seed, advance=advance)
-    harm_caption = _harm_caption(harms, seeds, rounds)
-    cost_caption = (
-        "Milliseconds of processor time of a round in which a fifth of the raters bad-mouths, the median; noise, "
-        f"policies and step are its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. Memory: "
-        "the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that ever met."
+
+MET = 5
+"""Number of providers that a rater meets in a round of the preset `city`."""
+
+LEAST = 5 * MET
+"""Least number of agents of a city: a rater meets all of its providers."""
+
+MOST = 10_000_000
+"""Maximum number of agents of a city; role-trust then takes some 10 GB."""
+
+_GROUP = 100_000  # agents of a group, at most
+_PERIOD = 10  # of the on-off providers, in rounds
+
+ATTACKS = "bad-mouthing", "on-off", "collusion"
+"""Attacks on a city."""
+
+PLAIN = "plain NumPy"
+"""Name of the round of `mean` that is written by hand."""
+
+_ROUNDS = 1000  # more than are ever played where rounds are timed
+_SHARE = 0.2  # of the raters attack there
+_REPEATS = 5
+_HARM_HEADER = ("agents", "model", "attack", "share", "skill", "skill_half", "harm", "harm_half")
+_COST_HEADER = (
+    *("agents", "services", "name", "ms", "ms_least", "ms_greatest", "plain_ms"),
+    *("noise_ms", "policies_ms", "step_ms", "peak_bytes"),
+)
+_COST_HEADINGS = (
+    *("model", "agents", "services", "ms", "least - greatest", "noise", "policies", "step", "times plain", "memory"),
+)
+
+
+RECIPES = {"scale": Recipe(Options(), {name: name for name in ("scale.md", "scale-harm.csv", "scale-costs.csv")})}
+SHARES = 0.2, 0.4
+"""Shares of attackers."""
+
+
+class Harm(NamedTuple):
+    """What an attack does to consumers of a city.
+
+    Attributes:
+        agents: Number of agents.
+        model: Name of the trust model.
+        attack: Name of the attack; `honest` for none.
+        share: Share of compromised agents in the roles that the attack needs.
+        skill: Skill of the choice by trust, mean over the seeds.
+        harm: Skill of the honest city with the same luck, less that under the attack.
+    """
+
+    agents: int
+    model: str
+    attack: str
+    share: float
+    skill: Estimate
+    harm: Estimate
+
+
+class Parts(NamedTuple):
+    """Seconds of the parts of a round: noise and encounters drawn, policies asked, round played. Memory in bytes."""
+
+    noise: float
+    policies: float
+    step: float
+
+
+class RoundCost(NamedTuple):
+    """Cost of a round.
+
+    Attributes:
+        agents: Number of agents.
+        services: Number of services, and of ratings, in a round.
+        name: Name of the trust model, or `PLAIN`.
+        seconds: Processor time of the rounds that were timed, in seconds, which other work on the machine does not add
+            to.
+        by_hand: The same of the rounds in plain NumPy that were timed in turn with them.
+        parts: Medians of its parts; None for plain NumPy, which has no such parts.
+        memory: Peak of the memory of three rounds beyond that of the agents and their names, in bytes.
+    """
+
+    agents: int
+    services: int
+    name: str
+    seconds: tuple[float, ...]
+    by_hand: tuple[float, ...]
+    parts: Parts | None
+    memory: int
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play and time all cities, and write both tables."""
+    with Study(__name__, RECIPES, arguments) as study:
+        asked = study.options
+        sizes, cost_sizes = sorted(asked.agents), sorted(asked.cost)
+        scenario = make_scenario("city")
+        models = {name: edge_model(parse_trust_model(name, scenario)) for name in asked.model}
+        for size in (*sizes, *cost_sizes):
+            city(size, asked.rounds)  # refuses what is too small or too large
+        steps = len(sizes) * len(models) * (1 + len(ATTACKS) * len(SHARES)) + len(cost_sizes) * (len(models) + 1)
+        seeds = range(study.seed, study.seed + asked.seeds)
+        with study.progress(steps) as advance:
+            harms = measure_harm(sizes, models, SHARES, rounds=asked.rounds, seeds=seeds, advance=advance)
+            costs = measure_rounds(cost_sizes, models, seed=study.seed, advance=advance)
+        study.csv("scale-harm.csv", _HARM_HEADER, [(*one[:4], *one.skill[:2], *one.harm[:2]) for one in harms])
+        study.csv("scale-costs.csv", _COST_HEADER, map(_cost_row, costs))
+        (harm_headings, *harm_lines), cost_lines = _harm_lines(harms), _cost_lines(costs)
+        study.page(
+            "scale.md",
+            "# Cities of up to a million agents",
+            "## Skill that consumers lose to attackers",
+            _harm_caption(harms, asked.seeds, asked.rounds),
+            markdown_table(harm_headings, harm_lines, 3),
+            "## What a round costs",
+            "Milliseconds of processor time of a round in which a fifth of the raters bad-mouths, the median; noise, "
+            f"policies and step are its parts. {PLAIN}: a round of mean by hand, in turn with each of the others. "
+            "Memory: the peak of three rounds, beyond the agents and their names; role-trust remembers every pair that "
+            "ever met.",
+            markdown_table(_COST_HEADINGS, cost_lines, 1),
+            f"Made by `{study.command}` on {machine()}.",
+        )
+
+
+def city(agents: int, rounds: int) -> Scenario:
+    """Return the preset `city` with another number of agents, four raters to each provider, and of rounds.
+
+    Raises:
+        ValueError: There are too few agents, or too many.
+    """
+    if agents < LEAST:
+        raise ValueError(f"a city of {agents} agents is too small; it needs {LEAST} or more")
+    if agents > MOST:
+        raise ValueError(f"a city of {agents:,} agents is too large; at most {MOST:,} are allowed")
+    preset = make_scenario("city")
+    groups = [
+        group.model_copy(update={"count": min(_GROUP, count - begun)}).model_dump()
+        for group, count in zip(preset.agents, city_sizes(agents), strict=True)
+        for begun in range(0, count, _GROUP)
+    ]
+    return preset.change(agents=groups, max_cycles=rounds)
+
+
+def city_sizes(agents: int) -> tuple[int, int]:
+    """Return the numbers of raters and of providers of a city."""
+    return agents - agents // 5, agents // 5
+
+
+def attackers(game: SparseGame, attack: str, share: float) -> dict[str, Policy]:
+    """Return the policies of the attackers: the first raters, the first providers, or both.
+
+    Bad-mouthing raters rate everybody 0. On-off providers serve badly in half of all rounds. The providers of a ring
+    serve badly, and its raters praise them and rate all others 0.
+
+    Args:
+        game: City.
+        attack: One of `ATTACKS`.
+        share: Share of the agents of a role that attack; at least one.
+    """
+    raters, providers = (
+        names[: max(1, round(share * len(names)))] for names in (game.roster.rater_names, game.roster.provider_names)
     )
-    harm_lines, cost_lines = _harm_lines(harms), _cost_lines(costs)
-    console.print(_screen(_HARM, harm_caption, harm_lines, ("model", "attack", "share")))
-    console.print(_screen(_COSTS, cost_caption, cost_lines, ("model", "agents"), ("services", "least - greatest")))
-    if out is not None:
-        _write(out, harms, costs)
-        with replacing(out / "scale.md") as path:
-            path.write_text(_page(harm_caption, harm_lines, cost_caption, cost_lines), encoding="utf-8")
-        console.print(f"Written to {out}: scale-harm.csv, scale-costs.csv, scale.md", soft_wrap=True)
-    print_next("costs", "--ratings", 1_000_000)
+    if attack == "bad-mouthing":
+        return dict.fromkeys(raters, BadMouthing(level=0.0))
+    if attack == "on-off":
+        return dict.fromkeys(providers, OnOff(period=_PERIOD))
+    ring = Collusion(accomplices=tuple(range(len(providers))))
+    return dict.fromkeys([*raters, *providers], ring)
+
+
+def measure_harm(
+    sizes: Sequence[int],
+    models: Mapping[str, Any],
+    shares: Sequence[float],
+    *,
+    rounds: int,
+    seeds: Sequence[int],
+    advance: Callable[[str], None] = lambda what: None,
+) -> list[Harm]:
+    """Play cities with and without attackers, with the same luck.
+
+    Args:
+        sizes: Numbers of agents.
+        models: Central trust models by name.
+        shares: Shares of attackers.
+        rounds: Number of rounds.
+        seeds: Seeds, two or more for an interval.
+        advance: Called with what is played next, once for each model, size and condition.
+    """
+    found = []
+    for agents in sizes:
+        scenario = city(agents, rounds)
+        for name, model in models.items():
+            game = SparseGame(scenario, model)
+            played: dict[tuple[str, float], Floats] = {}
+            for attack, share in [("honest", 0.0), *((attack, share) for attack in ATTACKS for share in shares)]:
+                advance(f"{agents:,} agents, {name}, {attack}")
+                policies = attackers(game, attack, share) if share else {}
+                seats = JointPolicy(game, policies)
+                got = np.array([_utilities(seats, seed) for seed in seeds]).T
+                played[attack, share] = skill(*got)
+                harm = estimate(played["honest", 0.0] - played[attack, share])
+                found.append(Harm(agents, name, attack, share, estimate(played[attack, share]), harm))
+    return found
+
+
+def _utilities(seats: JointPolicy, seed: int) -> tuple[float, float]:
+    """Return the utility of the choice by trust and of a blind choice in one game."""
+    game, random = seats.game, seats.game.random(seed)
+    assert isinstance(game, SparseGame)
+    bought = np.array([game.bought(*played[:3]) for played in rollout(seats, random, random)])
+    got, best, blind = bought.T
+    return float(share_of_best(got, best).value), float(share_of_best(blind, best).value)
+
+
+def measure_rounds(
+    sizes: Sequence[int],
+    models: Mapping[str, Any],
+    *,
+    seed: int = 0,
+    advance: Callable[[str], None] = lambda what: None,
+) -> list[RoundCost]:
+    """Time rounds of cities in which a fifth of the raters bad-mouths, each in turn with plain NumPy.
+
+    Args:
+        sizes: Numbers of agents.
+        models: Central trust models by name.
+        seed: Random seed.
+        advance: Called with what is measured next, once for each model and size, and for plain NumPy.
+    """
+    found = []
+    for agents in sizes:
+        scenario, (raters, providers) = city(agents, _ROUNDS), city_sizes(agents)
+        advance(f"{agents:,} agents, {PLAIN}")
+        by_hand, memory = _traced(partial(plain, raters, providers, seed))
+        rows = []
+        for name, model in models.items():
+            advance(f"{agents:,} agents, {name}")
+            play, peak = _traced(_player(SparseGame(scenario, model), seed))
+            turns = [(play(), sum(by_hand())) for _ in range(_REPEATS)]
+            parts = Parts(*(median(column) for column in zip(*(taken for taken, _ in turns), strict=True)))
+            seconds, hand = tuple(sum(taken) for taken, _ in turns), tuple(taken for _, taken in turns)
+            rows.append(RoundCost(agents, MET * raters, name, seconds, hand, parts, peak))
+            del play
+        hand = rows[0].by_hand
+        found += [*rows, RoundCost(agents, MET * raters, PLAIN, hand, hand, None, memory)]
+    return found
+
+
+def _player(game: SparseGame, seed: int) -> Callable[[], Callable[[], Parts]]:
+    """Return a function that starts the game and returns a function that plays its next round."""
+    seats = JointPolicy(game, attackers(game, "bad-mouthing", _SHARE))
+
+    def start() -> Callable[[], Parts]:
+        random = game.random(seed)
+        state = game.start(game.draw(random, start=True))
+        memories = seats.begin(random)
+
+        def play() -> Parts:
+            nonlocal state, memories
+            began = time.process_time()
+            noise = game.draw(random)
+            drawn = time.process_time()
+            actions, memories = seats.act(state, memories, random)
+            asked = time.process_time()
+            state = game.step(state, actions, noise)[0]
+            return Parts(drawn - began, asked - drawn, time.process_time() - asked)
+
+        return play
+
+    return start
+
+
+def plain(raters: int, providers: int, seed: int) -> Callable[[], Parts]:
+    """Return a function that plays the next round of `mean` in a city, written by hand for this one case in NumPy.
+
+    A fifth of the raters rates 0. Unlike in the game, a rater may meet a provider twice in a round.
+    """
+    rng = np.random.default_rng(seed)
+    ability, top = rng.uniform(0.3, 1.0, providers), np.full(providers, 0.5)
+    liars = np.arange(raters) < _SHARE * raters
+
+    def play() -> Parts:
+        nonlocal top
+        began = time.process_time()
+        whom = rng.integers(0, providers, (raters, MET))
+        seen = np.clip(ability[whom] + 0.05 * rng.standard_normal((raters, MET)), 0, 1)
+        rated = np.where(liars[:, None], 0.0, seen).ravel()
+        whom = whom.ravel()
+        counts = np.bincount(whom, minlength=providers)
+        average = np.bincount(whom, rated, providers) / np.maximum(counts, 1)
+        top = np.where(counts > 0, top + 0.5 * (average - top), top)
+        return Parts(0.0, 0.0, time.process_time() - began)
+
+    return play
+
+
+def _traced(start: Callable[[], Callable[[], Parts]]) -> tuple[Callable[[], Parts], int]:
+    """Return the function that plays the next round, after three rounds, and the peak of their memory in bytes."""
+    tracemalloc.start()
+    try:
+        play = start()
+        for _ in range(3):
+            play()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    return play, peak
 
 
 def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
@@ -142,19 +376,6 @@ def _harm_caption(found: Sequence[Harm], seeds: int, rounds: int) -> str:
     )
 
 
-def _screen(
-    title: str, caption: str, lines: list[list[str]], names: Sequence[str], hidden: Sequence[str] = ()
-) -> Table:
-    """Return a table for a terminal of 80 columns: names in one column, and without what stands in the files only."""
-    headings, *rows = lines
-    shown = [at for at, heading in enumerate(headings) if heading not in (*names, *hidden)]
-    table = number_table(title, caption, *(headings[at].replace(" ", "\n") for at in shown), name=", ".join(names))
-    for row in rows:
-        name = ", ".join(cell for cell in row[: len(names)] if cell)
-        table.add_row(escape(name), *(short(row[at]) for at in shown))
-    return table
-
-
 def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:
     """Return the headings, and a row for each model and condition with a cell for each number of agents."""
     sizes = sorted({one.agents for one in found})
@@ -169,8 +390,8 @@ def _harm_lines(found: Sequence[Harm]) -> list[list[str]]:
 
 
 def _cost_lines(found: Sequence[RoundCost]) -> list[list[str]]:
-    """Return the headings, and a row for each model and number of agents."""
-    lines = [list(_COST_HEADINGS)]
+    """Return a row for each model and number of agents."""
+    lines = []
     for one in found:
         ms = Spread.of(1e3 * s for s in one.seconds)
         parts = ["-"] * 3 if one.parts is None else [f"{1e3 * s:,.1f}" for s in one.parts]
@@ -180,35 +401,12 @@ def _cost_lines(found: Sequence[RoundCost]) -> list[list[str]]:
     return lines
 
 
-def _write(out: Path, harms: Sequence[Harm], costs: Sequence[RoundCost]) -> None:
-    header: tuple[str, ...] = ("agents", "model", "attack", "share", "skill", "skill_half", "harm", "harm_half")
-    write_csv(out / "scale-harm.csv", header, [(*one[:4], *one.skill[:2], *one.harm[:2]) for one in harms])
-    header = ("agents", "services", "name", "ms", "ms_least", "ms_greatest", "plain_ms")
-    header += ("noise_ms", "policies_ms", "step_ms")
-    rows = [
-        (
-            *(one.agents, one.services, one.name),
-            *Spread.of(1e3 * s for s in one.seconds),
-            1e3 * Spread.of(one.by_hand).median,
-            *((None,) * 3 if one.parts is None else (1e3 * s for s in one.parts)),
-            one.memory,
-        )
-        for one in costs
-    ]
-    write_csv(out / "scale-costs.csv", (*header, "peak_bytes"), rows)
-
-
-def _page(harm_caption: str, harms: list[list[str]], cost_caption: str, costs: list[list[str]]) -> str:
-    """Return both tables as a page of Markdown."""
-    parts = [f"# {_TITLE}"]
-    for title, caption, names, (headings, *rows) in (
-        (_HARM, harm_caption, 3, harms),
-        (_COSTS, cost_caption, 1, costs),
-    ):
-        parts += [f"## {title}", caption, markdown_table(headings, rows, names)]
-    parts.append(f"Written by `python -m studies.scale` on {machine(1)}; `make scale` measures again.")
-    return "\n\n".join(parts) + "\n"
+def _cost_row(one: RoundCost) -> tuple[Any, ...]:
+    """Return a row of the table of numbers, in milliseconds."""
+    parts = (None,) * 3 if one.parts is None else (1e3 * s for s in one.parts)
+    ms, plain_ms = Spread.of(1e3 * s for s in one.seconds), 1e3 * Spread.of(one.by_hand).median
+    return (one.agents, one.services, one.name, *ms, plain_ms, *parts, one.memory)
 
 
 if __name__ == "__main__":
-    run(scale)
+    main()

@@ -130,7 +130,7 @@ class Study(Generic[Options]):
         if isinstance(error, KeyboardInterrupt):
             _stop("Stopped. Finished runs are kept; repeat the command to continue.", 130)
         if isinstance(error, ValueError | OSError):
-            _stop(f"Error: {error}", 2)
+            _stop(f"Error: {error}", 2, error)
         if error is not None:
             return
         about = {"command": self.command, "options": self.options._asdict(), "seed": self.seed}  # type: ignore[attr-defined]
@@ -284,6 +284,6 @@ def _play_safely(work: Callable[..., Run], *arguments: Any) -> Run:
         return {"failed": reason(error)}
 
 
-def _stop(line: str, code: int) -> None:
+def _stop(line: str, code: int, error: BaseException | None = None) -> None:
     print(line, file=sys.stderr)
-    raise SystemExit(code) from None
+    raise SystemExit(code) from error

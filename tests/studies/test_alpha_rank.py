@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from studies.alpha_rank import alpha_rank
+from studies.equilibrium import alpha_rank
 
 pytestmark = pytest.mark.slow
 

@@ -1,58 +1,122 @@
-"""`python -m studies.equilibrium`: its table, its files, and what it refuses."""
+"""The equilibrium of models and attackers: games whose solution is known, duality, and what counts as a strategy."""
 
 import csv
+from pathlib import Path
 
+import numpy as np
 import pytest
-
-pytest.importorskip("cma")
-
-from small_suites import MARKET, small
-from study_line import app
-from typer.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from small_suites import small
 
 from roletrust_env.benchmarking import benchmark
+from roletrust_env.benchmarking.worst_case import AttackScores, Condition
+from studies.equilibrium import Payoffs, equilibrium, main, payoffs, responded, solve
 
 pytestmark = pytest.mark.slow
 
-
-def equilibrium(*arguments):
-    result = CliRunner().invoke(app, ["equilibrium", *map(str, arguments)])
-    return result.exit_code, " ".join(result.output.split())
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    out = tmp_path_factory.mktemp("run")
-    benchmark(suite=small(scenarios={"market": MARKET}, models=["mean", "median", "constant"]), out=out, workers=0)
-    return out / "results.sqlite"
+HERE, THERE = Condition("market", "raters", 0.3), Condition("crowd", "raters", 0.3)
+DOCS = Path(__file__).parents[2] / "docs"
+SCORES = arrays(np.float64, (3, 4), elements=st.floats(-1, 1))
 
 
-def test_the_equilibrium_is_shown_and_written(results, tmp_path):
-    code, printed = equilibrium(results, "--resamples", 20, "--out", tmp_path)
-    assert code == 0, printed
-    assert "best mixture: " in printed
-    with (tmp_path / "equilibrium.csv").open() as file:
-        rows = {row["model"]: row for row in csv.DictReader(file)}
-    assert set(rows) == {"mean", "median", "constant"}
-    assert sum(float(row["weight"]) for row in rows.values()) == pytest.approx(1)
-    assert sum(float(row["alpha_rank"]) for row in rows.values()) == pytest.approx(1, abs=1e-5)
-    page = (tmp_path / "equilibrium.md").read_text()
-    assert page.startswith("| model | weight | alone | exploitability | alpha-rank |")
-    assert f"Made by `python -m studies.equilibrium {results} --resamples 20 --seed 0`." in page
-    assert (tmp_path / "equilibrium.png").stat().st_size > 1000
-    with (tmp_path / "attacks.csv").open() as file:
-        assert sum(float(row["weight"]) for row in csv.DictReader(file)) >= 1
+def test_two_by_two_has_its_closed_form() -> None:
+    """Without a saddle point, value = (ad - bc) / (a + d - b - c), and the first row has (d - c) / the same."""
+    a, b, c, d = 0.9, 0.2, 0.1, 0.6
+    found, apart = solve([np.array([[a, b], [c, d]])]), a + d - b - c
+    assert found.value == pytest.approx((a * d - b * c) / apart)
+    assert found.models == pytest.approx([(d - c) / apart, (a - b) / apart])
+    assert found.attacks[0] == pytest.approx([(d - b) / apart, (a - c) / apart])
 
 
-def test_some_models_play_by_themselves(results, tmp_path):
-    code, _ = equilibrium(results, "--model", "mean", "--resamples", 20, "--out", tmp_path)
-    assert code == 0
-    assert "| `mean` | 1.000 (1.000, 1.000) |" in (tmp_path / "equilibrium.md").read_text()
+def test_one_mixture_serves_all_conditions() -> None:
+    """Each model is perfect in one condition and useless in the other: every mixture has the mean."""
+    here, there = np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])
+    assert solve([here, there]).value == pytest.approx(0.5)
+    assert np.mean([solve([game]).value for game in (here, there)]) == pytest.approx(1.0)
 
 
-def test_what_is_not_there_is_refused(results, tmp_path):
-    code, printed = equilibrium(results, "--model", "beta", "--out", tmp_path / "none")
-    assert (code, "has no model 'beta'; it has mean, median, constant" in printed) == (2, True)
-    assert not (tmp_path / "none").exists()
-    code, printed = equilibrium(tmp_path / "none.sqlite")
-    assert (code, "none.sqlite" in printed) == (2, True)
+@settings(max_examples=50)
+@given(games=st.lists(SCORES, min_size=1, max_size=3))
+def test_neither_side_gains_by_leaving_the_equilibrium(games: list[np.ndarray]) -> None:
+    found = solve(games)
+    assert found.models.sum() == pytest.approx(1)
+    assert all(mixture.sum() == pytest.approx(1) for mixture in found.attacks)
+    assert responded(found.models, games, games) == pytest.approx(found.value, abs=1e-7)
+    best = np.mean([game @ mixture for game, mixture in zip(games, found.attacks, strict=True)], axis=0).max()
+    assert best == pytest.approx(found.value, abs=1e-7)
+
+
+def scores(model: str, attack: str, method: str, value: float, condition: Condition = HERE) -> AttackScores:
+    games = np.full((2, 3), value)
+    measured = {"utility": games, "blind": 0 * games}
+    return AttackScores(model, condition, attack, method, False, attack, games, measured, games, games, np.zeros(1))
+
+
+def test_attacks_that_some_model_has_not_met_are_no_strategies() -> None:
+    rows = [scores(m, "lies", "scripted", 0.5) for m in ("a", "b")]
+    rows += [scores(m, "evolution", "evolution", 0.1) for m in ("a", "b")]  # two attacks of one name
+    rows += [
+        scores("a", "ring", "scripted", 0.1),
+        scores("a", "nobody", "nobody", 1.0, Condition("market", "honest", 0.0)),
+    ]
+    (found,) = payoffs(rows, ["a", "b"])
+    assert (found.condition, found.attacks, found.chosen.shape) == (HERE, ("lies",), (2, 1, 6))
+    with pytest.raises(ValueError, match="no attack was played on all 2 models in market, raters 30%"):
+        payoffs(rows[2:], ["a", "b"])
+    with pytest.raises(ValueError, match="no condition with an attack"):
+        payoffs(rows[-1:], ["a"])
+
+
+def test_intervals_hold_the_truth_of_a_game_with_noise() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.array([[0.9, 0.2], [0.1, 0.6]])
+    games = [
+        Payoffs(where, ("x", "y"), *(truth[..., None] + rng.normal(0, 0.1, (2, 2, 200)) for _ in range(2)))
+        for where in (HERE, THERE)
+    ]
+    found = equilibrium(games, ["first", "second"], resamples=100)
+    value, first = 0.52 / 1.2, 0.5 / 1.2
+    assert found.mixture.low <= value <= found.mixture.high
+    assert found.weights[0].low <= first <= found.weights[0].high
+    assert found.gain.low > 0
+    assert found.gain.value == pytest.approx(found.mixture.value - max(x.value for x in found.alone), abs=0.02)
+    assert equilibrium(games, ["first", "second"], resamples=100) == found
+    assert found.exploitability[0].value == pytest.approx(found.mixture.value - found.alone[0].value)
+
+
+def test_the_page_says_what_the_table_has() -> None:
+    lines = (DOCS / "equilibrium" / "equilibrium.md").read_text(encoding="utf-8").splitlines()
+    facts = {}
+    for line in lines[lines.index("| defender | skill |") + 2 :][:4]:
+        what, numbers = line.strip("| ").split(" | ")
+        facts[what.partition(",")[0]] = [float(x.strip("(),")) for x in numbers.split()]
+    mixture, gain, informed, mixed = facts.values()
+    assert gain == [0, 0, 0]
+    assert informed[0] > mixture[0]
+    assert abs(mixed[0] - informed[0]) < 0.01
+    with (DOCS / "equilibrium" / "equilibrium.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows if float(row["weight"]) > 0.01] == ["first-hand"]
+    ranked = sorted(rows, key=lambda row: -float(row["alpha_rank"]))
+    assert [row["model"] for row in ranked[:3]] == ["first-hand", "own-experience", "leave-one-out"]
+    assert all(
+        line.endswith("100% |") for line in lines[lines.index("| condition | the attacker's mixture |") + 2 :][:16]
+    )
+
+
+def test_the_study_of_a_played_suite(tmp_path):
+    suite = small(models=["mean", "median", "constant"], methods=["scripted"])
+    benchmark(suite=suite, out=tmp_path / "played", workers=0, progress=False)
+    results = ["--results", str(tmp_path / "played/results.sqlite"), "--resamples", "20"]
+    main([*results, "--out", str(tmp_path / "out")])
+    with (tmp_path / "out/equilibrium.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["model"] for row in rows} == {"mean", "median", "constant"}
+    assert sum(float(row["weight"]) for row in rows) == pytest.approx(1, abs=1e-5)
+    assert sum(float(row["alpha_rank"]) for row in rows) == pytest.approx(1, abs=1e-5)
+    assert [float(row["alone"]) for row in rows] == sorted((float(row["alone"]) for row in rows), reverse=True)
+    assert "| best mixture | " in (tmp_path / "out/equilibrium.md").read_text()
+    with pytest.raises(SystemExit):
+        main([*results, "--model", "beta", "--out", str(tmp_path / "none")])

@@ -1,21 +1,14 @@
 import csv
-import json
 
 import numpy as np
 import pytest
-from study_line import app
-from typer.testing import CliRunner
 
 from roletrust_env import make_scenario, trust_models
 from roletrust_env.evaluation.curves import Curves
 from roletrust_env.world.roster import Roster
-from studies.plots.models import Panel, mean_lines, models_figure
+from studies.models import Panel, main, mean_lines, models_figure
 
 pytestmark = pytest.mark.slow
-
-
-def run(out, *arguments):
-    return CliRunner().invoke(app, ["models", "--games", "1", "--out", str(out), *arguments])
 
 
 def drawn(folder):
@@ -32,8 +25,7 @@ def drawn(folder):
 def page(tmp_path_factory):
     out = tmp_path_factory.mktemp("models")
     models = [word for name in ("role-trust", "mean", "median", "constant") for word in ("--model", name)]
-    result = run(out, *models)
-    assert result.exit_code == 0, result.output
+    main([*models, "--games", "1", "--out", str(out)])
     return out
 
 
@@ -46,17 +38,6 @@ def test_the_page_tells_models_apart(page):
     assert {value for key, value in trust.items() if key[0] == "constant"} == {0.5}
     assert ("mean", "4", "ToR", "honest") not in trust  # it rates no raters
     assert ("role-trust", "one", "ToR", "attackers") not in trust
-
-
-def test_files_say_what_was_played(page, tmp_path):
-    results = json.loads((page / "results.json").read_text())
-    assert set(results["trust_models"]) == {"role-trust", "mean", "median", "constant"}
-    assert len(results["attackers"]) == 3
-    assert (page / "models.png").stat().st_size > 10_000
-    for seed, same in (("0", True), ("1", False)):
-        assert run(tmp_path / seed, "--model", "median", "--seed", seed).exit_code == 0
-        again = (tmp_path / seed / "models.csv").read_text().splitlines()[1:]
-        assert (set(again) <= set((page / "models.csv").read_text().splitlines())) == same
 
 
 def test_there_is_a_row_for_every_model():
@@ -77,10 +58,3 @@ def test_lines_are_means_over_agents_and_games_that_are_there():
     curves = Curves(*[np.ones((1, 3, 2))] * 2, top, *[np.ones((1, 6, 2))] * 2, top)
     lines = mean_lines(roster, curves, ["sp_2"], rates_raters=False)
     assert lines == {("ToP", "honest"): pytest.approx([0.4]), ("ToP", "attackers"): pytest.approx([0.9])}
-
-
-def test_unknown_model_is_one_clean_error(tmp_path):
-    result = run(tmp_path / "out", "--model", "meen")
-    assert result.exit_code == 2
-    assert "did you mean" in result.stderr
-    assert not (tmp_path / "out").exists()

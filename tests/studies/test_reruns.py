@@ -1,62 +1,67 @@
-"""`python -m studies.reruns`: the table of promises, and files that it refuses."""
+"""Reruns of a benchmark: runs of a few seeds are what they are alone, and promises are counted by hand."""
+
+from types import SimpleNamespace
 
 import pytest
-
-pytest.importorskip("cma")
-
 from small_suites import MARKET, small
-from study_line import app
-from typer.testing import CliRunner
 
 from roletrust_env.benchmarking import benchmark
+from roletrust_env.metrics.confidence import Estimate
+from studies.reruns import main, promises, reruns
 
 pytestmark = pytest.mark.slow
 
-SUITE = small(
-    scenarios={"market": MARKET}, models=["mean", "median"], attacks=["bad-mouthing", "on-off"], seeds=[4, 5, 6, 7]
-)
+
+def row(model, rank, mean, half, holds):
+    return SimpleNamespace(model=model, rank=rank, worst=Estimate(mean, half), holds=holds)
 
 
-def reruns(*arguments):
-    result = CliRunner().invoke(app, ["reruns", *map(str, arguments)])
-    return result.exit_code, " ".join(result.output.split())
+def test_promises_are_counted_in_every_pair_of_runs():
+    boards = [
+        [row("a", 1, 0.9, 0.03, 0.9), row("b", 2, 0.5, 0.03, 0.9)],
+        [row("a", 1, 0.9, 0.03, 0.5), row("b", 2, 0.54, 0.03, 0.5)],
+        [row("b", 1, 0.55, 0.03, 0.1), row("a", 2, 0.5, 0.03, 0.1)],
+    ]
+    means, *ranks, everything = promises(boards)
+    assert (means.promised, means.cases) == (0.95, 12)
+    assert means.kept == pytest.approx(6 / 12)  # a: one pair of three; b: 0.04 and 0.01 are within 0.042, 0.05 is not
+    assert [(one.promised, one.kept, one.cases) for one in ranks] == [(0.1, 0.0, 4), (0.5, 0.5, 4), (0.9, 0.5, 4)]
+    assert everything == ("ranks are the same, all", pytest.approx(0.5), pytest.approx(1 / 3), 12)
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    out = tmp_path_factory.mktemp("seeds")
-    benchmark(suite=SUITE, out=out, workers=0, progress=False)
-    return out / "results.sqlite"
+def played(tmp_path_factory):
+    suite = small(scenarios={"market": MARKET}, models=["mean", "median"], methods=["scripted"], seeds=[4, 5, 6, 7, 8])
+    return suite, benchmark(suite=suite, out=tmp_path_factory.mktemp("reruns"), workers=0)
 
 
-def test_promises_are_shown_and_written(results, tmp_path):
-    code, printed = reruns(results, "--out", tmp_path)
-    assert code == 0
-    assert "2 runs of 2 seeds, 2 models" in printed
-    written = (tmp_path / "reruns.md").read_text()
-    assert written.startswith("| promise | promised | kept | cases |")
-    assert "| means are within the interval of their difference | 0.95 |" in written
-    assert f"Made by `python -m studies.reruns {results} --seeds 2`." in written
+def test_a_run_is_what_it_is_alone(played, tmp_path):
+    suite, found = played
+    boards = reruns(suite, found.cells, 2)
+    assert len(boards) == 2  # the fifth seed is left over
+    alone = benchmark(suite=suite.model_copy(update={"seeds": (6, 7)}), out=tmp_path, workers=0)
+    assert [str(row) for row in boards[1]] == [str(row) for row in alone.rows]
 
 
-def test_what_cannot_be_cut_into_runs_is_refused(results, tmp_path):
-    refused = reruns(results, "--seeds", 3, "--out", tmp_path)
-    assert refused == (2, "Error: the suite has 4 seeds, too few for two runs of 3")
-    code, printed = reruns(tmp_path / "none.sqlite")
-    assert (code, "none.sqlite" in printed) == (2, True)
+def test_too_few_seeds_and_missing_cells_are_refused(played):
+    suite, found = played
+    with pytest.raises(ValueError, match="has 5 seeds, too few for two runs of 3"):
+        reruns(suite, found.cells, 3)
+    with pytest.raises(ValueError, match="with the seeds 6, 7 are missing"):
+        reruns(suite, [one for one in found.cells if one.cell[:1] != ("mean",) or one.cell.seed != 7], 2)
 
 
-def test_the_effect_of_places_is_shown_and_written(results, tmp_path):
-    shuffled = SUITE.model_copy(update={"seeds": (4, 5), "places": "shuffled"})
-    benchmark(suite=shuffled, out=tmp_path, workers=0, progress=False)
-    path = tmp_path / "results.sqlite"
-    code, printed = reruns(results, "--shuffled", path, "--out", tmp_path)
-    assert code == 0
-    assert "suites custom and custom, 2 seeds" in printed
-    assert "too narrow" not in printed  # at 80 columns
-    written = (tmp_path / "places.md").read_text()
-    assert written.startswith(
-        "| model | clean | change | worst | change |\n| --- | ---: | ---: | ---: | ---: |\n| mean |"
-    )
-    assert f"Made by `python -m studies.reruns {results} --shuffled {path}`." in written
-    assert not (tmp_path / "reruns.md").exists()
+def test_the_study_plays_both_suites_and_continues(tmp_path, monkeypatch, capsys):
+    suites = {
+        name: small(models=["mean", "median"], name=name, seeds=seeds, places=places)
+        for name, seeds, places in (("whole", [1, 2], "last"), ("shuffled", [1, 2], "shuffled"))
+    }
+    monkeypatch.setattr("studies.reruns.suite_of", suites.__getitem__)
+    options = ["--suite", "whole", "--shuffled", "shuffled", "--seeds", "1", "--workers", "1", "--out", str(tmp_path)]
+    main(options)
+    assert "| means are within the interval of their difference | 0.95 | " in (tmp_path / "reruns.md").read_text()
+    places = (tmp_path / "places.md").read_text()
+    assert "0.00000 ± 0.00000" in places  # both models treat all agents alike
+    monkeypatch.setattr("roletrust_env.benchmarking.cells.play_cell", None)
+    main(options)
+    assert (tmp_path / "places.md").read_text() == places

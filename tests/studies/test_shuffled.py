@@ -8,7 +8,7 @@ from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.trust.seats import RandomSeats
 from studies import SUITES
-from studies.shuffled import place_effects
+from studies.reruns import place_effects
 
 pytestmark = pytest.mark.slow
 

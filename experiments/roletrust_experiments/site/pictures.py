@@ -5,15 +5,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from rich.progress import Progress
-
 from roletrust_env import Game, JointPolicy, Scenario, make_scenario
 from roletrust_env.evaluation.specs import parse_attacks, parse_settings, with_settings
 from roletrust_experiments.commands.catalogue import Entry
-from roletrust_experiments.commands.console import errors, progress_bar
 from roletrust_experiments.plots.figure_files import write_figure
-from studies.models import ATTACKS, ROUNDS, SCENARIO
-from studies.plots.models import in_words, panel_figure, play_panel
+from studies.models import ATTACKS, ROUNDS, SCENARIO, in_words, panel_figure, play_panel
 
 MODEL = "role-trust"
 """Trust model that every attack is shown on: the paper's."""
@@ -90,28 +86,26 @@ def model_pictures(folder: Path, names: Iterable[str], *, quick: bool) -> dict[s
     titles = [CARD] if quick else list(ATTACKS)
     attacks = {title: parse_attacks(ATTACKS[title], rules) for title in titles}
     found: dict[str, list[Picture]] = {}
-    with progress_bar(errors) as progress:
-        for name in names:
-            found[name] = []
-            for title, policies in attacks.items():
-                joint_policy, file = (
-                    JointPolicy(Game(rules, name), policies),
-                    f"{name}-{list(ATTACKS).index(title)}.svg",
-                )
-                words = _draw(folder / file, joint_policy, title, progress)
-                found[name].append(Picture(file, title, f"Trust over time in {name}, {title}: {words}."))
+    for name in names:
+        found[name] = []
+        for title, policies in attacks.items():
+            joint_policy, file = (
+                JointPolicy(Game(rules, name), policies),
+                f"{name}-{list(ATTACKS).index(title)}.svg",
+            )
+            words = _draw(folder / file, joint_policy, title)
+            found[name].append(Picture(file, title, f"Trust over time in {name}, {title}: {words}."))
     return found
 
 
 def attack_pictures(folder: Path, entries: Mapping[str, Entry]) -> dict[str, Picture]:
     """Draw every attack on one trust model, by attack. See `how_shown`."""
     found = {}
-    with progress_bar(errors) as progress:
-        for name, entry in entries.items():
-            shown, file = how_shown(name, entry), f"{name}.svg"
-            joint_policy = JointPolicy(Game(shown.scenario, MODEL), parse_attacks(shown.texts, shown.scenario))
-            words = _draw(folder / file, joint_policy, name, progress)
-            found[name] = Picture(file, shown.who, f"Trust over time in {MODEL} under {name} by {shown.who}: {words}.")
+    for name, entry in entries.items():
+        shown, file = how_shown(name, entry), f"{name}.svg"
+        joint_policy = JointPolicy(Game(shown.scenario, MODEL), parse_attacks(shown.texts, shown.scenario))
+        words = _draw(folder / file, joint_policy, name)
+        found[name] = Picture(file, shown.who, f"Trust over time in {MODEL} under {name} by {shown.who}: {words}.")
     return found
 
 
@@ -132,8 +126,8 @@ def how_shown(name: str, entry: Entry) -> Shown:
     return Shown(SCENARIO, (rounds,), tuple(f"{agents}={name}{window}" for agents in who), ", ".join(who.values()))
 
 
-def _draw(path: Path, joint_policy: JointPolicy, title: str, progress: Progress) -> str:
+def _draw(path: Path, joint_policy: JointPolicy, title: str) -> str:
     """Play and draw; return the description of the picture."""
-    panel = play_panel(joint_policy, 0, progress, title, games=GAMES)
+    panel = play_panel(joint_policy, 0, games=GAMES)
     write_figure(path, panel_figure(panel, title))
     return in_words(panel)

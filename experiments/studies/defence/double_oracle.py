@@ -18,7 +18,7 @@ from roletrust_env.benchmarking.worst_case import Condition
 from studies.attackers.runs import Run
 from studies.defence.fronts import Front
 from studies.defence.response import respond_by_attack
-from studies.equilibria import Payoffs, Solution, solve
+from studies.equilibrium import Payoffs, Solution, solve
 
 _PAYOFF, _ATTACK, _DEFENCE = 1, 2, 3
 """Kinds of random numbers: of the matrix, and of the two trainings."""

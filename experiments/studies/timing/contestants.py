@@ -4,9 +4,12 @@ import contextlib
 import inspect
 import io
 import itertools
+import os
+import platform
 import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -261,3 +264,14 @@ def source(library: str, seed: int) -> tuple[Any, Random]:
 
         like = torch.zeros(())
     return like, Random(np.random.default_rng(seed), like)
+
+
+def machine(threads: int = 1) -> str:
+    """Return the machine and the software that timings are of, in words."""
+    packages = [f"Python {platform.python_version()}"]
+    for name in ("numpy", "torch"):
+        try:
+            packages.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            continue
+    return f"{os.cpu_count()} cores of {platform.machine()}, {', '.join(packages)}, torch on {threads} of them"
