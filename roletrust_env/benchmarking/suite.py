@@ -172,6 +172,8 @@ class Suite(SuiteSchema):
             raise ValueError("scenarios, tracks and methods must not be empty")
         if not self.models or not self.attacks:
             raise ValueError("models and attacks must not be empty")
+        if HONEST in self.methods:
+            raise ValueError(f"methods must not contain {HONEST!r}, which is played where all agents are honest")
         check_unique(methods=self.methods)
         check_names(self.known)
         self._check_stages()

@@ -129,6 +129,7 @@ def test_the_objective_of_the_planner_has_a_gradient() -> None:
     [
         ({"games": 1}, "games is 1"),
         ({"methods": ["a|b"]}, "methods"),
+        ({"methods": ["nobody"]}, "methods must not contain 'nobody'"),
         ({"seeds": [0, 0]}, "seeds must not contain a value twice"),
         ({"scenarios": {}}, "scenarios, tracks and methods must not be empty"),
         ({"scenarios": {"market": MARKET | {"preset": "nowhere"}}}, "unknown scenario 'nowhere'"),
