@@ -120,10 +120,9 @@ def _measure_again(entries: dict[str, Entry], folder: Path | None, games: int) -
         Whether each attacker was read, and has the score that was saved.
     """
     require("a trained attacker", "train", "safetensors")
-    from roletrust_env.evaluation.attacked_games import task_memory
-
     from roletrust_agents.learned.coalition_attacker import attacker_for
     from roletrust_agents.learned.saved import ZOO, load_attacker
+    from roletrust_env.evaluation.measurement import task_memory
 
     attackers = {name: load_attacker((folder or ZOO) / name) for name, one in entries.items() if "error" not in one}
     for attacker in attackers.values():
