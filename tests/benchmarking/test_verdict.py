@@ -45,7 +45,7 @@ def _fewer_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_said_of_ranks_and_scores_is_seen_in_reruns(seeds: int) -> None:
     random = np.random.default_rng(10 + seeds)
     said, seen, covered, wrong = [], [], [], []
-    for k in range(400):
+    for k in range(240):
         true, search = random.normal(0, (1, 2, 6)[k % 3], 10), searches(10, seeds, random)
         first, second = (run(true, seeds, random, search) for _ in range(2))
         order = best_first(first)
@@ -61,7 +61,7 @@ def test_what_is_said_of_ranks_and_scores_is_seen_in_reruns(seeds: int) -> None:
     for low in (0.0, 0.2, 0.4, 0.6, 0.8):
         part = (shares >= low) & (shares < low + 0.2 + (low == 0.8))
         if part.mean() > 0.05:
-            assert shares[part].mean() == pytest.approx(rights[part].mean(), abs=0.05)
+            assert shares[part].mean() == pytest.approx(rights[part].mean(), abs=0.06)
     assert 0.92 < np.mean(covered) < 0.98
     assert np.mean(wrong) < 0.05  # a model of a lower tier is better than the first one of a tier
 
@@ -128,10 +128,10 @@ def test_seeds_that_differ_widen_the_interval() -> None:
 @pytest.mark.parametrize("seeds", [1, 3])
 def test_a_model_far_below_does_not_make_the_ranks_of_the_others_sure(seeds: int) -> None:
     random, said, seen = np.random.default_rng(seeds), [], []
-    for _ in range(300):
+    for _ in range(150):
         true, search = np.array([*random.normal(0, 1, 5), -100.0]), searches(6, seeds, random)
         first, second = (run(true, seeds, random, search) for _ in range(2))
         order = best_first(first)
         said += verdict(first[order]).holds[:-1]
         seen += (best_first(second) == order)[:-1].tolist()
-    assert np.mean(said) == pytest.approx(np.mean(seen), abs=0.03)
+    assert np.mean(said) == pytest.approx(np.mean(seen), abs=0.04)
