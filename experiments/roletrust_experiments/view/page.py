@@ -1,19 +1,34 @@
-"""The live page in one browser: growing curves, and the parts that all viewers share."""
+"""The live page, for this machine only: growing curves in each browser, and the parts that all viewers share."""
 
-from collections.abc import Sequence
+import os
+import socket
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, FactorRange, InlineStyleSheet, Range1d
 from bokeh.models.widgets.markups import Div
 from bokeh.plotting import figure
+from bokeh.server.server import Server
 from jinja2 import Environment, PackageLoader
+from tornado.ioloop import PeriodicCallback
 
-from roletrust_env.live.team import PublishedTrust
+from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
+from roletrust_env.live.nodes.team_listener import TeamListener
+from roletrust_env.live.rounds import RoundTiming
+from roletrust_env.live.team import PublishedTrust, Team
+from roletrust_env.live.validation import MANAGER
+from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST
 from roletrust_experiments.view.dashboard import Dashboard, PageParts
 
+_HERE = "127.0.0.1"
+_POLL_MS = 100  # time between two checks for a signal
+_NICENESS = 10  # the server gives way to the robots
 _TEMPLATE = Path(__file__).parent / "template"
 _COLOURS = (*HONEST[:3], *ATTACKERS[1:])
 _DASHES = ("solid", (7, 3), (2, 2), (9, 3, 2, 3))
@@ -139,3 +154,77 @@ def _figure(name: str, height: int, **options: Any) -> Any:
     plain.xgrid.visible = False
     plain.outline_line_color = plain.background_fill_color = plain.border_fill_color = None
     return plain
+
+
+def serve(dashboard: Dashboard, port: int) -> Server:
+    """Return a started server of the page, for this machine only. The caller runs its loop.
+
+    Raises:
+        ValueError: The port is not available.
+    """
+    application = Application(FunctionHandler(partial(make_page, dashboard)))
+    origins = [f"localhost:{port}", f"{_HERE}:{port}"]
+    try:
+        server = Server({"/": application}, port=port, address=_HERE, allow_websocket_origin=origins)
+    except OSError as error:
+        raise _port_error(port, error) from None
+    server.start()
+    return server
+
+
+def check_port(port: int) -> None:
+    """Check before the work that a port is available.
+
+    Raises:
+        ValueError: The port is not available.
+    """
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            probe.bind((_HERE, port))
+        except OSError as error:
+            raise _port_error(port, error) from None
+
+
+def _port_error(port: int, error: OSError) -> ValueError:
+    return ValueError(f"port {port} is not available: {error}; choose another with --port")
+
+
+def run_view_server(
+    port: int,
+    period_s: float,
+    *,
+    team: Team,
+    keys: Path | None = None,
+    speed: float = 1.0,
+    attackers: Collection[str] = (),
+    network: bool = False,
+    ready: Callable[[Server], None] = lambda server: None,
+) -> None:
+    """Serve the page of a team until a signal ends the process. The process has a lower priority than the robots.
+
+    Args:
+        port: Port of the page.
+        period_s: Time between rounds, seconds.
+        team: Agents of the scenario.
+        keys: Folder with the public keys of the team and the manager; None shows unsigned messages.
+        speed: Speed relative to the scenario's clock.
+        attackers: Names to mark as attackers.
+        network: See `Node`.
+        ready: Function that is called once the page is available.
+
+    Raises:
+        ValueError: The port is not available, or a key does not exist.
+    """
+    os.nice(_NICENESS)
+    keyring = None if keys is None else PublicKeys(keys, [MANAGER])
+    listener = TeamListener(team, RoundTiming(round(period_s * SECOND)), keyring=keyring, network=network)
+    try:
+        server = serve(Dashboard(listener, period_s, speed, attackers), port)
+        with run_until_signal() as active:
+            ready(server)
+            PeriodicCallback(lambda: None if active else server.io_loop.stop(), _POLL_MS).start()
+            server.io_loop.start()
+        server.stop()
+    finally:
+        listener.close()

@@ -15,8 +15,7 @@ from roletrust_env.live.validation import MANAGER, RefusalReason
 from roletrust_experiments.plots.style import ATTACKER, HONEST
 from roletrust_experiments.view import dashboard as dashboards
 from roletrust_experiments.view.dashboard import Dashboard
-from roletrust_experiments.view.page import Page, make_page
-from roletrust_experiments.view.server import serve
+from roletrust_experiments.view.page import Page, make_page, serve
 
 PERIOD_S = 0.5
 NOW_S = 1_000_000.0

@@ -132,7 +132,7 @@ def demo(
     (require_view if view else require_live)()
     plan = _Plan(attack, seconds, speed, signed, seed)
     if view:
-        from roletrust_experiments.view.server import check_port
+        from roletrust_experiments.view.page import check_port
 
         check_port(port)
     prepare_folder(out)
@@ -208,7 +208,7 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> _
     from roletrust_env.live.nodes.run_loop import SECOND, Timeline
     from roletrust_env.live.validation import MANAGER
     from roletrust_env.live.wire.keys import make_keys
-    from roletrust_experiments.view.server import run_view_server
+    from roletrust_experiments.view.page import run_view_server
 
     scenario, policies, period = plan.scenario, plan.paper.policies, plan.period
     team, journal, keys = Team.of(scenario), out / "journal.jsonl", out / "keys" if plan.signed else None

@@ -31,7 +31,7 @@ def view(
     """
     require_view()
     from roletrust_env.live.team import Team
-    from roletrust_experiments.view.server import run_view_server
+    from roletrust_experiments.view.page import run_view_server
 
     def ready(server: "Server") -> None:
         console.print(f"{address(port)}, until Ctrl-C", soft_wrap=True)
