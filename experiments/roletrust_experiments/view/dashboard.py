@@ -1,14 +1,18 @@
 """The content of the live page in text and pictures, made once for all viewers."""
 
 import base64
-import html
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, PackageLoader
 
 from roletrust_env.live.nodes.team_listener import TeamListener
 from roletrust_env.live.team import PublishedTrust
 from roletrust_env.live.validation import MANAGER, RefusalReason
+
+TEMPLATES = Environment(loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True)
+_PARTS: Any = TEMPLATES.get_template("parts.html").module
 
 _GONE_PERIODS = 1.6  # periods without a message after which a robot is shown as gone
 _MIN_GONE_S = 0.3  # no robot is gone sooner, however short the period
@@ -74,72 +78,35 @@ class Dashboard:
         gone = {name for name, moment in last_heard.items() if now - moment > gone_s}
         tor, top = (rounds[-1].tor, rounds[-1].top) if rounds else ({}, {})
         silent = {name for name in tor if name not in last_heard} | gone
+        pictures = {name: base64.b64encode(jpeg).decode() for name, jpeg in listener.pictures.copy().items()}
         return PageParts(
-            _state(rounds[-1:], MANAGER in gone),
-            _cameras(dict(listener.pictures), top, gone),
-            _raters(tor, silent),
-            _refused(dict(listener.reports), listener.refusals),
+            _PARTS.state(*_state(rounds[-1:], MANAGER in gone)),
+            _PARTS.cameras(pictures, top, gone),
+            _PARTS.raters(tor, silent),
+            _PARTS.refused(_refused(listener.reports.copy(), listener.refusals)),
         )
 
 
-def _state(last: Sequence[PublishedTrust], silent: bool) -> str:
+def _state(last: Sequence[PublishedTrust], silent: bool) -> tuple[str, str, str]:
+    """Return the state of the last round: a class of the style sheet, a title and words."""
     if not last:
-        return _state_line("none", "No round yet.", "Waiting for a manager on this machine.")
+        return "none", "No round yet.", "Waiting for a manager on this machine."
     title = f"Round {last[0].round}"
     if silent:
-        return _state_line("bad", title, "The manager has been silent since.")
+        return "bad", title, "The manager has been silent since."
     if last[0].missing:
-        return _state_line("partial", title, f"missing: {', '.join(last[0].missing)}")
-    return _state_line("good", title, "nobody is missing")
+        return "partial", title, f"missing: {', '.join(last[0].missing)}"
+    return "good", title, "nobody is missing"
 
 
-def _state_line(kind: str, title: str, words: str) -> str:
-    return f'<p class="state {kind}"><i></i><b>{html.escape(title)}</b> {html.escape(words)}</p>'
-
-
-def _cameras(pictures: Mapping[str, bytes], top: Mapping[str, float], gone: Collection[str]) -> str:
-    cards = []
-    for name, jpeg in sorted(pictures.items()):
-        label, state = html.escape(name), " gone" if name in gone else ""
-        picture = base64.b64encode(jpeg).decode()
-        value = f"ToP {top[name]:.2f}" if name in top and not state else ""
-        cards.append(
-            f'<figure class="card{state}"><img alt="picture of {label}" src="data:image/jpeg;base64,{picture}">'
-            f"<figcaption><b>{label}{':' if state else ''}{state}</b><span>{value}</span></figcaption></figure>"
-        )
-    return f'<div class="cards">{"".join(cards)}</div>' if cards else '<p class="quiet">No camera yet.</p>'
-
-
-def _raters(tor: Mapping[str, float], silent: Collection[str]) -> str:
-    rows = []
-    for name, value in tor.items():
-        state = ": gone" if name in silent else ""
-        bar = f'<td class="bar" style="--part:{min(max(value, 0.0), 1.0):.4f}">{value:.2f}</td>'
-        rows.append(
-            f'<tr class="{"gone" if state else "here"}"><th scope="row">{html.escape(name)}{state}</th>{bar}</tr>'
-        )
-    return _table(("rater", "ToR"), rows) if rows else '<p class="quiet">No rater yet.</p>'
-
-
-def _refused(reports: Mapping[str, Mapping[str, str]], own: Mapping[tuple[str, RefusalReason], int]) -> str:
-    """Return a table of the messages that the manager, the raters and this page have refused."""
+def _refused(
+    reports: Mapping[str, Mapping[str, str]], own: Mapping[tuple[str, RefusalReason], int]
+) -> list[tuple[str, ...]]:
+    """Return sender, reason and count of what the manager, the raters and this page have refused, and by whom."""
     counts = [
         (*key.split(": ", 1), count, node)
         for node, values in sorted(reports.items(), key=lambda entry: entry[0] != MANAGER)
         for key, count in values.items()
         if ": " in key
     ]
-    counts += [(sender or "unknown", reason, str(count), "this page") for (sender, reason), count in own.items()]
-    rows = [
-        f'<tr><th scope="row">{html.escape(sender)}</th>'
-        + "".join(f"<td>{html.escape(text)}</td>" for text in further)
-        + "</tr>"
-        for sender, *further in counts
-    ]
-    headings = "sender", "reason", "count", "refused by"
-    return _table(headings, rows) if rows else '<p class="quiet">Nothing was refused.</p>'
-
-
-def _table(headings: Iterable[str], rows: Iterable[str]) -> str:
-    head = "".join(f'<th scope="col">{heading}</th>' for heading in headings)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+    return counts + [(sender or "unknown", reason, str(count), "this page") for (sender, reason), count in own.items()]

@@ -14,7 +14,6 @@ from bokeh.models import ColumnDataSource, FactorRange, InlineStyleSheet, Range1
 from bokeh.models.widgets.markups import Div
 from bokeh.plotting import figure
 from bokeh.server.server import Server
-from jinja2 import Environment, PackageLoader
 from tornado.ioloop import PeriodicCallback
 
 from roletrust_env.live.nodes.run_loop import SECOND, run_until_signal
@@ -24,7 +23,7 @@ from roletrust_env.live.team import PublishedTrust, Team
 from roletrust_env.live.validation import MANAGER
 from roletrust_env.live.wire.keys import PublicKeys
 from roletrust_experiments.plots.style import ATTACKER, ATTACKERS, HONEST
-from roletrust_experiments.view.dashboard import Dashboard, PageParts
+from roletrust_experiments.view.dashboard import TEMPLATES, Dashboard, PageParts
 
 _HERE = "127.0.0.1"
 _POLL_MS = 100  # time between two checks for a signal
@@ -42,8 +41,7 @@ def make_page(dashboard: Dashboard, document: Document) -> None:
     page = Page(dashboard)
     for root in page.roots:
         document.add_root(root)
-    environment = Environment(loader=PackageLoader("roletrust_experiments.view", "template"), autoescape=True)
-    document.template = environment.get_template("page.html")
+    document.template = TEMPLATES.get_template("page.html")
     document.title = "RoleTrust, live"
     document.add_periodic_callback(page.refresh, round(1000 * dashboard.refresh_s))
 
