@@ -8,10 +8,10 @@ import pytest
 from fake_wire import FakeWire
 
 from roletrust_env.live.nodes import inboxes, run_loop
-from roletrust_env.live.nodes.inboxes import AgentInbox, RatingSubscription, TrustSubscription
+from roletrust_env.live.nodes.inboxes import AgentInbox, RatingSubscription, TrustSubscription, rating_inbox
 from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.rounds import RoundTiming
-from roletrust_env.live.validation import MAX_STRANGERS, MessageValidator, StampLimits
+from roletrust_env.live.validation import MAX_STRANGERS, MessageValidator, RefusalReason, StampLimits
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.topics import IMAGES, RATINGS, owner
 
@@ -187,3 +187,34 @@ def test_a_signal_ends_a_node_and_its_sleep(number):
 )
 def test_a_topic_has_the_owner_that_it_names(topic, ending, name):
     assert owner(topic, ending) == name
+
+
+def test_a_flood_is_counted_once():
+    wire = FakeWire()
+    made = readers(wire)
+    made.update(wire.announce(IMAGES, messages.IMAGE, "sp_0"))
+    wire.waiting[f"/sp_0{IMAGES}"].append(messages.encode(messages.picture_message(5, "sp_0", b"jpeg")))
+    wire.readers[f"/sp_0{IMAGES}"].excess = 7
+    assert [picture.jpeg for picture in made.take(5)] == [b"jpeg"]
+    assert list(made.take(5)) == []
+    assert made.validator.refusals == {("sp_0", RefusalReason.FLOOD): 7}
+
+
+def test_ratings_on_the_topic_of_another_are_refused():
+    wire, validator = FakeWire(), MessageValidator(StampLimits(10**9, 1), last_stamps={"sr_1": 0})
+    inbox = rating_inbox(wire, RoundTiming(PERIOD), validator, ("sr_0", "sr_1"), strangers=False)
+    inbox.update(wire.announce(RATINGS, messages.RATINGS, "sr_1"))
+    for rater in ("sr_0", "sr_1"):
+        wire.waiting["/sr_1/ratings"].append(messages.encode(messages.ratings_message(rater, 5, {"sp_0": 0.5})))
+    assert [message.envelope.sender for message in inbox.take(5)] == ["sr_1"]
+    assert validator.refusals == {("sr_1", RefusalReason.ELSEWHERE): 1}
+
+
+def test_a_sender_may_send_ten_messages_a_period_and_at_least_ten_a_second():
+    assert [RoundTiming(period).quota for period in (10**8, 300_000_000, 5 * 10**8, 10**9, 10**10)] == [
+        100,
+        34,
+        20,
+        10,
+        10,
+    ]
