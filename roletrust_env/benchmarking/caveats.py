@@ -17,7 +17,7 @@ from roletrust_env.game.game import Game
 from roletrust_env.game.state import Actions
 from roletrust_env.trust import Traits
 from roletrust_env.trust.model_checks import needs_watching
-from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.trust.random_order import RandomOrder
 
 _SAME = 1e-9
 _ROUNDING = 1e-6  # of sums in another order
@@ -98,7 +98,7 @@ def _depends_on_places(game: Game) -> bool:
     """Return whether the model of a game trusts an agent otherwise if it has another place among the agents."""
     if not game.roster.not_self.all():  # places of raters and providers cannot change apart from each other
         return False
-    seats: Any = RandomSeats(game.model)
+    seats: Any = RandomOrder(game.model)
     seated = Game(game.scenario, seats)
     return any((abs(one - other) > _ROUNDING).any() for one, other in zip(*map(_rated, (game, seated)), strict=True))
 

@@ -41,7 +41,7 @@ from roletrust_env.evaluation.specs import is_own_model, parse_kinds, parse_name
 from roletrust_env.game.attack_task import AttackTask, Objective
 from roletrust_env.game.policy import Policy
 from roletrust_env.trust.model_checks import needs_watching
-from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.trust.random_order import RandomOrder
 from roletrust_env.world.roster import Roster
 
 Item = TypeVar("Item")
@@ -193,7 +193,7 @@ def task_arguments(suite: Suite, cell: Cell, *, isolated: bool = False) -> TaskA
     make: Any = IsolatedModel if isolated and not is_own_model(cell.model) else parse_trust_model
     model = make(cell.model, scenario)
     if suite.places == "shuffled" or (suite.places == "random" and needs_watching(model)):
-        model = RandomSeats(model, cell.seed)
+        model = RandomOrder(model, cell.seed)
     return {
         "scenario": scenario,
         "trust_model": model,

@@ -14,7 +14,7 @@ from roletrust_env.data.log import RatingLog
 from roletrust_env.data.resampling import interval, mean, ranks
 from roletrust_env.data.rounds import TooSmallError, log_rounds, play_round, spans
 from roletrust_env.metrics.confidence import Interval
-from roletrust_env.trust.beta import reputation
+from roletrust_env.trust.beta_distribution import reputation
 from roletrust_env.trust.grid_ledger import make_ledger
 from roletrust_env.trust.key_index import Ints
 from roletrust_env.trust.ledger import Floats

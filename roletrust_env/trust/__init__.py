@@ -9,7 +9,7 @@ from roletrust_env.trust.model import (
     trust_models,
 )
 from roletrust_env.trust.model_checks import check_trust_model
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.trust.models.central.role_trust import RoleTrust
 from roletrust_env.trust.ratings import (
     PROVIDER,

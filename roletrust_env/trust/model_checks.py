@@ -13,7 +13,7 @@ from roletrust_env.trust.ratings import Ratings
 
 def needs_watching(model: TrustModel[Any]) -> bool:
     """Return whether a model comes from another package. Our own models are tested, and checks take time."""
-    seated = getattr(model, "model", model)  # under `RandomSeats`
+    seated = getattr(model, "model", model)  # under `RandomOrder`
     return not is_own(type(seated))
 
 

@@ -13,7 +13,7 @@ from roletrust_env.benchmarking.pool import LocalPool
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.trust import Ratings
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 GROUPS = [{"role": "SR", "count": 4, "noise": 0.05}, {"role": "SP", "count": 3, "ability": [0.3, 1.0]}]
 TINY = {

@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 
 class OffTheStack(Mean):

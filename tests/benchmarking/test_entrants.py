@@ -19,7 +19,7 @@ from roletrust_env.benchmarking.sources import fingerprint, hashes
 from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.world import make_scenario
 
 SUITE = small(games=2, tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}})

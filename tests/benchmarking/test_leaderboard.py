@@ -13,7 +13,7 @@ from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Cell
 from roletrust_env.benchmarking.worst_case import attack_scores, worst_cases
 from roletrust_env.trust import Ratings, register_trust_model
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 TRACKS = {"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}}
 SUITE = small(

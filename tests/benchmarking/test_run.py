@@ -9,7 +9,7 @@ from small_suites import small
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.run import play_suite
 from roletrust_env.trust.model import registry as trust_models
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 SUITE = small(games=2, tracks={"honest": {}, "raters": {"roles": ["SR"], "shares": [0.5]}})
 ATTACKS = ["bad-mouthing"]

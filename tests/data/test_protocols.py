@@ -13,7 +13,7 @@ from roletrust_env.data.log import Columns, RatingLog, read_ratings
 from roletrust_env.data.replay import Attack, Replay, Shift, replay_attacks
 from roletrust_env.data.resampling import auc, correlation, interval, mean, ranks
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.models.central.constant import Constant
+from roletrust_env.trust.models.central.means import Constant
 
 MONTH = 2_592_000
 

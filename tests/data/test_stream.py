@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from roletrust_env.data import TrustStream
 from roletrust_env.storage.arrays import save_arrays
 from roletrust_env.trust import Traits, make_trust_model, trust_models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 
 MODELS = pytest.mark.parametrize("name", ["role-trust", "median", "beta-filtered", "wary-role-trust", "eigentrust"])
 
@@ -186,7 +186,7 @@ ROUNDS = st.lists(
 )
 
 
-@pytest.mark.parametrize("name", [*(name for name in CENTRAL if name != "wary-role-trust"), *NEIGHBOURS])
+@pytest.mark.parametrize("name", [*(name for name in CENTRAL if name != "wary-role-trust"), *LOG_MODELS])
 @settings(max_examples=30)
 @given(rounds=ROUNDS, others=ROUNDS)
 def test_strangers_that_leave_were_never_there(name: str, rounds: list[Any], others: list[Any]) -> None:
@@ -195,7 +195,7 @@ def test_strangers_that_leave_were_never_there(name: str, rounds: list[Any], oth
     So wary role-trust, which feels a shock to most providers, is left out, and leave-one-out has no median provider.
     """
     alone = {"modesty": 0.0} if name == "leave-one-out" else {}
-    model = NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name, **alone)
+    model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name, **alone)
     both = [
         [*some, *((rater + 10, provider + 10, rating) for rater, provider, rating in more)]
         for some, more in zip(rounds, [*others, *[[]] * 4], strict=False)
@@ -219,7 +219,7 @@ def test_a_model_of_all_pairs_forgets_who_left(
     name: str, same_agents: bool, rounds: list[Any], raters: set[int], providers: set[int]
 ) -> None:
     """From the next round on, trust is that of a stream that has never seen them."""
-    model = NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name)
+    model = LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name)
     if same_agents:
         raters = providers = raters | providers
         rounds = [[rating for rating in some if rating[0] != rating[1]] for some in rounds]

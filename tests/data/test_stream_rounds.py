@@ -13,14 +13,14 @@ from roletrust_env.data.log import Columns
 from roletrust_env.data.rounds import play_log, round_numbers
 from roletrust_env.trust import Traits, make_trust_model, trust_models
 from roletrust_env.trust.grid_ledger import make_ledger
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 
 CENTRAL = [name for name in trust_models() if Traits.of(make_trust_model(name)).family == "central"]
 EVERY = 10.0
 
 
 def model_of(name: str) -> Any:
-    return NEIGHBOURS[name]() if name in NEIGHBOURS else make_trust_model(name)
+    return LOG_MODELS[name]() if name in LOG_MODELS else make_trust_model(name)
 
 
 def published(stream: TrustStream) -> tuple[dict[Any, float], dict[Any, float]]:
@@ -46,7 +46,7 @@ def cut_logs(draw: st.DrawFn) -> tuple[list[Any], list[int]]:
     return ratings, draw(st.lists(st.integers(1, 9), min_size=1, max_size=30))
 
 
-@pytest.mark.parametrize("name", [*CENTRAL, *NEIGHBOURS])
+@pytest.mark.parametrize("name", [*CENTRAL, *LOG_MODELS])
 @pytest.mark.parametrize("same_agents", [False, True])
 @settings(max_examples=25)
 @given(case=cut_logs())

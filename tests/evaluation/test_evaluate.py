@@ -7,7 +7,7 @@ import pytest
 from roletrust_baselines import BadMouthing
 from roletrust_env.evaluation import evaluate
 from roletrust_env.evaluation.search import Budget
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 
 def test_a_spec_a_policy_and_a_name_of_an_agent_mean_the_same() -> None:

@@ -17,12 +17,12 @@ from roletrust_env.evaluation.specs import is_own_model, parse_attacks, parse_tr
 from roletrust_env.trust import Ratings
 from roletrust_env.trust.model import Traits
 from roletrust_env.trust.model_checks import needs_watching
-from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.trust.random_order import RandomOrder
 
 SCENARIO = make_scenario("market").change(max_cycles=8, lam=0.75)
 MODELS = """
 import os
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 
 class Leaving(Mean):
     def update(self, state, ratings):
@@ -78,7 +78,7 @@ def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool
     inside, apart = parse_trust_model(text, SCENARIO), IsolatedModel(text, SCENARIO)
     assert hasattr(inside, "judge_trust") == hasattr(apart, "judge_trust")
     assert (Traits.of(inside).rates_raters, Traits.of(inside).family) == (apart.rates_raters, apart.family)
-    found = [scores(RandomSeats(model, 3) if seated else model) for model in (inside, apart)]
+    found = [scores(RandomOrder(model, 3) if seated else model) for model in (inside, apart)]
     for name, values in found[0].items():
         np.testing.assert_array_equal(values, found[1][name])
 

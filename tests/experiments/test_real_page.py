@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from roletrust_env.data.folders import KNOWN
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_experiments.commands.real_tables import HEADER, Row, markdown, measure_tables
 
 HOUSE = Path(__file__).parents[2]
@@ -35,7 +35,7 @@ def test_the_tables_are_those_of_the_numbers(rows: list[Row]) -> None:
 
 def test_they_are_of_the_known_logs(rows: list[Row]) -> None:
     assert {row[1]: row[0] for row in rows} == KNOWN
-    assert set(NEIGHBOURS) <= {row[4] for row in rows}
+    assert set(LOG_MODELS) <= {row[4] for row in rows}
     assert {row[2] for row in rows} == {2_592_000, None}
 
 

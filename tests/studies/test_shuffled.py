@@ -6,7 +6,7 @@ from benchmark_cases import tiny
 from roletrust_env.benchmarking import benchmark
 from roletrust_env.benchmarking.cells import task_arguments
 from roletrust_env.benchmarking.suite_files import load_suite
-from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.trust.random_order import RandomOrder
 from studies import SUITES
 from studies.reruns import place_effects
 
@@ -53,7 +53,7 @@ def test_the_measure_sees_a_model_that_believes_the_first_raters(runs):
 def test_models_of_the_project_see_other_places_only_in_a_shuffled_suite(places, seated):
     suite = tiny(models=["mean", GAMING], places=places)
     firsts = [next(cell for cell in suite.cells() if cell.model == model) for model in suite.models]
-    assert [isinstance(task_arguments(suite, cell)["trust_model"], RandomSeats) for cell in firsts] == seated
+    assert [isinstance(task_arguments(suite, cell)["trust_model"], RandomOrder) for cell in firsts] == seated
 
 
 def test_what_cannot_be_compared_is_refused(runs):

@@ -7,8 +7,8 @@ import pytest
 import torch
 from histories import played, random_history
 
-from roletrust_env.trust import judges, make_trust_model
-from roletrust_env.trust.judges import product, published_raters, weighted_advice, with_self
+from roletrust_env.trust import make_trust_model, personal
+from roletrust_env.trust.personal import product, published_raters, weighted_advice, with_self
 
 
 @pytest.mark.parametrize("batch", [(), (5,), (2, 3)])
@@ -40,5 +40,5 @@ def test_nobody_publishes_what_it_thinks_of_itself() -> None:
 def test_judge_by_judge_is_all_at_once(name: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     history = random_history(7, 4, seed=0)
     together = played(make_trust_model(name), [history], np.zeros(()))
-    monkeypatch.setattr(judges, "_BLOCK", block)
+    monkeypatch.setattr(personal, "_BLOCK", block)
     assert played(make_trust_model(name), [history], np.zeros(())) == together

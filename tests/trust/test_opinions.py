@@ -5,7 +5,7 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from roletrust_env.trust.opinions import Opinion
+from roletrust_env.trust.models.personal.opinions import Opinion
 
 
 def some_opinions(count: int) -> Opinion:

@@ -15,7 +15,7 @@ from roletrust_env import evaluate, make_trust_model
 from roletrust_env.testing.trust_models import play_rounds, random_rounds, read_trust
 from roletrust_env.trust import service as services
 from roletrust_env.trust.model import registry
-from roletrust_env.trust.models.central.mean import Mean
+from roletrust_env.trust.models.central.means import Mean
 from roletrust_env.trust.outside import OutsideModel
 from roletrust_env.trust.service import TrustService, http_server
 

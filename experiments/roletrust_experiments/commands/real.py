@@ -19,7 +19,7 @@ from roletrust_env.evaluation.specs import parse_trust_model
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.files import prepare_folder, replacing, write_csv
 from roletrust_env.trust import Traits, trust_models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_env.world.scenario import Scenario
 from roletrust_experiments.commands.console import console, progress_bar
 from roletrust_experiments.commands.options import ModelsOption, Out, Seed
@@ -71,7 +71,7 @@ def real(
     scenario = make_scenario("paper-3x3")
     central = [name for name in trust_models() if Traits.of(parse_trust_model(name, scenario)).family == "central"]
     methods = CROWD_METHODS if find_spec("crowdkit") else ()
-    models = {name: _model(name, scenario) for name in model or [*central, *NEIGHBOURS, *methods]}
+    models = {name: _model(name, scenario) for name in model or [*central, *LOG_MODELS, *methods]}
     if synthetic:
         prepare_folder(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -116,7 +116,7 @@ def _model(name: str, scenario: Scenario) -> Any:
     """Return a trust model, also of a neighbouring field, or a method of crowd work."""
     if name in CROWD_METHODS:
         return CrowdMethod(name)
-    return NEIGHBOURS[name]() if name in NEIGHBOURS else parse_trust_model(name, scenario)
+    return LOG_MODELS[name]() if name in LOG_MODELS else parse_trust_model(name, scenario)
 
 
 Found = dict[tuple[str, str], Interval]

@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 
 
 def setup(app: Sphinx) -> None:
@@ -37,7 +37,7 @@ def formula_of(thing: object) -> list[str]:
     places: dict[str, tuple[Iterable[str], Callable[[str], Any]]] = {
         "models": (models.names(), models.factory),
         "attacks": (attackers.names(), attackers.factory),
-        "neighbours": (NEIGHBOURS, NEIGHBOURS.__getitem__),
+        "neighbours": (LOG_MODELS, LOG_MODELS.__getitem__),
     }
     for kind, (names, factory) in places.items():
         for name, latex in formulas()[kind].items():

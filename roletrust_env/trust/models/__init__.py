@@ -1,28 +1,19 @@
 """The trust models that come with the package, by name."""
 
 from roletrust_env.trust.model import register_trust_model
-from roletrust_env.trust.models.central.beta import Beta
-from roletrust_env.trust.models.central.beta_filtered import BetaFiltered
-from roletrust_env.trust.models.central.constant import Constant
-from roletrust_env.trust.models.central.deviation_weighted import DeviationWeighted
-from roletrust_env.trust.models.central.eigentrust import EigenTrust
-from roletrust_env.trust.models.central.huber_mean import HuberMean
+from roletrust_env.trust.models.central.beta_reputation import Beta, BetaFiltered
 from roletrust_env.trust.models.central.iterative_filtering import IterativeFiltering
 from roletrust_env.trust.models.central.leave_one_out import LeaveOneOut
-from roletrust_env.trust.models.central.mean import Mean
-from roletrust_env.trust.models.central.median import Median
-from roletrust_env.trust.models.central.power_trust import PowerTrust
+from roletrust_env.trust.models.central.means import Constant, DeviationWeighted, HuberMean, Mean, Median, TrimmedMean
+from roletrust_env.trust.models.central.random_walks import EigenTrust, PowerTrust
 from roletrust_env.trust.models.central.role_trust import RoleTrust
-from roletrust_env.trust.models.central.trimmed_mean import TrimmedMean
 from roletrust_env.trust.models.central.wary_role_trust import WaryRoleTrust
-from roletrust_env.trust.models.personal.clustering import Clustering
 from roletrust_env.trust.models.personal.fire import Fire
 from roletrust_env.trust.models.personal.first_hand import FirstHand
-from roletrust_env.trust.models.personal.own_experience import OwnExperience
-from roletrust_env.trust.models.personal.peer_trust import PeerTrust
+from roletrust_env.trust.models.personal.opinions import SubjectiveLogic
 from roletrust_env.trust.models.personal.qor import QualityOfRecommendation
 from roletrust_env.trust.models.personal.regression_aligned import RegressionAligned
-from roletrust_env.trust.models.personal.subjective_logic import SubjectiveLogic
+from roletrust_env.trust.models.personal.similarity import Clustering, OwnExperience, PeerTrust
 from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.trust.models.personal.yu_singh import YuSingh
 from roletrust_env.trust.models.personal.zhang_cohen import ZhangCohen

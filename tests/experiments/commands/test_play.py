@@ -53,7 +53,7 @@ def test_seed_decides(tmp_path):
 def test_every_kind_of_scenario(tmp_path, name):
     attack = {"peers": "srsp_8=on-off"}.get(name, "sr_?=bad-mouthing")
     results, _ = play(tmp_path, name, "--games", "2", "--attack", attack, "--model", "mean:lam=0.8")
-    made = {"class": "roletrust_env.trust.models.central.mean.Mean", "parameters": {"lam": 0.8, "initial": 0.5}}
+    made = {"class": "roletrust_env.trust.models.central.means.Mean", "parameters": {"lam": 0.8, "initial": 0.5}}
     assert results["trust_models"] == {"mean:lam=0.8": made}
 
 

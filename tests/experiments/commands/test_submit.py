@@ -217,7 +217,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A module of a model that leaves a file behind when it is imported."""
     (tmp_path / "model_of_mine.py").write_text(
         "from pathlib import Path\n"
-        "from roletrust_env.trust.models.central.mean import Mean\n"
+        "from roletrust_env.trust.models.central.means import Mean\n"
         "Path('imported').touch()\n"
         "class Mine(Mean): pass\n"
     )

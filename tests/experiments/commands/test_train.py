@@ -267,7 +267,7 @@ def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):
 
 
 def test_a_model_without_a_name_cannot_be_trained_against(tmp_path):
-    model = "roletrust_env.trust.models.central.mean:Mean"
+    model = "roletrust_env.trust.models.central.means:Mean"
     refused = run("ProviderAttack", "--model", model, "--out", tmp_path / "run")
     assert refused.exit_code == 2
     assert "entry point" in " ".join(refused.output.split())

@@ -9,18 +9,18 @@ from latex2mathml.converter import convert
 import roletrust_env
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_experiments.site.docstrings import readable
 from roletrust_experiments.site.formulas import formula_of, formulas, typeset
 
 NAMES = [("models", name) for name in roletrust_env.trust_models()]
 NAMES += [("attacks", name) for name in roletrust_env.attackers()]
-NAMES += [("neighbours", name) for name in NEIGHBOURS]
+NAMES += [("neighbours", name) for name in LOG_MODELS]
 _WORDS = {"start", "stop"}
 
 
 def factory(kind, name):
-    return NEIGHBOURS[name] if kind == "neighbours" else {"models": models, "attacks": attackers}[kind].factory(name)
+    return LOG_MODELS[name] if kind == "neighbours" else {"models": models, "attacks": attackers}[kind].factory(name)
 
 
 @pytest.mark.parametrize(("kind", "name"), NAMES)

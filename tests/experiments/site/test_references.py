@@ -8,7 +8,7 @@ from built import HOUSE
 from pybtex.database import parse_file
 
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 from roletrust_experiments.site.references import cited
 
 BIBLIOGRAPHY = HOUSE / "docs" / "references.bib"
@@ -27,9 +27,9 @@ def test_every_source_of_a_model_is_there(name):
     assert inspect.isclass(models.factory(name))
 
 
-@pytest.mark.parametrize("name", NEIGHBOURS)
+@pytest.mark.parametrize("name", LOG_MODELS)
 def test_every_source_of_a_neighbouring_field_is_there(name):
-    source = getattr(NEIGHBOURS[name], "source", "")
+    source = getattr(LOG_MODELS[name], "source", "")
     assert len(cited(source, BIBLIOGRAPHY)) == bool(source)
 
 

@@ -7,7 +7,7 @@ import pytest
 from histories import History, Trusts, check_against, mean, played
 
 from roletrust_env.trust import make_trust_model
-from roletrust_env.trust.models.personal.clustering import _connected
+from roletrust_env.trust.models.personal.similarity import _connected
 
 
 def slow(history: History, lam: float, initial: float, threshold: float) -> Trusts:

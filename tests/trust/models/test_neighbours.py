@@ -19,9 +19,9 @@ from roletrust_env.testing.trust_models import (
     check_torch,
 )
 from roletrust_env.trust import Ratings, trust_models
-from roletrust_env.trust.neighbours import NEIGHBOURS
+from roletrust_env.trust.models.log_models import LOG_MODELS
 
-EVERY = pytest.mark.parametrize("name", NEIGHBOURS)
+EVERY = pytest.mark.parametrize("name", LOG_MODELS)
 Pairs = list[tuple[int, int, float]]
 
 
@@ -113,7 +113,7 @@ def test_it_computes_its_formula(name: str) -> None:
                 [trust if j in providers else 0.3 for j, trust in enumerate(top)],
             )
 
-    assert_matches(NEIGHBOURS[name](initial=0.3, **OTHERS.get(name, {})), reference, count=6)
+    assert_matches(LOG_MODELS[name](initial=0.3, **OTHERS.get(name, {})), reference, count=6)
 
 
 def test_the_all_time_mean_forgets_nothing() -> None:
@@ -122,11 +122,11 @@ def test_the_all_time_mean_forgets_nothing() -> None:
             notes = [[f[i][j] for f, m in rounds[:t] for i in range(len(f)) if m[i][j]] for j in range(len(peers[0]))]
             yield [1.0] * len(peers), [mean(values) if values else 0.3 for values in notes]
 
-    assert_matches(NEIGHBOURS["all-time-mean"](initial=0.3), reference)
+    assert_matches(LOG_MODELS["all-time-mean"](initial=0.3), reference)
 
 
 def settled(name: str, ratings: Any, mask: Any, **parameters: Any) -> tuple[Any, Any]:
-    model = NEIGHBOURS[name](**parameters)
+    model = LOG_MODELS[name](**parameters)
     state = model.update(model.start(ratings), Ratings(ratings, mask))
     return model.rater_trust(state), model.provider_trust(state)
 
@@ -152,7 +152,7 @@ def test_liars_move_a_robust_centre_less_than_a_mean_and_are_found() -> None:
     ratings = np.clip(quality + rng.normal(0, 0.05, (10, 6)), 0, 1)
     ratings[:3] = quality < 0.5
     mask = np.ones((10, 6), bool)
-    apart = {name: abs(settled(name, ratings, mask)[1] - quality).max() for name in NEIGHBOURS}
+    apart = {name: abs(settled(name, ratings, mask)[1] - quality).max() for name in LOG_MODELS}
     assert apart["geometric-median"] < apart["centred-clipping"] < apart["all-time-mean"]
     for name in ("rev2", "geometric-median", "centred-clipping"):
         tor = settled(name, ratings, mask)[0]
@@ -172,7 +172,7 @@ def test_a_wide_radius_is_the_mean_and_rev2_without_pull_is_between() -> None:
 
 @EVERY
 def test_the_laws_of_all_models(name: str) -> None:
-    model = NEIGHBOURS[name]()
+    model = LOG_MODELS[name]()
     check_kinds(model, (2, 5, 6), np.float32)
     for check in (check_batch, check_silence, check_purity, check_torch):
         check(model, (3, 2, 4))
@@ -185,10 +185,10 @@ def test_the_laws_of_all_models(name: str) -> None:
 def test_edges_are_a_grid(name: str, log: tuple[tuple[int, int], list[Edges]]) -> None:
     shape, rounds = log
     for found, wanted in zip(
-        ledger_trust(NEIGHBOURS[name](), shape, rounds), grid_trust(NEIGHBOURS[name](), shape, rounds), strict=True
+        ledger_trust(LOG_MODELS[name](), shape, rounds), grid_trust(LOG_MODELS[name](), shape, rounds), strict=True
     ):
         assert_close(found, wanted, 1e-11)
 
 
 def test_suites_that_play_all_models_do_not_play_them() -> None:
-    assert not set(NEIGHBOURS) & set(trust_models())
+    assert not set(LOG_MODELS) & set(trust_models())

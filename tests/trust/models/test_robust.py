@@ -10,7 +10,7 @@ import scipy
 from model_cases import Matrix, Vector, assert_matches, named
 
 from roletrust_env.trust import Ratings, make_trust_model
-from roletrust_env.trust.models.central.huber_mean import STEPS
+from roletrust_env.trust.models.central.means import STEPS
 
 LAM, INITIAL = 0.7, 0.3  # of `named`
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power, upper_median
-from roletrust_env.trust.models.central.beta import left
+from roletrust_env.trust.models.central.beta_reputation import remaining
 from roletrust_env.trust.ratings import PROVIDER, RATER, TINY, PerPair, PerProvider, PerRater, Ratings, weighted_mean
 
 
@@ -104,9 +104,9 @@ class LeaveOneOut:
     def update(self, state: LeaveOneOutState, ratings: Ratings) -> LeaveOneOutState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         xp, pairs, none = namespace(ratings.values), ratings.pairs, 0 * state.sums
-        kept = pairs.gather(left(self.keep, ratings), PROVIDER)
-        sums = kept * state.sums + ratings.write(none, ratings.values)
-        counts = kept * state.counts + ratings.write(none, 1.0)
+        remains = pairs.gather(remaining(self.keep, ratings), PROVIDER)
+        sums = remains * state.sums + ratings.write(none, ratings.values)
+        counts = remains * state.counts + ratings.write(none, 1.0)
         voice, above = counts / (1 + self.limit * counts), sums / (counts + TINY) - self.initial
         weights = voice * pairs.gather(state.tor, RATER)
         base = self._base(pairs, above, voice, weights)

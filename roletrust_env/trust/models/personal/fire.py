@@ -7,7 +7,7 @@ from pydantic import PositiveFloat
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.judges import (
+from roletrust_env.trust.personal import (
     Personal,
     absorb,
     by_judges,
@@ -129,8 +129,8 @@ def _witnesses(credibility: Array, values: Array, weights: Array) -> tuple[Array
     weight = credence_sum(asked, weights)
     component = mean(credence_sum(asked, weights * values), weight)
 
-    def apart(some: slice) -> Array:
-        return total(asked[some, :, None] * weights * abs(values - component[some, None]), 1)
+    def apart(judges: slice) -> Array:
+        return total(asked[judges, :, None] * weights * abs(values - component[judges, None]), 1)
 
     return component, _reliability(weight, by_judges(apart, values))
 

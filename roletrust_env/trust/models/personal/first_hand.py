@@ -5,7 +5,7 @@ from typing import NamedTuple
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Power, Ridge, Share, checked_dataclass
 from roletrust_env.trust.algorithms import safe_power
-from roletrust_env.trust.judges import (
+from roletrust_env.trust.personal import (
     Personal,
     by_judges,
     credence_sum,
@@ -82,9 +82,9 @@ class FirstHand(Personal):
         sums, counts = kept * state.sums + rated, kept * state.counts + met
         means, voice = mean(sums, counts), counts / (1 + self.limit * counts)
 
-        def agree(some: slice) -> Array:
-            apart = abs(means[some, None] - means[None])
-            return total(voice[some, None] * voice[None] * (1 - apart), 2)
+        def agree(judges: slice) -> Array:
+            apart = abs(means[judges, None] - means[None])
+            return total(voice[judges, None] * voice[None] * (1 - apart), 2)
 
         compared = product(voice, voice.swapaxes(0, 1))
         agreement = xp.clip((self.doubt + by_judges(agree, voice)) / (1 + compared), 0.0, 1.0)

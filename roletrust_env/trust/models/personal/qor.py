@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
-from roletrust_env.trust.judges import (
+from roletrust_env.trust.personal import (
     Personal,
     absorb,
     compare_opinions,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Lam, Ridge, Share, checked_dataclass
-from roletrust_env.trust.judges import Personal, by_judges, credences, in_common, product
+from roletrust_env.trust.personal import Personal, by_judges, credences, in_common, product
 from roletrust_env.trust.ratings import PROVIDER, Ratings, smooth
 
 
@@ -96,8 +96,8 @@ class RegressionAligned(Personal):
         xp = namespace(ratings.values)
         slope, base = self._lines(state.moments)
 
-        def summed(some: slice) -> Array:
-            aligned = base[some, :, None, ...] + (1 + slope[some, :, None, ...]) * ratings.values
+        def summed(judges: slice) -> Array:
+            aligned = base[judges, :, None, ...] + (1 + slope[judges, :, None, ...]) * ratings.values
             return (ratings.weights * xp.clip(aligned, 0.0, 1.0)).sum(axis=1)
 
         received = ratings.reduce(ratings.weights, PROVIDER)

@@ -7,8 +7,8 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, cast, namespace
 from roletrust_env.parameters import Share, checked_dataclass
-from roletrust_env.trust.beta import mass_below, mass_between, reputation
-from roletrust_env.trust.judges import Personal, others, published_raters
+from roletrust_env.trust.beta_distribution import mass_below, mass_between, reputation
+from roletrust_env.trust.personal import Personal, others, published_raters
 from roletrust_env.trust.ratings import Ratings
 
 _FLAT = 1 / math.sqrt(12)

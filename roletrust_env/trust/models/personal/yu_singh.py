@@ -6,7 +6,7 @@ from pydantic import PositiveInt
 
 from roletrust_env.arrays import Array, namespace, total
 from roletrust_env.parameters import Factor, Share, checked_dataclass
-from roletrust_env.trust.judges import (
+from roletrust_env.trust.personal import (
     Personal,
     compare_opinions,
     credence_sum,

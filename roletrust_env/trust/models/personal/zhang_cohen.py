@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from roletrust_env.arrays import Array, namespace
 from roletrust_env.parameters import Inside, Lam, Share, checked_dataclass
-from roletrust_env.trust.judges import (
+from roletrust_env.trust.personal import (
     Personal,
     compare_opinions,
     credences,

@@ -10,7 +10,7 @@ from roletrust_env.trust.model import Traits, TrustModel, start_model
 from roletrust_env.trust.ratings import Ratings
 
 
-class SeatedState(NamedTuple):
+class OrderedState(NamedTuple):
     """State of a model, and the agents at the places that it sees: raters (S, ...) and providers (P, ...)."""
 
     inner: Any
@@ -19,7 +19,7 @@ class SeatedState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RandomSeats:
+class RandomOrder:
     """A trust model that sees the agents of each game in another order, which stays the same during the game.
 
     Trust comes back in the order of the game. A model that treats all agents alike gives the same trust as without.
@@ -41,7 +41,7 @@ class RandomSeats:
         found = getattr(self.model, name)
         return self._judge_trust if name == "judge_trust" else found
 
-    def start(self, like: Array, peers: Any) -> SeatedState:
+    def start(self, like: Array, peers: Any) -> OrderedState:
         """Draw the order of each game. See `TrustModel.start`.
 
         Games that differ only by the attacker, along all axes of the batch but the last, have the same order.
@@ -58,29 +58,29 @@ class RandomSeats:
             np.broadcast_to(order.reshape(len(order), *[1] * len(batch[:-1]), *games), (len(order), *batch))
             for order in orders
         )
-        return SeatedState(
+        return OrderedState(
             start_model(self.model, like, peers), *(xp.asarray(one.copy(), device=like.device) for one in spread)
         )
 
-    def update(self, state: SeatedState, ratings: Ratings) -> SeatedState:
+    def update(self, state: OrderedState, ratings: Ratings) -> OrderedState:
         """Return the state after one more round. See `TrustModel.update`."""
         mask = None if ratings.mask is None else _seen(ratings.mask, state)
         return state._replace(inner=self.model.update(state.inner, Ratings(_seen(ratings.values, state), mask)))
 
-    def rater_trust(self, state: SeatedState) -> Array:
+    def rater_trust(self, state: OrderedState) -> Array:
         """Return the trust of each rater. See `TrustModel.rater_trust`."""
         return _back(self.model.rater_trust(state.inner), state.raters)
 
-    def provider_trust(self, state: SeatedState) -> Array:
+    def provider_trust(self, state: OrderedState) -> Array:
         """Return the trust of each provider. See `TrustModel.provider_trust`."""
         return _back(self.model.provider_trust(state.inner), state.providers)
 
-    def _judge_trust(self, state: SeatedState) -> Array:
+    def _judge_trust(self, state: OrderedState) -> Array:
         judged = self.model.judge_trust(state.inner)  # type: ignore[attr-defined]
         return _back(_back(judged, state.raters[:, None, ...]), state.providers[None, ...], axis=1)
 
 
-def _seen(values: Array, state: SeatedState) -> Array:
+def _seen(values: Array, state: OrderedState) -> Array:
     """Return values of shape (S, P, ...) in the order that the model sees."""
     return _take(_take(values, state.raters[:, None, ...], 0), state.providers[None, ...], 1)
 

@@ -57,9 +57,9 @@ def by_judges(of: Callable[[slice], Array], like: Array) -> Array:
         of: Function of a slice of the judges that returns an array whose axis 0 is these judges.
         like: Array of shape (S, P, ...). A compiler gets all judges at once, since it fuses the loops itself.
     """
-    judges = like.shape[0]
-    rows = judges if is_compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
-    parts = [of(slice(at, at + rows)) for at in range(0, judges, rows)]
+    many = like.shape[0]
+    rows = many if is_compiling(like) else max(1, _BLOCK // max(1, math.prod(like.shape)))
+    parts = [of(slice(at, at + rows)) for at in range(0, many, rows)]
     return parts[0] if len(parts) == 1 else namespace(like).concat(parts)
 
 
@@ -72,9 +72,9 @@ def compare_opinions(outcomes: Array, met: Array, worth: Callable[[Array], Array
         worth: Function from an opinion's distance to the outcome to its value: |f[i, j] - f[k, j]| in [0, 1].
     """
 
-    def of(some: slice) -> Array:
-        apart = abs(outcomes[some, None] - outcomes[None])
-        return total(met[some, None] * met[None] * worth(apart), 2)
+    def of(judges: slice) -> Array:
+        apart = abs(outcomes[judges, None] - outcomes[None])
+        return total(met[judges, None] * met[None] * worth(apart), 2)
 
     return by_judges(of, outcomes)
 
@@ -113,7 +113,7 @@ def weighted_advice(credence: Array, sums: Array, counts: Array) -> tuple[Array,
         The means, shape (S, P, ...), in [0, 1], and 0 where there are no ratings; and their total weights.
     """
     weight = credence_sum(credence, counts)
-    return _share(mean(credence_sum(credence, sums), weight)), weight
+    return _in_range(mean(credence_sum(credence, sums), weight)), weight
 
 
 # --- what is remembered -----------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def absorb(previous: Array, weight: Array, sums: Array, count: Array) -> Array:
 
 def published_providers(trust: Array) -> Array:
     """Return the judges' mean trust in each provider, shape (P, ...), from T, shape (S, P, ...)."""
-    return _share(trust.sum(axis=0) / trust.shape[0])
+    return _in_range(trust.sum(axis=0) / trust.shape[0])
 
 
 def published_raters(credence: Array) -> Array:
@@ -167,9 +167,9 @@ def published_raters(credence: Array) -> Array:
     s = credence.shape[0]
     if s == 1:
         return 0 * credence[0] + 1
-    return _share((others(credence) * credence).sum(axis=0) / (s - 1))
+    return _in_range((others(credence) * credence).sum(axis=0) / (s - 1))
 
 
-def _share(trust: Array) -> Array:
+def _in_range(trust: Array) -> Array:
     """Return trust clipped to [0, 1], which a weighted mean may leave by rounding."""
     return namespace(trust).clip(trust, 0.0, 1.0)

@@ -151,15 +151,15 @@ def _beyond(x: Array, a: Array, b: Array, enough: float = 1.0) -> tuple[Array, A
     fall = _fall(offset, a, b)
     if not isinstance(fall, np.ndarray):
         return xp.exp(_log_height(a, b) + fall) * _tail(offset, a, b), above
-    beyond, some = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
-    offset, a, b = offset[some], a[some], b[some]
-    density = xp.exp(_log_height(a, b) + fall[some])
+    beyond, tails = xp.zeros_like(fall), fall > math.log(xp.finfo(fall.dtype).eps)
+    offset, a, b = offset[tails], a[tails], b[tails]
+    density = xp.exp(_log_height(a, b) + fall[tails])
     if enough < 1:
-        beyond[some] = least = density * _least_tail(offset, a, b)
+        beyond[tails] = least = density * _least_tail(offset, a, b)
         few = least < enough
-        some[some] = few
+        tails[tails] = few
         offset, a, b, density = offset[few], a[few], b[few], density[few]
-    beyond[some] = density * _tail(offset, a, b)
+    beyond[tails] = density * _tail(offset, a, b)
     return beyond, above
 
 
@@ -199,7 +199,7 @@ def _tail(offset: Array, a: Array, b: Array) -> Array:
     """
     if isinstance(a, np.ndarray) and a.size > _BLOCK:
         blocks = (slice(at, at + _BLOCK) for at in range(0, len(a), _BLOCK))
-        return np.concatenate([_tail(offset[some], a[some], b[some]) for some in blocks])
+        return np.concatenate([_tail(offset[block], a[block], b[block]) for block in blocks])
     xp = namespace(a)
     nodes, weights = (
         xp.reshape(xp.asarray(rule, dtype=a.dtype, device=a.device), (-1, *[1] * offset.ndim))

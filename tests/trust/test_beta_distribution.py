@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy import special
 
-from roletrust_env.trust import beta
+from roletrust_env.trust import beta_distribution as beta
 
 
 def parameters(count: int = 5_000, most: int = 1_000_000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,8 +7,8 @@ import torch
 from roletrust_env import evaluate, make_trust_model, trust_models
 from roletrust_env.testing.trust_models import play_rounds, random_rounds
 from roletrust_env.trust import Ratings, Traits
-from roletrust_env.trust.models.central.mean import Mean
-from roletrust_env.trust.seats import RandomSeats
+from roletrust_env.trust.models.central.means import Mean
+from roletrust_env.trust.random_order import RandomOrder
 
 SHAPE = (5, 4, 2, 3)
 NOBODY = np.zeros((5, 4), bool)
@@ -26,7 +26,7 @@ class FirstRaters(Mean):
 @pytest.mark.parametrize("name", trust_models())
 def test_a_model_that_treats_all_alike_gives_the_same_trust(name):
     model, rounds = make_trust_model(name), random_rounds(SHAPE)
-    seated = RandomSeats(model, 3)
+    seated = RandomOrder(model, 3)
     plain, state = (play_rounds(one, rounds, np.zeros(SHAPE), NOBODY) for one in (model, seated))
     np.testing.assert_allclose(seated.rater_trust(state), model.rater_trust(plain), atol=1e-9)
     np.testing.assert_allclose(seated.provider_trust(state), model.provider_trust(plain), atol=1e-9)
@@ -37,28 +37,28 @@ def test_a_model_that_treats_all_alike_gives_the_same_trust(name):
 
 def test_an_agent_of_both_roles_is_refused():
     with pytest.raises(ValueError, match="cannot change places where one is both rater and provider"):
-        evaluate(RandomSeats(Mean()), "srsp_2=on-off", "peers", games=2)
+        evaluate(RandomOrder(Mean()), "srsp_2=on-off", "peers", games=2)
 
 
 def test_the_same_round_has_the_same_result_twice():
-    model, (first, second) = RandomSeats(make_trust_model("role-trust")), random_rounds(SHAPE)[:2]
+    model, (first, second) = RandomOrder(make_trust_model("role-trust")), random_rounds(SHAPE)[:2]
     state = model.update(model.start(np.zeros(SHAPE), NOBODY), Ratings(*first))
     one, other = (model.provider_trust(model.update(state, Ratings(*second))) for _ in range(2))
     np.testing.assert_array_equal(one, other)
 
 
 def test_attacks_side_by_side_meet_the_same_order_and_games_meet_others():
-    state = RandomSeats(Mean(), 0).start(np.zeros((6, 6, 2, 40)), np.zeros((6, 6), bool))
+    state = RandomOrder(Mean(), 0).start(np.zeros((6, 6, 2, 40)), np.zeros((6, 6), bool))
     assert (state.raters[:, 0] == state.raters[:, 1]).all()
     assert (np.sort(state.raters, axis=0) == np.arange(6)[:, None, None]).all()
     assert len(np.unique(state.raters[:, 0], axis=1).T) > 20
     assert (state.raters != state.providers).any()
-    other = RandomSeats(Mean(), 1).start(np.zeros((6, 6, 2, 40)), np.zeros((6, 6), bool))
+    other = RandomOrder(Mean(), 1).start(np.zeros((6, 6, 2, 40)), np.zeros((6, 6), bool))
     assert (state.raters != other.raters).any()
 
 
 def test_it_is_the_same_on_torch():
-    rounds, model = random_rounds(SHAPE), RandomSeats(make_trust_model("qor"), 5)
+    rounds, model = random_rounds(SHAPE), RandomOrder(make_trust_model("qor"), 5)
     state = model.start(torch.zeros(SHAPE, dtype=torch.float64), torch.tensor(NOBODY))
     for ratings, mask in rounds:
         state = model.update(state, Ratings(torch.tensor(ratings), torch.tensor(mask)))
@@ -68,7 +68,7 @@ def test_it_is_the_same_on_torch():
 
 def test_who_believes_the_first_raters_gains_nothing():
     known = evaluate(FirstRaters(), "complementary", "market", games=20, share=0.5).utility
-    seated = evaluate(RandomSeats(FirstRaters()), "complementary", "market", games=20, share=0.5).utility
+    seated = evaluate(RandomOrder(FirstRaters()), "complementary", "market", games=20, share=0.5).utility
     plain = evaluate("mean", "complementary", "market", games=20, share=0.5).utility
     assert known.mean > 0.98
     assert seated.mean + seated.half < known.mean - known.half

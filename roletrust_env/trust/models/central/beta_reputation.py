@@ -1,12 +1,78 @@
-"""Beta reputation without the raters that are unlikely given the ratings of the others."""
+"""Beta reputation: a provider's trust is the mean of the Beta distribution that follows from its ratings."""
 
 from typing import NamedTuple
 
 from roletrust_env.arrays import Array, cast, is_compiling, namespace
 from roletrust_env.parameters import Share, Tail, checked_dataclass
-from roletrust_env.trust.beta import between_quantiles, reputation
-from roletrust_env.trust.models.central.beta import left
-from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings
+from roletrust_env.trust.beta_distribution import between_quantiles, reputation
+from roletrust_env.trust.ratings import PROVIDER, RATER, PerPair, PerProvider, PerRater, Ratings, occurred
+
+
+class BetaState(NamedTuple):
+    """Memory of Beta reputation.
+
+    Attributes:
+        successes: Evidence for a provider, r, shape (P, ...).
+        failures: Evidence against it, s, shape (P, ...).
+        tor: Trust of the raters, shape (S, ...), always 1.
+    """
+
+    successes: PerProvider
+    failures: PerProvider
+    tor: PerRater
+
+
+@checked_dataclass
+class Beta:
+    """Beta reputation: ratings of a provider count as successes and failures, which fade.
+
+        r[j] <- keep r[j] + sum over raters i of f[i, j],   s[j] <- keep s[j] + sum of 1 - f[i, j]
+        T[j]  = (r[j] + 2 initial) / (r[j] + s[j] + 2)
+
+    Jøsang and Ismail, "The Beta Reputation System" (2002): a rating f is f of a success and 1 - f of a failure. Their
+    prior is uniform, here `initial` = 0.5; another value is the base rate of Jøsang's later papers. In the paper
+    evidence fades with every rating. Here the ratings of a round arrive together, and evidence fades once in each round
+    in which the provider is rated. The discounting of raters by their own reputation is left out, since only providers
+    are rated.
+
+    Attributes:
+        keep: Share of the evidence of earlier rounds that is kept each round, in [0, 1]; 1 forgets nothing.
+        initial: Trust before any rating, in [0, 1].
+    """
+
+    keep: Share = 0.9
+    initial: Share = 0.5
+    rates_raters = False
+    source = "Jøsang and Ismail (2002)"
+    local = True
+
+    def start(self, like: Array) -> BetaState:
+        """Return the state without evidence. See `TrustModel.start`."""
+        nothing = namespace(like).zeros_like(like)
+        return BetaState(nothing[0], nothing[0], nothing[:, 0, ...] + 1)
+
+    def update(self, state: BetaState, ratings: Ratings) -> BetaState:
+        """Return the state after one round of ratings. See `TrustModel.update`."""
+        remains, successes = remaining(self.keep, ratings), ratings.reduce(ratings.values, PROVIDER)
+        return BetaState(
+            remains * state.successes + successes,
+            remains * state.failures + (ratings.count(PROVIDER) - successes),
+            state.tor,
+        )
+
+    def rater_trust(self, state: BetaState) -> Array:
+        """Return 1 for every rater, shape (S, ...), since the model has no notion of rater trust."""
+        return state.tor
+
+    def provider_trust(self, state: BetaState) -> Array:
+        """Return the mean of Beta(r + 2 initial, s + 2 (1 - initial)), shape (P, ...)."""
+        return reputation(state.successes, state.failures, self.initial)
+
+
+def remaining(keep: float, ratings: Ratings) -> Array:
+    """Return the share of each provider's earlier evidence that is kept, shape (P, ...); 1 for an unrated provider."""
+    return 1 - (1 - keep) * occurred(ratings.count(PROVIDER))
+
 
 _PASSES = 12
 """Maximum number of filter passes. Each drops some raters and none drops all, so S - 1 suffice; 30 raters took 9."""
@@ -65,14 +131,14 @@ class BetaFiltered:
     def update(self, state: BetaFilteredState, ratings: Ratings) -> BetaFilteredState:
         """Return the state after one round of ratings. See `TrustModel.update`."""
         pairs = ratings.pairs
-        kept = pairs.gather(left(self.keep, ratings), PROVIDER)
+        remains = pairs.gather(remaining(self.keep, ratings), PROVIDER)
         none = 0 * state.successes
         count, values = ratings.write(none, 1.0), ratings.write(none, ratings.values)
-        successes = kept * state.successes + values
-        failures = kept * state.failures + (count - values)
+        successes = remains * state.successes + values
+        failures = remains * state.failures + (count - values)
         heard = self._filter(pairs, successes, failures)
         top = self._reputation(pairs, heard, successes, failures)
-        return BetaFilteredState(successes, failures, top, self._share(pairs, heard, successes + failures))
+        return BetaFilteredState(successes, failures, top, self._share_heard(pairs, heard, successes + failures))
 
     def _reputation(self, pairs: Ratings, heard: Array, successes: Array, failures: Array) -> Array:
         """Return the Beta reputation of each provider by the raters that count, shape (P, ...)."""
@@ -90,13 +156,13 @@ class BetaFiltered:
             before = heard
             mean = self._reputation(pairs, heard, successes, failures)
             still = heard * cast(is_likely(pairs.gather(mean, PROVIDER)), heard.dtype)
-            some = pairs.reduce(still * evident, PROVIDER) > 0
-            heard = xp.where(pairs.gather(some, PROVIDER), still, heard)
+            anyone = pairs.reduce(still * evident, PROVIDER) > 0
+            heard = xp.where(pairs.gather(anyone, PROVIDER), still, heard)
             if not is_compiling(heard) and bool(xp.all(heard == before)):
                 break  # all other passes would do the same
         return heard
 
-    def _share(self, pairs: Ratings, heard: Array, evidence: Array) -> Array:
+    def _share_heard(self, pairs: Ratings, heard: Array, evidence: Array) -> Array:
         """Return the share of the providers rated by each rater for which it was not dropped, shape (S, ...)."""
         xp = namespace(heard)
         rated = cast(evidence > 0, heard.dtype)

@@ -3,52 +3,52 @@
 import numpy as np
 import pytest
 
-from roletrust_env.trust import PROVIDER, Ratings, judges
+from roletrust_env.trust import PROVIDER, Ratings, personal
 
 
 def test_judges_in_blocks_are_judges_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     credence, said = rng.random((7, 7, 2)), rng.random((7, 3, 2))
-    at_once = judges.credence_sum(credence, said)
+    at_once = personal.credence_sum(credence, said)
     np.testing.assert_allclose(at_once, np.einsum("ike,kje->ije", credence, said), rtol=0, atol=1e-12)
     seen = []
-    monkeypatch.setattr(judges, "_BLOCK", 2 * said.size)
+    monkeypatch.setattr(personal, "_BLOCK", 2 * said.size)
 
     def of(some: slice) -> np.ndarray:
         seen.append(some)
         return at_once[some]
 
-    assert np.array_equal(judges.by_judges(of, said), at_once)
+    assert np.array_equal(personal.by_judges(of, said), at_once)
     assert seen == [slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)]
-    assert np.array_equal(judges.credence_sum(credence, said), at_once)
+    assert np.array_equal(personal.credence_sum(credence, said), at_once)
 
 
 def test_what_opinions_were_worth_is_summed_over_what_both_rated() -> None:
     f, m = np.array([[1.0, 0.5, 9], [0.25, 0.5, 0.75]]), np.array([[True, True, False], [True, True, True]])
     ratings = Ratings(f, m)
     outcomes, met = ratings.values, ratings.weights
-    assert judges.compare_opinions(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
-    assert judges.in_common(met).tolist() == [[2, 2], [2, 3]]
+    assert personal.compare_opinions(outcomes, met, lambda apart: 1 - apart).tolist() == [[2, 1.25], [1.25, 3]]
+    assert personal.in_common(met).tolist() == [[2, 2], [2, 3]]
     assert ratings.rated(PROVIDER).tolist() == [True, True, True]
 
 
 def test_a_memory_keeps_the_last_ratings_of_each_pair() -> None:
-    memory = judges.nothing_yet(np.ones((1, 2)), 2)
+    memory = personal.nothing_yet(np.ones((1, 2)), 2)
     for f, m in (([1.0, 2.0], [1, 1]), ([3.0, 9.0], [1, 0]), ([4.0, 5.0], [1, 1])):
-        memory = judges.push(memory, np.array([f]), Ratings(np.array([f]), np.array([m], bool)))
+        memory = personal.push(memory, np.array([f]), Ratings(np.array([f]), np.array([m], bool)))
     assert memory.tolist() == [[[4, 5]], [[3, 2]]]
 
 
 def test_a_mean_absorbs_values_and_is_exact_where_there_are_none() -> None:
     before = np.array([0.1, 0.1, 0.3])
     weight, sums, count = np.array([2.0, 2.0, 0.0]), np.array([1.5, 0.0, 0.7]), np.array([2.0, 0.0, 1.0])
-    assert judges.absorb(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
-    assert judges.absorb(before, weight, sums, count)[1] == 0.1
+    assert personal.absorb(before, weight, sums, count) == pytest.approx([1.7 / 4, 0.1, 0.7])
+    assert personal.absorb(before, weight, sums, count)[1] == 0.1
 
 
 def test_what_is_published_is_the_judges_mean_and_nobody_judges_itself() -> None:
     credence = np.array([[9.0, 0.2, 0.4], [0.6, 9.0, 0.8], [0.0, 0.4, 9.0]])
-    assert judges.published_raters(credence) == pytest.approx([0.3, 0.3, 0.6])
-    assert judges.published_raters(np.array([[0.3]])).tolist() == [1]
-    assert judges.published_providers(np.array([[0.2, 1.0], [0.4, 1 + 1e-15]])).tolist() == pytest.approx([0.3, 1])
-    assert judges.published_providers(np.array([[1 + 1e-15]])).max() == 1
+    assert personal.published_raters(credence) == pytest.approx([0.3, 0.3, 0.6])
+    assert personal.published_raters(np.array([[0.3]])).tolist() == [1]
+    assert personal.published_providers(np.array([[0.2, 1.0], [0.4, 1 + 1e-15]])).tolist() == pytest.approx([0.3, 1])
+    assert personal.published_providers(np.array([[1 + 1e-15]])).max() == 1
