@@ -6,9 +6,9 @@ import shutil
 import statistics
 import time
 import webbrowser
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 from rich.progress import Progress
@@ -83,18 +83,6 @@ class _Plan:
         return period_ns(self.scenario.period_s, self.speed)
 
 
-class _Run(NamedTuple):
-    """Result of a run.
-
-    Attributes:
-        entries: Rounds in the manager's journal.
-        start: Start of round 0, nanoseconds since 1970.
-    """
-
-    entries: list[JournalEntry]
-    start: int
-
-
 def demo(
     attack: Annotated[Attack, typer.Option(help="Attack of the paper's Figure 3 or Figure 4.")] = "bad-mouthing",
     seconds: Annotated[
@@ -142,10 +130,10 @@ def demo(
             console.print(f"Watch it on {address(port)}", soft_wrap=True)
         if view and browser:
             webbrowser.open(address(port))
-        run = _run_team(plan, out, port if view else None, progress)
+        entries, start = _run_team(plan, out, port if view else None, progress)
         progress.add_task("Waiting for the simulation", total=None)
         simulated = simulation.get()
-    _report(plan, run, simulated, out)
+    _report(plan, entries, start, simulated, out)
 
 
 def _simulated(plan: _Plan) -> Curves:
@@ -155,12 +143,12 @@ def _simulated(plan: _Plan) -> Curves:
         return track_curves(JointPolicy(Game(plan.scenario), plan.paper.policies), plan.seed, progress, "")
 
 
-def _report(plan: _Plan, run: _Run, simulated: Curves, out: Path) -> None:
+def _report(plan: _Plan, entries: list[JournalEntry], start: int, simulated: Curves, out: Path) -> None:
     """Write and print the results."""
     from roletrust_experiments.plots.paper import write_paper
 
-    paper, scenario, entries = plan.paper, plan.scenario, run.entries
-    curves = curves_from_rounds([entry.published for entry in entries], run.start, plan.period, scenario.period_s)
+    paper, scenario = plan.paper, plan.scenario
+    curves = curves_from_rounds([entry.published for entry in entries], start, plan.period, scenario.period_s)
     measured, expected = (paper.check(one, scenario, paper.attack) for one in (curves, simulated))
     partial, delays = sum(bool(entry.missing) for entry in entries), latencies_ms(entries)
     delay = statistics.median(delays) if delays else None
@@ -169,11 +157,7 @@ def _report(plan: _Plan, run: _Run, simulated: Curves, out: Path) -> None:
     written += ["results.json", "journal.jsonl", "recording"]
     results = {
         "command": "roletrust live demo",
-        "attack": plan.attack,
-        "seconds": plan.seconds,
-        "speed": plan.speed,
-        "signed": plan.signed,
-        "seed": plan.seed,
+        **asdict(plan),
         "trust_model": describe(plan.model),
         "attackers": describe_policies(paper.policies),
         "rounds": len(entries),
@@ -190,7 +174,7 @@ def _report(plan: _Plan, run: _Run, simulated: Curves, out: Path) -> None:
     console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
 
 
-def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> _Run:
+def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> tuple[list[JournalEntry], int]:
     """Run the team.
 
     Args:
@@ -198,6 +182,9 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> _
         out: Folder for the journal, the recording and the keys; those of an earlier run are replaced.
         port: Port of the page that shows the run; None for no page.
         progress: Progress bar.
+
+    Returns:
+        The rounds in the manager's journal, and the start of round 0 in nanoseconds since 1970.
 
     Raises:
         ValueError: A process has failed, or the machine is too slow for a single round.
@@ -221,20 +208,16 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> _
     with NodeProcesses() as nodes:
         nodes.start("manager", run_manager_node, model=plan.model, journal=journal, period=period, team=team, keys=keys)
         nodes.start("recorder", run_recorder_node, folder=out / "recording", images=False)
-        for name in team.raters:
-            policy = policies.get(name)
-            nodes.start(name, run_rater_node, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
-        for name in team.providers:
-            policy = policies.get(name)
-            nodes.start(name, run_camera_node, name=name, scenario=scenario, policy=policy, keys=keys, seed=plan.seed)
+        shared = {"scenario": scenario, "keys": keys, "seed": plan.seed}
+        for names, run in ((team.raters, run_rater_node), (team.providers, run_camera_node)):
+            for name in names:
+                nodes.start(name, run, name=name, policy=policies.get(name), **shared)
         if port is not None:
-            watched = {"period_s": period / SECOND, "speed": plan.speed, "attackers": tuple(policies)}
-            nodes.start("view", run_view_server, port=port, team=team, keys=keys, **watched)
+            clock = {"period_s": period / SECOND, "speed": plan.speed}
+            nodes.start("view", run_view_server, port=port, team=team, keys=keys, attackers=tuple(policies), **clock)
         started = time.monotonic()
         nodes.ready()
-        discovery_s = max(
-            _DISCOVERY_S, (time.monotonic() - started) / 2
-        )  # on a busy machine, discovery is slow as well
+        discovery_s = max(_DISCOVERY_S, (time.monotonic() - started) / 2)  # it is slow on a busy machine, too
         nodes.begin("manager", "recorder", *(["view"] if port is not None else []))
         start = time.time_ns() + round(discovery_s * SECOND)
         nodes.begin(*team.raters, *team.providers, timeline=Timeline(start, period))
@@ -250,7 +233,7 @@ def _run_team(plan: _Plan, out: Path, port: int | None, progress: Progress) -> _
         raise ValueError(
             f"no round was completed: this machine is too slow for --speed {plan.speed:g}; use a lower speed"
         )
-    return _Run(entries, start)
+    return entries, start
 
 
 def _rounds(journal: Path) -> int:
