@@ -27,7 +27,7 @@ from roletrust_env.storage.markdown import markdown_table
 from roletrust_env.trust.edge_state import edge_model
 from roletrust_experiments.commands.console import plus_minus
 from studies.study import Recipe, Study
-from studies.timing.contestants import Spread, machine
+from studies.timing import Spread, machine
 
 
 class Options(NamedTuple):

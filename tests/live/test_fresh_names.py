@@ -11,7 +11,7 @@ from roletrust_env.live.nodes.run_loop import run_until_signal
 from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
-from studies.timing.live_load import cpu_s
+from studies.live_load import cpu_s
 
 __all__ = ["keys", "own_domain"]
 

@@ -12,7 +12,7 @@ from roletrust_env.live.nodes.run_loop import Timeline
 from roletrust_env.live.team import Team
 from roletrust_env.live.validation import MAX_STRANGERS
 from roletrust_env.world.roster import Roster
-from studies.timing.live_load import cpu_s
+from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.soak
 __all__ = ["own_domain"]

@@ -13,7 +13,7 @@ from roletrust_env.live.nodes.run_loop import Timeline, run_until_signal
 from roletrust_env.live.wire import messages
 from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import Signer
-from studies.timing.live_load import cpu_s
+from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.live
 __all__ = ["keys", "own_domain"]

@@ -23,7 +23,7 @@ from roletrust_env.live.wire.dds import Node
 from roletrust_env.live.wire.keys import make_keys
 from roletrust_env.trust import make_trust_model
 from roletrust_experiments.view.page import run_view_server
-from studies.timing.live_load import cpu_s
+from studies.live_load import cpu_s
 
 pytestmark = pytest.mark.live
 

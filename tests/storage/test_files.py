@@ -93,8 +93,6 @@ def test_a_folder_that_another_run_writes_to_meanwhile_stays(tmp_path, monkeypat
 @pytest.mark.parametrize(
     "command",
     [
-        ["ladder", "RaterAttack"],
-        ["speed", "--quick"],
         ["train", "RaterAttack"],
         ["play"],
         ["figures", "--service", "synthetic"],
@@ -106,8 +104,6 @@ def test_output_folders_are_tried_before_the_work(tmp_path, monkeypatch, command
         raise AssertionError("the work begins before the output folder is checked")
 
     for module, name in (
-        ("studies.ladder.__main__", "climb"),
-        ("studies.speed", "_race"),
         ("roletrust_agents.training.loop", "train"),
         ("roletrust_experiments.commands.play", "play_games"),
         ("roletrust_experiments.commands.figures", "track_curves"),

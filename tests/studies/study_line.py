@@ -4,14 +4,12 @@ import typer
 from typer.testing import CliRunner
 
 from roletrust_experiments.commands.group import CommandGroup
-from studies.costs import costs
 from studies.defend import defend
 from studies.findings.__main__ import findings
 from studies.ladder.__main__ import ladder
-from studies.speed import speed
 
 app = typer.Typer(cls=CommandGroup)
-for study in (costs, defend, findings, ladder, speed):
+for study in (defend, findings, ladder):
     app.command(study.__name__)(study)
 
 

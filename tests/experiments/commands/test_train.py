@@ -24,7 +24,6 @@ from roletrust_agents.training.settings import make_settings
 from roletrust_env.envs.sb3 import AttackVecEnv
 from roletrust_env.game.make_task import make_task
 from roletrust_experiments.cli import app
-from studies.timing.ppo_speed import ppo_speed
 
 TINY = ["--set", "max_cycles=10", "--set", "noise=0", "--set", "perturbations=[]"]
 SMALL = "games=8,hidden=[8],batch_size=40"
@@ -251,13 +250,6 @@ def test_the_zoo_says_what_is_damaged_and_what_does_not_hold(tmp_path):
     assert result.exit_code == 1
     assert "digest" in result.output
     assert "no" in result.output.split("boaster")[1]
-
-
-def test_ppo_is_timed_on_the_task_and_on_nothing():
-    found = ppo_speed(games=8, rollouts=1, turns=1)
-    assert found.task > 0
-    assert found.nothing > 0
-    assert found.share == pytest.approx(found.task / found.nothing)
 
 
 def test_a_wrong_first_command_leaves_nothing_behind(tmp_path):

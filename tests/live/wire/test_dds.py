@@ -12,7 +12,7 @@ from fake_wire import FixedSigner
 
 from roletrust_env.live.wire import dds, messages
 from roletrust_env.live.wire.dds import _ONCE, Node, Publication, Quota, Reader, make_endpoint
-from studies.timing.live_load import memory_mb
+from studies.live_load import memory_mb
 
 PATIENCE_S = 120.0  # far more than a busy machine takes
 
