@@ -54,7 +54,7 @@ test-studies: setup
 
 # The whole site, in a browser.
 test-site: docs
-	$(BIN)/pytest -m site tests/experiments/site
+	$(BIN)/pytest -m site tests/docs
 
 # The wheel with each extra alone, in fresh environments.
 test-extras: setup
@@ -74,7 +74,7 @@ test-ros2: setup
 
 # Other libraries, each in an environment of its own: minutes, and gigabytes that go again.
 test-clients: setup
-	$(BIN)/python -m roletrust_experiments.clients
+	PYTHONPATH=tests $(BIN)/python -m clients $(CLIENTS)
 
 setup: $(VENV)/.ready-dev
 
@@ -93,7 +93,7 @@ pictures: setup
 	$(BIN)/roletrust play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out $(OUT)/play
 	cp $(OUT)/figures/figure3.png $(OUT)/figures/figure4.png $(OUT)/figures/montage.png docs/
 	cp $(OUT)/play/play.png docs/render.png
-	$(BIN)/python -m roletrust_experiments.site.moving_picture docs/game.gif
+	$(BIN)/python docs/_ext/moving_picture.py docs/game.gif
 	$(BIN)/python -m studies.models --out $(OUT)/models
 	cp $(OUT)/models/models.png docs/models.png
 	$(MAKE) ladder
@@ -294,7 +294,7 @@ zoo: setup universal
 
 # The technical report in build/report/, from the results in docs/; seconds. Chromium prints the PDF, where there is one.
 report: setup
-	$(BIN)/python -m roletrust_experiments.article docs build/report
+	$(BIN)/python docs/_ext/article.py docs build/report
 
 # The assets of a release, with checksums: the source and the tables of the last commit, the same bytes for the same commit,
 # and the raw results beside the tables, as `make benchmark` and `make attackers` have written them.

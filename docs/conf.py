@@ -1,8 +1,12 @@
-"""Settings of the site, which `make docs` builds offline. `roletrust_experiments.site` writes its reference."""
+"""Settings of the site, which `make docs` builds offline. `docs/_ext/site_pages` writes its reference."""
 
+import sys
 from pathlib import Path
 
 from roletrust_env import __version__
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+sys.path.insert(1, str(Path(__file__).parent.parent / "experiments"))  # studies, which are not installed
 
 project, author, release = "RoleTrust", "The RoleTrust authors", __version__
 copyright = "the RoleTrust authors, MIT licence"
@@ -13,10 +17,10 @@ extensions = [
     "sphinx_copybutton",
     "sphinxcontrib.bibtex",
     "sphinx_design",
-    "roletrust_experiments.site.extension",
+    "site_pages",
 ]
 # Tables that a page includes, the report, and the paper for JOSS.
-exclude_patterns = ["leaderboards/standard*", "leaderboards/reruns.md", "leaderboards/places.md", "paper.md"]
+exclude_patterns = ["_ext", "leaderboards/standard*", "leaderboards/reruns.md", "leaderboards/places.md", "paper.md"]
 smartquotes = False
 highlight_language = "none"  # formulas are no code
 default_role = "py:obj"  # `Policy.quality` in a docstring leads to it
@@ -34,7 +38,7 @@ nb_execution_timeout = 600
 nb_merge_streams = True
 
 bibtex_bibfiles = ["references.bib"]
-html_math_renderer = "mathml"  # of roletrust_experiments.site.formulas
+html_math_renderer = "mathml"  # of site_pages
 
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True

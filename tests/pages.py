@@ -13,7 +13,6 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
-from roletrust_experiments.clients.__main__ import CLIENTS
 from studies.findings.questions import QUESTIONS
 
 HOUSE = Path(__file__).parent.parent
@@ -70,15 +69,15 @@ def refused(line: str) -> str:
         return _refused_by_us(words)
     if program == "make":
         missing = [
-            word for word in words if not re.search(rf"^{word}:", (HOUSE / "Makefile").read_text(), re.MULTILINE)
+            word
+            for word in words
+            if "=" not in word and not re.search(rf"^{word}:", (HOUSE / "Makefile").read_text(), re.MULTILINE)
         ]
         return f"no targets {missing}" if missing else ""
     if program == "pip":
         known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         missing = [word for word in words for extra in re.findall(r"\[(.*)\]", word) if extra not in known]
         return f"no extras {missing}" if missing else ""
-    if words[:2] == ["-m", "roletrust_experiments.clients"]:
-        return "" if set(words[2:]) <= set(CLIENTS) else f"no such clients: {words[2:]}"
     return "" if program in _SHELL else f"unknown program {program}"
 
 

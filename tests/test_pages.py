@@ -62,7 +62,6 @@ def test_a_tutorial_writes_what_can_be_read(page):
         ("roletrust train RaterAttack --steps few", "valid integer"),
         ("make tests", "no targets"),
         ("pip install -e '.[everything]'", "no extras"),
-        ("python -m roletrust_experiments.clients torchlr", "torchlr"),
         ("rm -rf results", "unknown program"),
     ],
 )

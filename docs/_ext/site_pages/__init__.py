@@ -1,0 +1,96 @@
+"""The extension of Sphinx: it writes the pages of the catalogue, prepares docstrings and formulas, adds the report."""
+
+import os
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+from copy import copy
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from myst_nb.core import render
+from nbformat import NotebookNode
+from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective
+
+from site_pages import docstrings
+from site_pages.pages import write_pages
+
+_NO_REPORT = (
+    "The report of the leaderboard is missing: make benchmark writes it, and roletrust-results.tar.gz of a release, "
+    "unpacked in the checkout, has it."
+)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register all parts of the extension; Sphinx calls this.
+
+    The setting `site_quick` makes the same pages with pictures of shorter games, for tests.
+    """
+    app.add_directive("mermaid", Arrows)
+    app.add_html_math_renderer(
+        "mathml", inline_renderers=(docstrings.inline, None), block_renderers=(docstrings.block, None)
+    )
+    render.coalesce_streams = whole_streams
+    app.add_config_value("site_quick", False, "env", (bool,))
+    app.connect("config-inited", _begin, priority=700)  # before Sphinx checks that the static folders exist
+    app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", docstrings.as_written)
+    app.connect("autodoc-skip-member", docstrings.skipped)
+    app.connect("missing-reference", docstrings.found_by_its_last_names)
+    app.connect("build-finished", _add_report)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+class Arrows(SphinxDirective):
+    """Show a flowchart of Mermaid, which would have to be fetched, as a table of its arrows by their start."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table. See `docutils.parsers.rst.Directive.run`."""
+        found: dict[str, list[str]] = {}
+        for start, end in re.findall(r"^ *(\S+) --> (\S+)$", "\n".join(self.content), flags=re.MULTILINE):
+            found.setdefault(start, []).append(end)
+        rows = [f"| `{start}` | {', '.join(f'`{end}`' for end in ends)} |" for start, ends in found.items()]
+        return self.parse_text_to_nodes("\n".join(["| folder | imports from |", "| --- | --- |", *rows]))
+
+
+def whole_streams(outputs: Sequence[NotebookNode]) -> list[NotebookNode]:
+    """Return the outputs of a cell with each stream in one piece.
+
+    Programs print in pieces that end anywhere; the function of MyST-NB breaks the line after each piece.
+    """
+    found: list[NotebookNode] = []
+    streams: dict[str, NotebookNode] = {}
+    for output in outputs:
+        if output["output_type"] != "stream":
+            found.append(output)
+        elif output["name"] in streams:
+            streams[output["name"]]["text"] += output["text"]
+        else:
+            streams[output["name"]] = copy(output)
+            found.append(streams[output["name"]])
+    return found
+
+
+def _begin(app: Sphinx, config: Config) -> None:
+    # Tutorials call `roletrust` of the environment that builds the site, also if it is not activated.
+    os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    os.environ |= {"COLUMNS": "100", "TTY_COMPATIBLE": "0"}  # wide tables without colours
+    write_pages(Path(app.srcdir) / "reference", quick=config.site_quick)
+
+
+def _add_report(app: Sphinx, error: Exception | None) -> None:
+    # The report is a page of its own with files beside it, so it is copied as it is.
+    folder = Path("leaderboards", "standard")
+    if (Path(app.srcdir) / folder / "report.html").is_file():
+        shutil.copytree(Path(app.srcdir) / folder, app.outdir / folder, dirs_exist_ok=True)
+        return
+    (app.outdir / folder).mkdir(parents=True, exist_ok=True)
+    (app.outdir / folder / "report.html").write_text(f"<!doctype html><title>No report</title><p>{_NO_REPORT}", "utf-8")
+    logging.getLogger(__name__).info(_NO_REPORT)
