@@ -13,7 +13,6 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.trust.outside import KINDS as OUTSIDE
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
-from studies.findings.questions import QUESTIONS
 
 HOUSE = Path(__file__).parent.parent
 TUTORIALS = sorted((HOUSE / "docs/tutorials").glob("*.md"))
@@ -58,7 +57,7 @@ def commands(page: Path) -> list[str]:
     shell = [*blocks(page, "bash"), *(cell.partition("\n")[2] for cell in cells(page) if cell.startswith("%%bash\n"))]
     lines = [line for block in shell for line in block.replace("\\\n", " ").splitlines()]
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
-    lines += re.findall(r"^ {4}((?:roletrust|make|pip) .*)$", text, flags=re.MULTILINE)
+    lines += re.findall(r"^ {4}((?:roletrust|make|pip|python -m) .*)$", text, flags=re.MULTILINE)
     return [line.strip() for line in lines if line.strip()]
 
 
@@ -78,6 +77,9 @@ def refused(line: str) -> str:
         known = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["optional-dependencies"]
         missing = [word for word in words for extra in re.findall(r"\[(.*)\]", word) if extra not in known]
         return f"no extras {missing}" if missing else ""
+    if words[:1] == ["-m"] and words[1].startswith("studies."):
+        name = HOUSE / "experiments" / words[1].replace(".", "/")
+        return "" if name.is_dir() or name.with_suffix(".py").is_file() else f"no study {words[1]}"
     return "" if program in _SHELL else f"unknown program {program}"
 
 
@@ -96,7 +98,6 @@ def _refused_by_us(words: list[str]) -> str:
         "attack": attackers.names(),
         "scenario": list(scenarios()),
         "suite": list(suites()),
-        "question": list(QUESTIONS),
     }
     given = ((key, value) for key in known for value in _several(context.params.get(key)))
     wrong = [f"{key} {value}" for key, value in given if not _is_known(value, known[key])]

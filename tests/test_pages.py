@@ -1,15 +1,11 @@
-"""What people wrote: Python blocks run, commands are there, links lead somewhere."""
+"""What people wrote: Python blocks run, commands are there, TOML is valid, links lead somewhere."""
 
 import re
 import tomllib
 
 import pytest
-from pages import HOUSE, TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
+from pages import TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
 
-pytestmark = pytest.mark.slow
-
-named = pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(HOUSE)))
-tutorials = pytest.mark.parametrize("page", [page for page in TUTORIALS if cells(page)], ids=lambda page: page.stem)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
@@ -19,42 +15,59 @@ def test_its_python_runs(page, tmp_path, monkeypatch):
     run(page)
 
 
-@named
-def test_its_commands_are_there(page):
-    assert {line: wrong for line in commands(page) if (wrong := refused(line))} == {}
+def test_commands_are_there():
+    wrong = {(page.name, line): why for page in WRITTEN for line in commands(page) if (why := refused(line))}
+    assert wrong == {}
 
 
-@named
-def test_its_toml_is_toml(page):
-    for block in blocks(page, "toml"):
-        tomllib.loads(block)
+def test_blocks_are_of_languages_that_are_tried():
+    """A block in another language would be looked at by nobody."""
+    known = {"python", "bash", "toml", "text", "mermaid", "{code-cell}", "{toctree}", "{include}", "{literalinclude}"}
+    known |= {
+        "{bibliography}",
+        "{eval-rst}",
+        "json",
+        "javascript",
+        "",
+    }  # tests/trust/test_outside.py tries json and javascript
+    for page in WRITTEN:
+        text = page.read_text(encoding="utf-8")
+        found = re.findall(r"^```(\S*)$|^```(\{literalinclude\}|\{include\}) ", text, flags=re.MULTILINE)
+        assert {fence or directive for fence, directive in found} <= known, page
+        for block in blocks(page, "toml"):
+            tomllib.loads(block)
 
 
-@named
-def test_its_links_lead_somewhere(page):
-    for target in _LINK.findall(prose(page)):
-        path, _, anchor = target.partition("#")
-        if "://" in target or path.startswith("reference/"):
-            continue
-        file = (page.parent / path).resolve() if path else page
-        assert file.exists(), target
-        assert not anchor or anchor in anchors(file), target
+def test_links_lead_somewhere_and_pictures_are_described():
+    wrong = []
+    for page in WRITTEN:
+        text = prose(page)
+        assert "![](" not in text, page
+        for target in _LINK.findall(text):
+            path, _, anchor = target.partition("#")
+            file = (page.parent / path).resolve() if path else page
+            if "://" in target or path.startswith(("reference/", "../reference/")):
+                continue  # the site's build writes these
+            if not file.exists() or (anchor and anchor not in anchors(file)):
+                wrong.append((page.name, target))
+    assert wrong == []
 
 
-@tutorials
-def test_a_tutorial_writes_what_can_be_read(page):
-    """The build runs it; this finds a slip at once."""
-    for cell in cells(page):
-        kind, _, text = cell.partition("\n")
-        if kind.startswith("%%writefile") and kind.endswith(".toml"):
-            tomllib.loads(text)
-        elif kind != "%%bash":
-            compile(text if kind.startswith("%%") else cell, page.name, "exec")
+def test_tutorials_write_what_can_be_read():
+    """The build runs them; this finds a slip at once."""
+    for page in TUTORIALS:
+        for cell in cells(page):
+            kind, _, text = cell.partition("\n")
+            if kind.startswith("%%writefile") and kind.endswith(".toml"):
+                tomllib.loads(text)
+            elif kind != "%%bash":
+                compile(text if kind.startswith("%%") else cell, page.name, "exec")
+        for block in blocks(page, "{code-cell}"):
+            assert "    alt: " in block or not ("plt.subplots" in block or "Image(" in block), page
 
 
-@pytest.mark.parametrize(
-    ("line", "reason"),
-    [
+def test_a_command_that_is_not_there_is_found():
+    for line, reason in (
         ("roletrust play --attck sr_2=bad-mouthing", "--attck"),
         ("roletrust play --attack sr_2=bad-mouting", "attack sr_2=bad-mouting"),
         ("roletrust benchmark --suite standrd", "suite standrd"),
@@ -62,8 +75,7 @@ def test_a_tutorial_writes_what_can_be_read(page):
         ("roletrust train RaterAttack --steps few", "valid integer"),
         ("make tests", "no targets"),
         ("pip install -e '.[everything]'", "no extras"),
+        ("python -m studies.nothing", "no study"),
         ("rm -rf results", "unknown program"),
-    ],
-)
-def test_a_command_that_is_not_there_is_found(line, reason):
-    assert reason in refused(line)
+    ):
+        assert reason in refused(line)

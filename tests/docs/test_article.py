@@ -141,7 +141,7 @@ def test_a_number_that_is_not_there_is_refused(name, where, message):
 def test_a_source_a_sentence_or_a_fact_that_is_not_there_is_refused():
     with pytest.raises(ValueError, match="references\\.bib has no 'nobody1999'"):
         Sources(DOCS / "references.bib").cite("nobody1999")
-    with pytest.raises(ValueError, match="no answer 'dilutions'"):
+    with pytest.raises(ValueError, match="has no 'dilutions'"):
         Results(DOCS).answer("dilutions")
     with pytest.raises(ValueError, match="has no 'worst mixture'"):
         Results(DOCS).fact("worst mixture")
