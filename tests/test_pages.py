@@ -6,6 +6,8 @@ import tomllib
 import pytest
 from pages import TUTORIALS, WRITTEN, anchors, blocks, cells, commands, prose, refused, run
 
+pytestmark = pytest.mark.slow
+
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 

@@ -16,8 +16,8 @@ from roletrust_env.evaluation.specs import parse_attacks
 from roletrust_env.game.policy import registry as attackers
 from roletrust_env.metrics import damage
 from roletrust_env.trust.model import registry as models
-from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_env.trust.models.log_models import LOG_MODELS
+from roletrust_env.trust.models.personal.travos import Travos
 from roletrust_experiments.commands.catalogue import all_attackers, all_models
 from site_pages import pictures, whole_streams
 from site_pages.commands import everything, markdown, roletrust
