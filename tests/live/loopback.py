@@ -36,9 +36,9 @@ def domain():
             yield
         finally:
             while _started:
-                left = _started.pop()
-                left.kill()
-                left.join()
+                started = _started.pop()
+                started.kill()
+                started.join()
 
 
 @pytest.fixture(autouse=True)
@@ -114,12 +114,12 @@ class Listener(contextlib.AbstractContextManager):
 
     def agrees_with(self, entries):
         """Check that every round was published once, with the trust of a complete journal."""
-        kept = {entry.round: entry for entry in entries}
-        assert sorted(kept) == list(range(len(entries)))
+        by_round = {entry.round: entry for entry in entries}
+        assert sorted(by_round) == list(range(len(entries)))
         assert len({said.round for _, said in self.heard}) == len(self.heard)
         for _, said in self.heard:
-            assert kept[said.round].stamp == messages.stamp_of(said)
-            assert kept[said.round].trust[:2] == (tuple(said.tor.tolist()), tuple(said.top.tolist()))
+            assert by_round[said.round].stamp == messages.stamp_of(said)
+            assert by_round[said.round].trust[:2] == (tuple(said.tor.tolist()), tuple(said.top.tolist()))
 
 
 def until(holds, why):
@@ -141,7 +141,7 @@ class Raters(Listener):
         keys: Folder of their keys.
         sent: Delay of each message by (rater, stamp), seconds; None if it was lost.
         values: Ratings of each message by (rater, stamp), in the order of the providers.
-        overdue: Times at which a message was due that a busy machine kept back for half the manager's deadline.
+        overdue: Times at which a message was due that a busy machine held back for half the manager's deadline.
     """
 
     def __init__(self, keys):

@@ -72,8 +72,8 @@ def false_ratings(true):
 
 def is_true(page, team):
     """Return whether the page shows the rounds of the journal and nothing else."""
-    kept = {entry.round: entry.published for entry in read_journal(team.journal)}
-    return all(kept[one.round] == one for one in page.rounds)
+    by_round = {entry.round: entry.published for entry in read_journal(team.journal)}
+    return all(by_round[one.round] == one for one in page.rounds)
 
 
 def refused(page, reason):

@@ -93,7 +93,7 @@ def test_a_camera_ahead_by_an_hour_closes_no_round_of_the_others():
         now = NOW + r * PERIOD
         for camera in cameras:
             ahead = range(HOUR, HOUR + PERIOD, PERIOD // 30) if camera == "sp_2" else [0]
-            wire.waiting[f"/{camera}{IMAGES}"] += [image(now + some, small) for some in ahead]
+            wire.waiting[f"/{camera}{IMAGES}"] += [image(now + offset, small) for offset in ahead]
         for picture, envelope in pictures.take(now):
             whole += rounds.add(envelope.sender, envelope.stamp, picture, now)
         for share in (0.3, 0.8):

@@ -32,7 +32,7 @@ def test_the_trust_is_that_of_the_simulated_game_with_the_same_losses(model, tmp
         np.testing.assert_array_equal(mask, state.rated)
         np.testing.assert_array_equal(entry.trust.tor, game.published(state)[0])
         np.testing.assert_array_equal(entry.trust.top, game.published(state)[1])
-        waited = [name for name, some in zip(TEAM.raters, state.rated, strict=True) if not some.any()]
+        waited = [name for name, row in zip(TEAM.raters, state.rated, strict=True) if not row.any()]
         assert list(entry.missing) == waited
 
 

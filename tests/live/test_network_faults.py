@@ -26,8 +26,8 @@ def raters(team):
 
 def whole_since(raters, begin):
     """Return the number of rounds with all raters that began after a time."""
-    kept = read_journal(raters.journal)
-    return sum(entry.stamp > begin and set(TEAM.raters) <= entry.ratings.keys() for entry in kept)
+    entries = read_journal(raters.journal)
+    return sum(entry.stamp > begin and set(TEAM.raters) <= entry.ratings.keys() for entry in entries)
 
 
 def named(raters, name):
@@ -37,9 +37,9 @@ def named(raters, name):
 
 def entries(raters, first):
     """Return the journal's rounds from a published one on, and check that no gap is longer than two rounds."""
-    kept = list(read_journal(raters.journal))
-    raters.agrees_with(kept)
-    found = kept[raters.heard[first][1].round :]
+    entries = list(read_journal(raters.journal))
+    raters.agrees_with(entries)
+    found = entries[raters.heard[first][1].round :]
     sent = sorted({stamp for (name, stamp), delay in raters.sent.items() if delay is not None and name == "sr_0"})
     places = np.searchsorted(sent, [entry.stamp for entry in found])
     assert np.diff(places).max() <= 2  # rounds that were sent: on a busy machine, raters skip some

@@ -84,10 +84,10 @@ def test_it_receives_trust_and_pictures_without_loss(played):
     rounds = [trust[0] for trust in report["trust"]]
     assert rounds == list(range(rounds[0], rounds[-1] + 1))
     assert len(rounds) >= ROUNDS
-    kept = {entry.round: entry.trust for entry in entries}
+    by_round = {entry.round: entry.trust for entry in entries}
     for number, raters, tor, providers, top in report["trust"]:
         assert (raters, providers) == (list(TEAM.raters), list(TEAM.providers))
-        assert (tuple(tor), tuple(top)) == (kept[number].tor, kept[number].top)
+        assert (tuple(tor), tuple(top)) == (by_round[number].tor, by_round[number].top)
     mine, said = [entry.trust.tor[TEAM.raters.index(THEIRS)] for entry in entries], report["numbers"]
     assert len(said) >= ROUNDS
     assert any(mine[start : start + len(said)] == said for start in range(len(mine)))

@@ -51,8 +51,8 @@ def test_a_partial_round_closes_at_the_deadline_and_names_the_missing():
 def test_silent_streams_are_not_expected_until_they_send_again():
     sent = ["abc"] * 3 + ["ab"] * 6 + ["abc"] * 3
     closed, rounds = play(rounds_of("abc", sent), names="abc", tick=1, until=13_500)
-    kept = ["abc"] * 3 + ["ab"] * 7 + ["abc"] * 2  # the first message of a stream that is not expected is too late
-    assert summary(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(kept)]
+    expected = ["abc"] * 3 + ["ab"] * 7 + ["abc"] * 2  # the first message of a stream that is not expected is too late
+    assert summary(closed) == [(heard, "c" if k in (3, 4) else "") for k, heard in enumerate(expected)]
     quick = [now - round.stamp for now, round in closed]
     assert quick[3:10] == [710, 710, 12, 11, 11, 11, 11]
     assert rounds.expected == ("a", "b", "c")

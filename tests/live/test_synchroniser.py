@@ -41,8 +41,8 @@ def check_against_the_slow_reference(random):
         got = [step for step in sync.add(stream, Message(stamp, at, at)) if step.matched]
         slow, wanted = slow_add(slow, stream, stamp, **rules)
         assert [tuple(message.stamp for message in step.messages) for step in got] == wanted
-        kept = sorted((message.stamp for _, message in sync.waiting()))
-        assert kept == sorted(stamp for stamps in slow.streams for stamp in stamps)
+        waiting = sorted((message.stamp for _, message in sync.waiting()))
+        assert waiting == sorted(stamp for stamps in slow.streams for stamp in stamps)
 
 
 def test_every_message_is_in_one_match_or_lost_or_still_waiting():

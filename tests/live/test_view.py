@@ -191,12 +191,12 @@ def test_many_viewers_do_not_slow_the_manager(stage):
     alone, _ = measured()
     sessions = []
 
-    def look():
+    def watch():
         sessions.append(pull_session(url=f"http://localhost:{stage.port}/"))
         sessions[-1]._loop_until_closed()
 
     for _ in range(VIEWERS):
-        threading.Thread(target=look, daemon=True).start()
+        threading.Thread(target=watch, daemon=True).start()
     end = time.monotonic() + PATIENCE_MS / 1000
     while len(sessions) < VIEWERS:
         assert time.monotonic() < end

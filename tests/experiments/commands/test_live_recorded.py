@@ -113,7 +113,7 @@ def said(rater, round, row, stamp=None):
     return RecordedMessage(moment + 5, f"/{rater}/ratings", messages.RATINGS, raw)
 
 
-def told(round, tor, top, stamp=None):
+def published(round, tor, top, stamp=None):
     moment = PERIOD * (1000 + round) if stamp is None else stamp
     numbers = {"tor": np.array([*tor.values()], float), "top": np.array([*top.values()], float), "toa": np.empty(0)}
     names = {"raters": [*tor], "providers": [*top], "both": [], "missing": []}
@@ -167,15 +167,15 @@ A, B = {"sr_0": 0.5}, {"sp_0": 0.5}
         (["live", "scenario"], [said("sr_0", r, {}) for r in range(5)], "no rating whose stamp is near"),
         (
             ["figures", "--recording"],
-            [told(0, A, B), told(0, A, B)],
+            [published(0, A, B), published(0, A, B)],
             "2 rounds of trust; it must hold two consecutive",
         ),
         (
             ["figures", "--recording"],
-            [told(0, A, B), told(1, A, B, PERIOD * 1000)],
+            [published(0, A, B), published(1, A, B, PERIOD * 1000)],
             "holds 2 rounds of trust; it",
         ),
-        (["figures", "--recording"], [told(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
+        (["figures", "--recording"], [published(r, {}, {}) for r in range(3)], "3 rounds of trust; it must hold two"),
     ],
 )
 def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, reason, tmp_path, monkeypatch):
@@ -187,8 +187,8 @@ def test_recordings_of_too_little_are_refused_in_one_line(arguments, messages, r
 
 
 def test_trust_that_cannot_be_read_is_in_no_figure(tmp_path):
-    broken = told(2, A, B)._replace(raw=b"\0\1\0\0")
-    bag = recorded(tmp_path / "bag", [told(0, A, B), told(1, A, B), broken, told(3, A, B)])
+    broken = published(2, A, B)._replace(raw=b"\0\1\0\0")
+    bag = recorded(tmp_path / "bag", [published(0, A, B), published(1, A, B), broken, published(3, A, B)])
     done = run("figures", "--recording", bag, "--out", str(tmp_path / "out"))
     assert done.exit_code == 0, done.output
     assert len((tmp_path / "out" / "figure.csv").read_text().splitlines()) == 4

@@ -73,11 +73,11 @@ def test_types_are_announced_by_name_alone(builtin):
     made += [speaks.reader(f"/by_name_{k}", kind) for k, kind in enumerate(kinds)]
     found = {}
 
-    def told():
+    def complete():
         found.update({one.topic_name: one.type_id for one in announced.take(100) if one.topic_name})
         return {f"rt/by_name_{k}" for k in range(3)} <= found.keys()
 
-    assert until(told)
+    assert until(complete)
     assert {name: found[name] for name in found if found[name]} == {}
 
 
@@ -100,12 +100,12 @@ def test_nodes_announce_their_topics():
     cam.writer("/sp_7/image_raw/compressed", messages.IMAGE)
     nodes = []
 
-    def told():
+    def complete():
         for raw in reader.take():
             nodes.extend(messages.decode(raw, kind).node_entities_info_seq)
         return any(node.node_namespace == "/sp_7" and len(node.writer_gid_seq) == 1 for node in nodes)
 
-    assert until(told)
+    assert until(complete)
 
 
 @pytest.mark.parametrize(
