@@ -92,6 +92,7 @@ class Study(Generic[Options]):
         seed: Random seed.
         workers: Number of processes.
         out: Folder of the results.
+        again: Begin again, and overwrite what is there.
         command: Command that repeats the study.
         facts: Further results for `study.json`.
     """
@@ -104,7 +105,7 @@ class Study(Generic[Options]):
         first = next(iter(recipes))
         given = _parser(self.name, sys.modules[module].__doc__, recipes).parse_args(arguments)
         self.recipe: str = given.recipe or first
-        self._published, self._publish, self._again = recipes[self.recipe].files, given.publish, given.force
+        self._published, self._publish, self.again = recipes[self.recipe].files, given.publish, given.force
         default = recipes[self.recipe].options
         self.options, words = _given(default, given)
         self.seed: int = given.seed
@@ -148,7 +149,7 @@ class Study(Generic[Options]):
         Args:
             settings: Settings that runs must share to be compared; the version of the software is added.
         """
-        return Runs(self.out / "runs.json", {"study": self.name, **settings, **software()}, self._again)
+        return Runs(self.out / "runs.json", {"study": self.name, **settings, **software()}, self.again)
 
     def play(
         self, work: Callable[..., Run], jobs: Mapping[str, tuple[Any, ...]], settings: Mapping[str, Any]

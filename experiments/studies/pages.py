@@ -1,0 +1,166 @@
+"""Pages, pictures and attackers that commands of `roletrust` make alone.
+
+Each recipe is a list of commands and of the files that they publish. Recipes on logs of real ratings take a folder of
+them, `--logs`, since they are not in the repository. A training whose folder is there is not repeated without `--force`.
+Minutes each; `attackers`, `known-attacks` and `universal` take half an hour to an hour on two cores.
+"""
+
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from studies import SUITES
+from studies.study import DOCS, Recipe, Study
+
+
+class Options(NamedTuple):
+    """Folder of logs of real ratings."""
+
+    logs: Path = Path("logs")
+
+
+ZOO = "../agents/roletrust_agents/zoo"
+"""Folder of the attackers that come with the project, from `docs/`."""
+
+_CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
+_OTHERS = [
+    "wary-role-trust",
+    "role-trust",
+    "beta",
+    "iterative-filtering",
+    "two-way-mean",
+    "fairness-goodness",
+    "bias-deserve",
+]
+_PARTS = ["own=1", "limit=0", "modesty=0", "power=0", "keep=1", "prior=0.001"]
+_BESIDE = " ".join(
+    f"--model {name}" for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
+)
+_LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
+
+_EVOLVE = (
+    "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead --model wary-role-trust "
+    "--model beta --model role-trust --model qor --model median --set max_cycles=50"
+)
+_ABLE = 'role="SP",ability=[0.3,1.0]'
+_RATERS = '{role="SR",count=10,noise=0.05}'
+_RATERS_WITH_RESERVE = '{role="SR",count=7,noise=0.05},{role="SR",count=3,noise=0.05,reserve=3}'
+_LIARS, _CHEATS, _CHEATS_OF_6 = ["sr_7", "sr_8", "sr_9"], ["sp_7", "sp_8", "sp_9"], ["sp_4", "sp_5"]
+UNIVERSAL = {
+    "raters": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", ["sr_5", "sr_6", *_LIARS]),
+    "providers": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", _CHEATS),
+    "coalition": ("crowd-10x10", f"{_RATERS},{{{_ABLE},count=10}}", [*_LIARS, *_CHEATS]),
+    "identities": (
+        *("crowd-10x10", f"{_RATERS_WITH_RESERVE},{{{_ABLE},count=7}},{{{_ABLE},count=3,reserve=3}}"),
+        [*_LIARS, *_CHEATS],
+    ),
+    "raters-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", _LIARS),
+    "coalition-market": ("market", f"{_RATERS},{{{_ABLE},count=6}}", [*_LIARS, *_CHEATS_OF_6]),
+    "identities-market": (
+        *("market", f"{_RATERS_WITH_RESERVE},{{{_ABLE},count=4}},{{{_ABLE},count=2,reserve=3}}"),
+        [*_LIARS, *_CHEATS_OF_6],
+    ),
+}
+"""Universal coalitions: one network each for liars, cheats, both, and both with identities in reserve.
+
+They are trained in the crowd and in the market of the suite two-worlds, against five trust models in turn. Each has its
+scenario, its agents and the compromised ones.
+"""
+
+COMMANDS = {
+    "pictures": [
+        "figures --out {out}",
+        "play --attack sr_2=bad-mouthing:start=70 --set max_cycles=110 --video --force --out {out}/play",
+    ],
+    "better-model": ["benchmark --suite {suites}/development.toml --force --out {out}"],
+    "leave-one-out": ["benchmark --suite {suites}/leave-one-out.toml --force --out {out}"],
+    "first-hand": [
+        "benchmark --suite {suites}/first-hand.toml --out {out}",
+        "report {out}/results.sqlite --out {out}/report",
+    ],
+    "attackers": [
+        "benchmark --suite {suites}/attackers.toml --out {out}",
+        "report {out}/results.sqlite --out {out}/report",
+    ],
+    "learners": ["benchmark --suite learners-coalitions --out {out}"],
+    "optimum": ["benchmark --suite learners-optimum --out {out}"],
+    "real": ["real {logs} --search 24 --out {out}"],
+    "leave-one-out-logs": [
+        f"real {{logs}} {_BESIDE} --out {{out}}/30",
+        f"real {{logs}} {_BESIDE} --every 604800 --out {{out}}/7",
+    ],
+    "defence-logs": [
+        f"real {{logs}} --model leave-one-out --model {{learned}} {_LEARNED} {' '.join(f'--model {one}' for one in _OTHERS)} "
+        "--out {out}"
+    ],
+    "known-attacks": [
+        "benchmark --suite {suites}/known-attacks.toml --known roletrust_env/benchmarking/suites/standard-known.json --out {out}",
+        "submit {out}/results.sqlite --attacks --out {out}/known.json",
+    ],
+    "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
+    "universal": [
+        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}] {' '.join(f'--compromised {one}' for one in compromised)} "
+        f"--out {{out}}/{name}"
+        for name, (scenario, agents, compromised) in UNIVERSAL.items()
+    ],
+    "zoo": [
+        f"train ProviderAttack {_CERTAIN} --out {{out}}/provider-3x3",
+        f"train RaterAttack --stealth-weight 2 {_CERTAIN} --out {{out}}/rater-3x3",
+        "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
+    ],
+}
+"""Commands of each recipe. `{out}` is its folder, `{suites}` that of the suites, `{learned}` the learned leave-one-out."""
+
+
+def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
+    kinds = ("json", "safetensors")
+    return {f"{name}/attacker.{kind}": f"{ZOO}/{prefix}{name}.{kind}" for name in names for kind in kinds}
+
+
+FILES = {
+    "pictures": {f"{name}.png": f"{name}.png" for name in ("figure3", "figure4", "montage")}
+    | {"play/play.png": "render.png"},
+    "better-model": {"leaderboard.csv": "better-model.csv"},
+    "leave-one-out": {"leaderboard.csv": "leave-one-out.csv"},
+    "first-hand": {
+        "leaderboard.csv": "first-hand/leaderboard.csv",
+        "report/worst_cases.csv": "first-hand/worst_cases.csv",
+    },
+    "attackers": {"report/games.csv.gz": "attackers/games.csv.gz"},
+    "learners": {f"learners.{kind}": f"attackers/learners.{kind}" for kind in ("png", "md", "csv")},
+    "optimum": {f"learners.{kind}": f"attackers/optimum.{kind}" for kind in ("md", "csv")},
+    "real": {name: f"real/{name}" for name in ("real.md", "real.csv")},
+    "leave-one-out-logs": {f"{days}/real.csv": f"leave-one-out-{days}.csv" for days in (30, 7)},
+    "defence-logs": {"real.csv": "defence/logs.csv"},
+    "known-attacks": {},
+    "colluders": {},
+    "universal": _attackers(list(UNIVERSAL), "universal-"),
+    "zoo": _attackers(["provider-3x3", "rater-3x3", "collusion-10x10"]),
+}
+RECIPES = {name: Recipe(Options(), FILES[name]) for name in COMMANDS}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the commands of a recipe."""
+    with Study(__name__, RECIPES, arguments) as study:
+        if study.again:
+            shutil.rmtree(study.out, ignore_errors=True)
+        learned = DOCS / "defence" / "leave-one-out.txt"
+        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
+        for line in COMMANDS[study.recipe]:
+            if "{learned}" in line:
+                places["learned"] = learned.read_text(encoding="utf-8").strip()
+            words = [word.format(**places) if "{role" not in word else word for word in line.split()]
+            if words[0] == "train" and Path(words[-1]).exists():
+                continue
+            print(f"roletrust {shlex.join(words)}", flush=True)
+            if code := subprocess.run([Path(sys.executable).with_name("roletrust"), *words], check=False).returncode:
+                raise SystemExit(code)
+
+
+if __name__ == "__main__":
+    main()
