@@ -1,8 +1,8 @@
 """Pages, pictures and attackers that commands of `roletrust` make alone.
 
 Each recipe is a list of commands and of the files that they publish. Recipes on logs of real ratings take a folder of
-them, `--logs`, since they are not in the repository. A training whose folder is there is not repeated without `--force`.
-Minutes each; `attackers`, `known-attacks` and `universal` take half an hour to an hour on two cores.
+them, `--logs`, since they are not in the repository. A training whose folder is there is not repeated without
+`--force`. Minutes each; `attackers`, `known-attacks` and `universal` take half an hour to an hour on two cores.
 """
 
 import shlex
@@ -26,6 +26,7 @@ class Options(NamedTuple):
 ZOO = "../agents/roletrust_agents/zoo"
 """Folder of the attackers that come with the project, from `docs/`."""
 
+_KNOWN = "roletrust_env/benchmarking/suites/standard-known.json"
 _CERTAIN = "--set max_cycles=200 --set noise=0 --set perturbations=[]"
 _OTHERS = [
     "wary-role-trust",
@@ -40,11 +41,12 @@ _PARTS = ["own=1", "limit=0", "modesty=0", "power=0", "keep=1", "prior=0.001"]
 _BESIDE = " ".join(
     f"--model {name}" for name in ["leave-one-out", *(f"leave-one-out:{part}" for part in _PARTS), *_OTHERS]
 )
+_BESIDE_OTHERS = " ".join(f"--model {name}" for name in _OTHERS)
 _LEARNED = "--model roletrust_agents.learned.saved_defence:SavedTrust:path=docs/defence/network"
 
 _EVOLVE = (
-    "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead --model wary-role-trust "
-    "--model beta --model role-trust --model qor --model median --set max_cycles=50"
+    "train CollusionAttack --learner evolution:start=random --steps 6000000 --objective mislead "
+    "--model wary-role-trust --model beta --model role-trust --model qor --model median --set max_cycles=50"
 )
 _ABLE = 'role="SP",ability=[0.3,1.0]'
 _RATERS = '{role="SR",count=10,noise=0.05}'
@@ -71,6 +73,11 @@ They are trained in the crowd and in the market of the suite two-worlds, against
 scenario, its agents and the compromised ones.
 """
 
+
+def _compromised(names: Sequence[str]) -> str:
+    return " ".join(f"--compromised {name}" for name in names)
+
+
 COMMANDS = {
     "pictures": [
         "figures --out {out}",
@@ -94,18 +101,16 @@ COMMANDS = {
         f"real {{logs}} {_BESIDE} --every 604800 --out {{out}}/7",
     ],
     "defence-logs": [
-        f"real {{logs}} --model leave-one-out --model {{learned}} {_LEARNED} {' '.join(f'--model {one}' for one in _OTHERS)} "
-        "--out {out}"
+        f"real {{logs}} --model leave-one-out --model {{learned}} {_LEARNED} {_BESIDE_OTHERS} --out {{out}}"
     ],
     "known-attacks": [
-        "benchmark --suite {suites}/known-attacks.toml --known roletrust_env/benchmarking/suites/standard-known.json --out {out}",
+        "benchmark --suite {suites}/known-attacks.toml --known {known} --out {out}",
         "submit {out}/results.sqlite --attacks --out {out}/known.json",
     ],
     "colluders": ["train CollusionAttack --stealth-weight 2 --runs 5 --out {out}/runs"],
     "universal": [
-        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}] {' '.join(f'--compromised {one}' for one in compromised)} "
-        f"--out {{out}}/{name}"
-        for name, (scenario, agents, compromised) in UNIVERSAL.items()
+        f"{_EVOLVE} --scenario {scenario} --set agents=[{agents}] {_compromised(names)} --out {{out}}/{name}"
+        for name, (scenario, agents, names) in UNIVERSAL.items()
     ],
     "zoo": [
         f"train ProviderAttack {_CERTAIN} --out {{out}}/provider-3x3",
@@ -113,7 +118,7 @@ COMMANDS = {
         "train CollusionAttack --stealth-weight 2 --out {out}/collusion-10x10",
     ],
 }
-"""Commands of each recipe. `{out}` is its folder, `{suites}` that of the suites, `{learned}` the learned leave-one-out."""
+"""Commands of each recipe. `{out}` is its folder, `{learned}` the leave-one-out of the study `defend`."""
 
 
 def _attackers(names: Sequence[str], prefix: str = "") -> dict[str, str]:
@@ -150,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if study.again:
             shutil.rmtree(study.out, ignore_errors=True)
         learned = DOCS / "defence" / "leave-one-out.txt"
-        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs}
+        places = {"out": study.out, "suites": SUITES, "logs": study.options.logs, "known": _KNOWN}
         for line in COMMANDS[study.recipe]:
             if "{learned}" in line:
                 places["learned"] = learned.read_text(encoding="utf-8").strip()

@@ -1,4 +1,4 @@
-"""The page on learned defence says what its tables say, and `make defence` makes them."""
+"""The page on learned defence says what its tables say, and `make study NAME=defend` makes them."""
 
 import csv
 import re

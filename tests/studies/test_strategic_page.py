@@ -4,11 +4,13 @@ import csv
 from pathlib import Path
 
 import pytest
-from studies.strategic.points import COSTS, MODELS, SCENARIOS, STARTS
+
+from studies.strategic import STARTS, Options
 
 pytestmark = pytest.mark.slow
 
 DOCS = Path(__file__).parents[2] / "docs"
+MODELS, SCENARIOS, COSTS = Options()[:3]
 UNPAID = {"beta", "own-experience"}
 CHEAP, DEAR = COSTS
 
