@@ -14,7 +14,7 @@ from roletrust_env.benchmarking.pool import LocalPool, Pool, play_safely
 from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
 from roletrust_env.benchmarking.store import Store, StoredCell
 from roletrust_env.benchmarking.suite import WITHOUT_SEARCH, Suite
-from roletrust_env.benchmarking.suite_files import load_suite
+from roletrust_env.benchmarking.suite_files import AnySuite, load_suite
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import named_factory, parse_kinds, parse_trust_model
 from roletrust_env.storage.files import prepare_folder
@@ -126,7 +126,7 @@ def _check_methods(suite: Suite) -> None:
 
 
 def play_suite(
-    suite: SuiteSchema,
+    suite: AnySuite,
     pool: Pool,
     *,
     out: Path | None = None,

@@ -16,7 +16,7 @@ from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from roletrust_env.benchmarking.schema import AnyCell, AttackResult, CellResult, SuiteSchema
 from roletrust_env.benchmarking.sources import hashes
-from roletrust_env.benchmarking.suite_files import read_suite
+from roletrust_env.benchmarking.suite_files import AnySuite, read_suite
 from roletrust_env.errors import explain
 from roletrust_env.evaluation.attackers import MAX_RECORD
 from roletrust_env.storage.provenance import software
@@ -74,7 +74,7 @@ class Store:
         OSError: The file cannot be written.
     """
 
-    def __init__(self, path: Path, suite: SuiteSchema | None = None, *, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, suite: AnySuite | None = None, *, overwrite: bool = False) -> None:
         self.path = path
         self._lock: FileLock | None = None
         self._file: sqlite3.Connection | None = None
@@ -96,7 +96,7 @@ class Store:
                 if suite is not None and not self._tables():
                     _prepare(self._file, suite)
                 facts = self._facts()
-            self.suite: SuiteSchema = read_suite(facts["suite"], str(path))
+            self.suite = read_suite(facts["suite"], str(path))
             self.software: dict[str, Any] = facts["software"]
             self._sources: dict[str, str] = facts.get("sources", {})
             if suite is not None:
@@ -185,7 +185,7 @@ class Store:
                     raise sqlite3.DatabaseError(" ".join(str(message).split()))
         return facts
 
-    def _check(self, suite: SuiteSchema) -> None:
+    def _check(self, suite: AnySuite) -> None:
         """Check that the run to continue has the same software and sources, and go on with the suite."""
         if self.suite != suite and not self._extended_by(suite):
             names = [
@@ -212,7 +212,9 @@ class Store:
             return False
         known = {cell.key for cell in suite.cells()}
         with self._reading() as file:
-            played = [suite.cell_type(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")]
+            played: list[Any] = [
+                suite.cell_type(**json.loads(cell)) for (cell,) in file.execute("SELECT cell FROM cells")
+            ]
         return all(cell.key in known and self.suite.rules(cell) == suite.rules(cell) for cell in played)
 
     def check_sources(self, suite: SuiteSchema) -> None:

@@ -14,6 +14,9 @@ from roletrust_env.benchmarking.schema import SuiteSchema
 from roletrust_env.benchmarking.suite import Suite
 from roletrust_env.errors import explain, suggest
 
+AnySuite = Suite | LearnersSuite
+"""Suite of any type that a file may have."""
+
 _FOLDER = Path(__file__).parent / "suites"
 
 
@@ -22,7 +25,7 @@ def suites() -> dict[str, str]:
     return {name: load_suite(name).description for name in _names()}
 
 
-def load_suite(suite: str | Path) -> Suite | LearnersSuite:
+def load_suite(suite: str | Path) -> AnySuite:
     """Return a suite by name, or from a TOML file.
 
     Args:
@@ -39,7 +42,7 @@ def load_suite(suite: str | Path) -> Suite | LearnersSuite:
     return read_suite({"name": path.stem, **_fields(path)}, f"suite {suite}")
 
 
-def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
+def read_suite(data: Mapping[str, Any], source: str) -> AnySuite:
     """Return a suite from plain data.
 
     Args:
@@ -60,7 +63,7 @@ def read_suite(data: Mapping[str, Any], source: str) -> Suite | LearnersSuite:
         raise ValueError(f"{source}: {explain(error)}") from None
 
 
-_TYPES: dict[str, type[Suite | LearnersSuite]] = {"robustness": Suite, "learners": LearnersSuite}
+_TYPES: dict[str, type[AnySuite]] = {"robustness": Suite, "learners": LearnersSuite}
 _EXTENDABLE = "quick", "standard", "full"
 
 

@@ -16,10 +16,10 @@ from roletrust_env.benchmarking.leaderboard import Leaderboard
 from roletrust_env.benchmarking.learners.suite import LearnersSuite
 from roletrust_env.benchmarking.pool import LocalPool, Pool, cores
 from roletrust_env.benchmarking.run import play_suite, with_names
-from roletrust_env.benchmarking.schema import CellResult, SuiteSchema
+from roletrust_env.benchmarking.schema import CellResult
 from roletrust_env.benchmarking.store import StoredCell
 from roletrust_env.benchmarking.suite import Suite, with_known
-from roletrust_env.benchmarking.suite_files import load_suite, reproduction_command
+from roletrust_env.benchmarking.suite_files import AnySuite, load_suite, reproduction_command
 from roletrust_env.evaluation.resources import in_time
 from roletrust_env.evaluation.search import search_methods
 from roletrust_env.evaluation.specs import check_installed
@@ -192,7 +192,7 @@ def _real(data: Path | None, model: list[str] | None, others: Mapping[str, Any],
     real(data, model, out=out)
 
 
-def _play(suite: SuiteSchema, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
+def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:
     """Play the suite with a progress bar that shows the cells and the remaining time."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
     with progress_bar(columns=columns) as progress:
@@ -244,12 +244,12 @@ def _pool(workers: int | None, ray: str | None) -> Iterator[Pool]:
 
 
 def _asked(
-    suite: SuiteSchema,
+    suite: AnySuite,
     model: Sequence[str] | None,
     attack: Sequence[str] | None,
     learner: Sequence[str] | None,
     allow_code: bool,
-) -> SuiteSchema:
+) -> AnySuite:
     """Return the suite with the models, attacks or learners of the options, once all of them can be made.
 
     Raises:
@@ -284,7 +284,7 @@ def _expanded(names: Sequence[str] | None, everything: Sequence[str]) -> list[st
     return [part for name in names or [] for part in (everything if name == "all" else [name])]
 
 
-def _tell_cost(suite: SuiteSchema, workers: int | None) -> None:
+def _tell_cost(suite: AnySuite, workers: int | None) -> None:
     if isinstance(suite, LearnersSuite):
         tell_learners_cost(suite)
         return

@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from roletrust_env.errors import suggest
 from roletrust_env.evaluation.resources import check_memory
-from roletrust_env.metrics.confidence import Estimate, over_games
+from roletrust_env.metrics.confidence import Estimate, estimate
 from roletrust_experiments.commands.catalogue import (
     Entry,
     all_attackers,
@@ -86,7 +86,8 @@ def list_command(
     """
     if kind is not Kind.ZOO and (names or folder or games):
         raise ValueError("names, --folder and --games are for trained attackers: roletrust list zoo")
-    found = {one: _KINDS[one][0]() for one in Kind if kind in (None, one) and one is not Kind.ZOO}
+    asked = [one for one in Kind if kind in (None, one) and one is not Kind.ZOO]
+    found: dict[Kind, dict[str, Entry]] = {one: _KINDS[one][0]() for one in asked}
     if kind in (None, Kind.ZOO):
         found[Kind.ZOO] = _trained(folder, names or [])
     holds = games is None or _measure_again(found[Kind.ZOO], folder, games)
@@ -146,7 +147,7 @@ def measure(attacker: Any, games: int) -> Estimate:
     """
     from roletrust_agents.learned.policy import play_task
 
-    return over_games(play_task(attacker.task(), attacker.network, games=games, seed=0))
+    return estimate(play_task(attacker.task(), attacker.network, games=games, seed=0))
 
 
 def _print(found: Mapping[Kind, dict[str, Entry]], kind: Kind | None) -> None:
