@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
+from roletrust_env.live.nodes.run_loop import SECOND
 from roletrust_experiments.commands.extras import require
-
-SECOND_NS = 1_000_000_000
 
 Scenario = Annotated[
     str, typer.Option(help="Name or file of a scenario, which sets the agents, the rounds and the disturbances.")
@@ -28,4 +27,4 @@ def require_live() -> None:
 
 def period_ns(period_s: float, speed: float) -> int:
     """Return the time between rounds, nanoseconds."""
-    return round(period_s * SECOND_NS / speed)
+    return round(period_s * SECOND / speed)
