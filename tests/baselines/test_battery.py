@@ -94,7 +94,7 @@ def test_searches_take_what_it_declares(name):
             assert ((part >= 0) & (part <= 1)).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["conflicting", "bad-mouthing", "cheating-ring"])
 def test_it_plays_from_the_command_line(tmp_path, name):
     seats = sorted({"sp_2" if SEATS[channel] is PROVIDERS else "sr_2" for channel in space(name).channels})
     options = [part for agent in seats for part in ("--attack", f"{agent}={name}")]

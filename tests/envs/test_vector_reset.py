@@ -21,7 +21,7 @@ def test_a_seed_reproduces_to_the_last_bit(mode: AutoresetMode, tensors: bool) -
     arguments = ENDS | {"like": torch.zeros(())} if tensors else ENDS
 
     def play(batch: AttackVectorEnv, seed: int | None) -> tuple:
-        steps = [batch.reset(seed=seed), *(batch.step(actions) for actions in lies(GAMES, 40, 4))]
+        steps = [batch.reset(seed=seed), *(batch.step(actions) for actions in lies(GAMES, 20, 4))]
         return tuple((*map(np.asarray, step[:-1]), np.asarray(step[-1].get("cost", 0))) for step in steps)
 
     batch = AttackVectorEnv(RATER, GAMES, autoreset_mode=mode, **arguments)

@@ -72,8 +72,7 @@ def scores(model: Any) -> Scores:
     return measure(task, Scripted(policies), 0, (1, 3)).measured
 
 
-@pytest.mark.parametrize("text", ["role-trust", "beta", "qor:theta=0.9", "travos"])
-@pytest.mark.parametrize("seated", [False, True])
+@pytest.mark.parametrize(("text", "seated"), [("role-trust", False), ("qor:theta=0.9", True)])
 def test_a_model_scores_the_same_in_a_process_of_its_own(text: str, seated: bool) -> None:
     inside, apart = parse_trust_model(text, SCENARIO), IsolatedModel(text, SCENARIO)
     assert hasattr(inside, "judge_trust") == hasattr(apart, "judge_trust")

@@ -45,28 +45,28 @@ class Slice(Random):
 
 @EVERY_ACCESS
 @pytest.mark.parametrize("name", ["colluders among other attackers", "dual"])
-def test_a_batch_of_1024_is_its_games_one_by_one(access: str, name: str) -> None:
-    """For twenty of them, with the luck of the batch; the random scripted agents' own luck included."""
+def test_a_batch_is_its_games_one_by_one(access: str, name: str) -> None:
+    """For eight of them, with the luck of the batch; the random scripted agents' own luck included."""
     task = make(busy(access), CASES[name], knowledge="white_box")
-    luck = Luck(task, 0, (1024,))
+    luck = Luck(task, 0, (256,))
     together = list(trajectory(task, luck.start, luck.rounds, luck.actions, rng(7)))
-    few = [0, 1023, *np.random.default_rng(1).choice(range(1, 1023), 18, replace=False).tolist()]
+    few = [0, 255, *np.random.default_rng(1).choice(range(1, 255), 6, replace=False).tolist()]
     for e in few:
 
         def one(array: Any, e: int = e) -> Any:
             return array[..., e]
 
         rounds = [each(one, noise) for noise in luck.rounds]
-        alone = trajectory(task, each(one, luck.start), rounds, [a[..., e] for a in luck.actions], Slice(7, e, 1024))
+        alone = trajectory(task, each(one, luck.start), rounds, [a[..., e] for a in luck.actions], Slice(7, e, 256))
         for whole, single in zip(together, alone, strict=True):
             assert_close(single, each(one, whole))
     outcomes = [outcome for _, outcome in together[1:]]
     assert np.unique(outcomes[-1].caught).tolist() == ([False, True] if name == "dual" else [False])
     assert np.all(outcomes[-1].over)
-    assert np.unique(outcomes[-1].reward).size > 500
+    assert np.unique(outcomes[-1].reward).size > 125
 
 
-@pytest.mark.parametrize("batch", [(), (5,), (2, 3)], ids=str)
+@pytest.mark.parametrize("batch", [(), (2, 3)], ids=str)
 @EVERY_CASE
 def test_torch_agrees_with_numpy(case: dict, batch: tuple[int, ...]) -> None:
     case = {**case, "others": {name: p for name, p in case.get("others", {}).items() if name != "sp_2"}}

@@ -31,7 +31,7 @@ def test_refitting_gives_the_constants(calibration_set):
 
 
 def test_the_calibration_holds_for_scenes_it_was_not_fitted_on():
-    margins, labels = labelled_margins(seeds=[11], cameras=range(6), moments=5)
+    margins, labels = labelled_margins(seeds=[11], cameras=range(6), moments=3)
     fitted = np.array([probability(margin) for margin in margins])
     assert fitted[labels].min() >= 0.97
     assert fitted[~labels].max() <= 0.03
@@ -90,10 +90,10 @@ def test_frames_with_nothing_in_them():
 def test_probability_falls_with_quality():
     scene = RenderedScene(0)
     means = [
-        np.mean([seen(degrade(scene.frame(c, t), q, (c, k))) for c in range(3) for k, t in enumerate(range(8))])
-        for q in (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
+        np.mean([seen(degrade(scene.frame(c, t), q, (c, k))) for c in range(3) for k, t in enumerate(range(4))])
+        for q in (1.0, 0.6, 0.5, 0.4, 0.0)
     ]
     assert means == sorted(means, reverse=True)
     assert means[0] > 0.99
-    assert 0.2 < means[3] < 0.8
+    assert 0.2 < means[2] < 0.8
     assert means[-1] < 0.01

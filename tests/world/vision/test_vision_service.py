@@ -22,7 +22,7 @@ def noise(seed, *shape):
 
 
 def test_honest_and_calm_every_rater_is_sure_and_raters_differ_slightly(service):
-    rounds = range(0, 240, 6)
+    rounds = range(0, 240, 20)
     seen = np.stack([service.perceive(*CALM, k, noise(k, 3, 3)) for k in rounds])
     assert seen.min() >= 0.97
     assert seen.max() <= 1
@@ -34,7 +34,7 @@ def test_honest_and_calm_every_rater_is_sure_and_raters_differ_slightly(service)
 
 
 def test_a_fast_target_is_a_dip_for_every_camera(service):
-    seen = np.stack([service.perceive(CALM[0], 1.0, k, noise(k, 3, 3)) for k in range(36, 60)]).mean((0, 1))
+    seen = np.stack([service.perceive(CALM[0], 1.0, k, noise(k, 3, 3)) for k in range(36, 60, 3)]).mean((0, 1))
     assert (seen > 0.1).all()
     assert (seen < 0.8).all()
 
@@ -131,7 +131,7 @@ def test_a_round_of_nine_takes_little_more_than_opencvs_own_nine_detections(serv
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        for k in range(8):
+        for k in range(3):
             start = time.process_time()
             service.perceive([1.0, 0.8, 0.3], 0.5, k, noise(k, 3, 3))
             ours.append(time.process_time() - start)
