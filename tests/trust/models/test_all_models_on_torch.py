@@ -9,9 +9,11 @@ from model_cases import EVERY_MODEL, RoundRatings, arrays, assert_close, having,
 
 from roletrust_env.evaluation.smooth import SmoothRoleTrust
 from roletrust_env.testing.trust_models import check_torch
-from roletrust_env.trust import Ratings, make_trust_model
+from roletrust_env.trust import Ratings, make_trust_model, trust_models
 
-SHAPES = pytest.mark.parametrize("shape", [(3, 3), (1, 1), (2, 5, 6)], ids=str)
+SHAPES = [(3, 3), (1, 1), (2, 5, 6)]
+COMPILED = ["mean", "beta-filtered", "first-hand"]
+"""Models that the quick tests compile; the others are slow tests."""
 
 
 def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[RoundRatings]:
@@ -23,24 +25,22 @@ def calm_rounds(shape: tuple[int, ...], count: int = 12) -> list[RoundRatings]:
 
 
 @EVERY_MODEL
-@SHAPES
-def test_torch_computes_what_numpy_does(name: str, shape: tuple[int, ...]) -> None:
-    check_torch(named(name), shape)
+def test_torch_computes_what_numpy_does_and_single_precision_is_enough(name: str) -> None:
+    model = named(name)
+    for shape in SHAPES:
+        check_torch(model, shape)
+        rounds = calm_rounds(shape)
+        singles = [RoundRatings(ratings.astype(np.float32), mask) for ratings, mask in rounds]
+        state = play(model, singles, torch.zeros(shape), asarray=torch.asarray)
+        assert not any(leaf.dtype == torch.float64 for leaf in arrays(state) if isinstance(leaf, torch.Tensor))
+        found = read(model, state)
+        assert all(isinstance(trust, torch.Tensor) and trust.dtype == torch.float32 for trust in found)
+        assert_close(found, read(model, play(model, rounds, np.zeros(shape))), 1e-4)
 
 
-@EVERY_MODEL
-@SHAPES
-def test_single_precision_is_enough_and_stays_single(name: str, shape: tuple[int, ...]) -> None:
-    model, rounds = named(name), calm_rounds(shape)
-    singles = [RoundRatings(ratings.astype(np.float32), mask) for ratings, mask in rounds]
-    state = play(model, singles, torch.zeros(shape), asarray=torch.asarray)
-    assert not any(leaf.dtype == torch.float64 for leaf in arrays(state) if isinstance(leaf, torch.Tensor))
-    found = read(model, state)
-    assert all(isinstance(trust, torch.Tensor) and trust.dtype == torch.float32 for trust in found)
-    assert_close(found, read(model, play(model, rounds, np.zeros(shape))), 1e-4)
-
-
-@EVERY_MODEL
+@pytest.mark.parametrize(
+    "name", [name if name in COMPILED else pytest.param(name, marks=pytest.mark.slow) for name in trust_models()]
+)
 def test_a_round_compiles_into_one_graph(name: str) -> None:
     """Without the slow part: the graph is caught whole, and played as it is."""
     torch.compiler.reset()
@@ -60,20 +60,19 @@ def test_a_round_compiles_into_one_graph(name: str) -> None:
 
 
 @having("differentiable")
-@pytest.mark.parametrize("notes", ["differ", "agree", "are 0", "are 1"])
-def test_gradients_are_finite(name: str, notes: str) -> None:
+def test_gradients_are_finite(name: str) -> None:
     """Also of masked cells, of a provider that nobody or only one rates, and where raters agree."""
     model = SmoothRoleTrust(lam=0.7, initial=0.3) if name == "role-trust" else named(name)  # its root is steep at 0
     shape = (4, 3, 5)
-    agreed = {"differ": None, "agree": 0.75, "are 0": 0.0, "are 1": 1.0}[notes]
-    state, given = play(model, [], torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray), []
-    for ratings, mask in random_rounds(shape, 6):
-        values = ratings if agreed is None else RoundRatings.of(np.full(shape, agreed), mask).ratings
-        given.append(torch.tensor(values, requires_grad=True))
-        state = model.update(state, Ratings(given[-1], torch.asarray(mask)))
-    torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
-    assert all(ratings.grad is not None and bool(ratings.grad.isfinite().all()) for ratings in given)
-    assert notes != "differ" or any(bool((ratings.grad != 0).any()) for ratings in given)
+    for agreed in (None, 0.75, 0.0, 1.0):
+        state, given = play(model, [], torch.zeros(shape, dtype=torch.float64), asarray=torch.asarray), []
+        for ratings, mask in random_rounds(shape, 6):
+            values = ratings if agreed is None else RoundRatings.of(np.full(shape, agreed), mask).ratings
+            given.append(torch.tensor(values, requires_grad=True))
+            state = model.update(state, Ratings(given[-1], torch.asarray(mask)))
+        torch.stack([trust.sum() for trust in read(model, state)]).sum().backward()
+        assert all(ratings.grad is not None and bool(ratings.grad.isfinite().all()) for ratings in given)
+        assert agreed is not None or any(bool((ratings.grad != 0).any()) for ratings in given)
 
 
 @pytest.mark.parametrize("name", ["first-hand", "leave-one-out"])
