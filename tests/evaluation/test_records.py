@@ -8,8 +8,9 @@ import pytest
 from roletrust_agents.learned.coalition_attacker import CoalitionAttacker
 from roletrust_agents.learned.deep_set import DeepSet, DeepSetArchitecture, random_weights
 from roletrust_agents.training.universal import universal_coalitions
-from roletrust_env import Policy
+from roletrust_env import Policy, make_scenario
 from roletrust_env.arrays import Array
+from roletrust_env.benchmarking.suite_files import load_suite
 from roletrust_env.evaluation.attackers import (
     HONEST_POLICY,
     MAX_RECORD,
@@ -22,35 +23,23 @@ from roletrust_env.evaluation.attackers import (
 from roletrust_env.evaluation.measurement import watch
 from roletrust_env.evaluation.scripts import Scripts
 from roletrust_env.game.make_task import make_task
-from roletrust_env.game.policy import make_attacker
+from roletrust_env.game.policy import make_attacker, registry
 
-TASK = make_task("market", ["sr_1", "sp_1"])
+TASK = make_task(make_scenario("market").change(max_cycles=20), ["sr_1", "sp_1"])
 
 
 class Unnamed(Policy):
     """Policy that is not registered."""
 
 
-def every_policy() -> list[Policy]:
-    from roletrust_env.benchmarking.suite_files import load_suite
-
-    names = load_suite("full").attack_names
+def test_every_script_is_the_same_after_its_record() -> None:
     needs = {"accomplices": (0, 1), "length": 50}
-    return [make_attacker(name, **_accepted(name, needs)) for name in names]
-
-
-def _accepted(name: str, offered: dict[str, object]) -> dict[str, object]:
-    from roletrust_env.game.policy import registry
-
-    return registry.accepted_parameters(name, offered)
-
-
-@pytest.mark.parametrize("policy", every_policy(), ids=repr)
-def test_every_script_is_the_same_after_its_record(policy: Policy) -> None:
-    attack = {"sr_0": policy, "sp_0": Both(policy, HONEST_POLICY)}
-    again = read_record(record_of(Scripted(attack)))
-    assert isinstance(again, Scripted)
-    assert again.policies == attack
+    for name in load_suite("full").attack_names:
+        policy = make_attacker(name, **registry.accepted_parameters(name, needs))
+        attack = {"sr_0": policy, "sp_0": Both(policy, HONEST_POLICY)}
+        again = read_record(record_of(Scripted(attack)))
+        assert isinstance(again, Scripted)
+        assert again.policies == attack
 
 
 def test_every_point_of_a_search_space_is_the_same_after_its_record() -> None:

@@ -154,7 +154,8 @@ def test_intervals_of_very_many_games():
     assert half[1] == pytest.approx(1.96 * 12**-0.5 * 100_000**-0.5, rel=0.01)
 
 
-def test_every_scenario_can_be_tried_out():
+def test_every_scenario_can_be_tried_out(monkeypatch):
+    monkeypatch.setattr(resources, "_CELLS", 20_000)
     for name in [name for name in scenarios() if "sparse" not in make_scenario(name).tags]:
         game = Game(make_scenario(name))
         cost = foresee([JointPolicy(game, {})], {})
