@@ -21,7 +21,7 @@ models = ["mean"]
 attacks = ["bad-mouthing"]
 methods = ["scripted"]
 games = 3
-limit_s = 15
+limit_s = 4
 [scenarios.market]
 preset = "market"
 set = { max_cycles = 5, agents = [{ role = "SR", count = 4 }, { role = "SP", count = 3, ability = [0.3, 1.0] }] }
@@ -61,7 +61,7 @@ def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: 
     said = {
         "NotANumber": "nan",
         "TooMuch": "[0, 1]",
-        "Hanging": "given up after 15 seconds",
+        "Hanging": "given up after 4 seconds",
         "Raising": "RuntimeError: two lines",
         "Leaving": "SystemExit: 3",
         "Dying": "died 3 times",
@@ -77,7 +77,7 @@ def test_models_that_misbehave_are_a_line_for_each_cell_and_harm_no_other(here: 
     assert {**board(here)["mean"], "holds": ""} == {**alone, "holds": ""}
 
 
-def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path) -> None:
+def test_attackers_that_misbehave_are_told_and_the_others_count(here: Path, in_process: None) -> None:
     attacks = [f"--attack=benchmark_cases:{name}" for name in ("NanRater", "WildRater", "BrokenRater")]
     code, lines = benchmark("--attack=bad-mouthing", *attacks)
     assert code == 1, lines
@@ -118,23 +118,23 @@ def truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [(truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version continues 3")],
-)
-def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, spoil: object, words: str) -> None:
+def test_a_file_that_cannot_be_gone_on_with_is_left_as_it_is(here: Path, in_process: None) -> None:
     benchmark()
     path = here / "out" / "results.sqlite"
-    spoil(path)
-    before = path.read_bytes()
-    code, lines = benchmark()
-    assert (code, len(lines)) == (2, 1)
-    assert words in lines[0]
-    assert path.read_bytes() == before
+    whole = path.read_bytes()
+    spoilt = ((truncate, "is damaged or is not a results file"), (other_version, "has the format 99; this version"))
+    for spoil, words in spoilt:
+        path.write_bytes(whole)
+        spoil(path)
+        before = path.read_bytes()
+        code, lines = benchmark()
+        assert (code, len(lines)) == (2, 1)
+        assert words in lines[0]
+        assert path.read_bytes() == before
     assert benchmark("--force")[0] == 0
 
 
-def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path) -> None:
+def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path, in_process: None) -> None:
     benchmark()
     path = here / "out" / "results.sqlite"
     with Store(path) as store:
@@ -148,6 +148,7 @@ def test_a_run_that_goes_on_is_left_alone_also_by_force(here: Path) -> None:
         assert len(store.all()) == 2
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Path) -> None:
     limit = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
     limit += "resource.setrlimit(resource.RLIMIT_FSIZE, (33_000, resource.RLIM_INFINITY)); "
@@ -170,10 +171,11 @@ def test_a_full_disk_is_one_line_and_the_run_goes_on_once_there_is_room(here: Pa
     assert board(here)["mean"]["missing"] == "0"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 def test_an_interrupt_stops_all_and_says_how_to_go_on(here: Path) -> None:
     options = ["benchmark", "--suite", "tiny.toml", "--model", "mean", "--model", "benchmark_cases:Hanging"]
-    (here / "tiny.toml").write_text(SUITE.replace("limit_s = 15", "limit_s = 600"))
+    (here / "tiny.toml").write_text(SUITE.replace("limit_s = 4", "limit_s = 600"))
     process = subprocess.Popen(
         [sys.executable, "-c", HEARS + CODE, *options, "--out", "out"],
         env=ENVIRONMENT,
@@ -208,30 +210,3 @@ def test_a_suite_of_a_file_names_what_is_installed(here: Path) -> None:
     assert code == 2
     assert "which is not installed" in lines[0]
     assert load_suite("tiny.toml").models == ("benchmark_cases:Raising",)
-
-
-def test_the_suite_of_real_ratings_is_the_command_of_its_own(here: Path) -> None:
-    """Both write the same; see `test_real.py` for what that is."""
-    models = "--model", "mean", "--model", "beta"
-    assert run("real", "log", "--synthetic", *models, "--out", "wanted").exit_code == 0
-    result = run("benchmark", "--suite", "real", "--data", "log", *models, "--out", "found")
-    assert result.exit_code == 0, result.output
-    for name in ("real.csv", "real.md"):
-        assert Path("found", name).read_bytes() == Path("wanted", name).read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--suite", "real"], "the suite real needs --data DIR, a folder of logs that are yours"),
-        (["--suite", "real", "--data", "log", "--attack", "on-off"], "--attack is not for the suite real"),
-        (["--suite", "real", "--data", "log", "--dry-run"], "--dry-run is not for the suite real"),
-        (["--suite", "quick", "--data", "log"], "--data is for the suite real only"),
-        (["--suite", "real", "--data", "log", "--workers", "2"], "--workers is not for the suite real"),
-    ],
-)
-def test_what_the_suite_of_real_ratings_does_not_take(here: Path, options: list[str], message: str) -> None:
-    result = run("benchmark", *options, "--out", "out")
-    assert result.exit_code == 2
-    assert message in " ".join(result.output.split())
-    assert not Path("out").exists()

@@ -14,9 +14,23 @@ from small_suites import small
 from roletrust_env.benchmarking.cells import play_cell
 from roletrust_env.benchmarking.store import Store
 from roletrust_env.evaluation.specs import is_own_model
+from roletrust_experiments.report.content import Content
+from roletrust_experiments.report.figures import Layout
 
 
-def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path) -> None:
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are empty files."""
+
+    def write(folder: Path, content: Content, layout: Layout, *suffixes: str) -> None:
+        folder.mkdir(exist_ok=True)
+        for name in content.tables:
+            (folder / f"{name}{suffixes[0]}").touch()
+
+    monkeypatch.setattr("roletrust_experiments.report.figures.write_figures", write)
+
+
+def test_a_report_on_the_scale_of_skill_says_so(tmp_path: Path, undrawn: None) -> None:
     suite = small(models=["mean", "constant"], attacks=["bad-mouthing"], methods=["scripted"], score="skill")
     with Store(tmp_path / "results.sqlite", suite) as store:
         for cell in suite.cells():
@@ -117,7 +131,7 @@ def test_the_page_needs_nothing_from_outside_and_takes_text_as_text(folder: Path
     assert page.count(f"<code>roletrust benchmark --suite large.toml --out {folder}</code>") == 2
 
 
-def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path) -> None:
+def test_rows_lead_to_the_pages_of_the_models(folder: Path, tmp_path: Path, undrawn: None) -> None:
     made = run("report", str(folder / "results.sqlite"), "--pages", "../models/", "--out", str(tmp_path / "out"))
     assert made.exit_code == 0, made.output
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -62,7 +62,7 @@ def test_what_is_true_is_found_so(verified: Callable) -> None:
     assert f"{len(SUITE.cells())} of {len(SUITE.cells())} cells played again" in told
 
 
-def test_games_with_a_new_seed_are_played_unless_left_out(verified: Callable) -> None:
+def test_games_with_a_new_seed_are_played_unless_left_out(in_process: None, verified: Callable) -> None:
     code, told = verified(lambda said: None, "--cells", "4", "--workers", "1")
     assert code == 0, told
     assert "in games with a new seed" in told
@@ -124,7 +124,7 @@ def test_what_is_not_as_said_is_told_without_playing(verified: Callable, change:
 
 
 @pytest.mark.parametrize("forgotten", [False, True])
-def test_numbers_that_were_made_up_are_found(verified: Callable, forgotten: bool) -> None:
+def test_numbers_that_were_made_up_are_found(in_process: None, verified: Callable, forgotten: bool) -> None:
     def change(said: Any) -> None:
         better(said)
         if forgotten:
@@ -137,7 +137,7 @@ def test_numbers_that_were_made_up_are_found(verified: Callable, forgotten: bool
     assert "scores of mean worst case 1.0000" in told  # which goes with the rest of the file
 
 
-def test_on_other_software_means_have_to_be_within_the_intervals(verified: Callable) -> None:
+def test_on_other_software_means_have_to_be_within_the_intervals(in_process: None, verified: Callable) -> None:
     def near(said: Any) -> None:
         other_versions(said)
         cell(said)["attacks"][0]["measured"]["blind"]["mean"] += 1e-6
@@ -155,7 +155,7 @@ def test_on_other_software_means_have_to_be_within_the_intervals(verified: Calla
     assert "7.0000" in told
 
 
-def test_an_edited_choice_of_the_worst_case_is_found(verified: Callable) -> None:
+def test_an_edited_choice_of_the_worst_case_is_found(in_process: None, verified: Callable) -> None:
     def change(said: Any) -> None:
         other_versions(said)
         rows = [row for one in said["cells"] if one["track"] == "raters" for row in one["attacks"]]
@@ -166,7 +166,7 @@ def test_an_edited_choice_of_the_worst_case_is_found(verified: Callable) -> None
     assert "claimed 2." in told  # the best possible is 1
 
 
-def test_utilities_that_are_a_little_too_high_everywhere_are_found(verified: Callable) -> None:
+def test_utilities_that_are_a_little_too_high_everywhere_are_found(in_process: None, verified: Callable) -> None:
     def change(said: Any) -> None:
         other_versions(said)
         for one in said["cells"]:

@@ -24,7 +24,13 @@ STRATEGY = ["--learner", "evolution-strategy:pairs=2,games=2,units=3,validation=
 GRADIENTS = ["--learner", "gradients:games=16,units=3,validation=4,validate_every=2,start=random"]
 PPO = ["--learner", "coalition-PPO:games=4,units=3,validation=4,validate_every=2,start=random"]
 LEARNERS = {"evolution": EVOLUTION, "evolution-strategy": STRATEGY, "gradients": GRADIENTS, "coalition-ppo": PPO}
-EACH = pytest.mark.parametrize("learner", LEARNERS.values(), ids=LEARNERS)
+EACH = pytest.mark.parametrize(
+    "learner",
+    [
+        pytest.param(one, id=name, marks=pytest.mark.slow if name != "evolution" else ())
+        for name, one in LEARNERS.items()
+    ],
+)
 
 
 def train(out, *arguments, code=0):

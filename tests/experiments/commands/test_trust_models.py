@@ -19,7 +19,12 @@ def run(command, name, *arguments):
     assert result.exit_code == 0, result.output
 
 
-@pytest.mark.parametrize("name", trust_models())
+QUICK = ("role-trust", "own-experience", "median")  # central, personal, and one that jumps
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=() if one in QUICK else pytest.mark.slow) for one in trust_models()]
+)
 def test_an_attacker_learns_against_it_and_is_saved_with_it(tmp_path, name):
     run("train", name, *LEARNER, "--steps", 8, "--out", tmp_path)
     attacker = load_attacker(tmp_path)
