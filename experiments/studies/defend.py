@@ -13,8 +13,9 @@ from roletrust_env.storage.provenance import software
 from roletrust_experiments.commands import completion
 from roletrust_experiments.commands.console import changed_options, console, interruptible, print_next, progress_bar
 from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.options import NAMED, OWN, Again, ConditionSuite, Out, Seed, SeededRuns
+from roletrust_experiments.commands.options import NAMED, OWN, Out, Seed, SeededRuns
 from studies.attackers.runs import Run, read_runs, write_runs
+from studies.options import Again, ConditionSuite
 from studies.running import run
 
 _FRONT = "SCENARIO/TRACK/SHARE"

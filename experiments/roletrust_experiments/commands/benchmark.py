@@ -1,6 +1,6 @@
 """`roletrust benchmark`: how robust trust models are, by the worst of all attacks; and which learner attacks best."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -41,14 +41,13 @@ from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.leaderboard import leaderboard_markdown, leaderboard_table
 from roletrust_experiments.commands.learners import asked_learners, tell_learners, tell_learners_cost
 from roletrust_experiments.commands.options import NAMED, Out, Workers
-from roletrust_experiments.commands.real import real
 
 
 def benchmark(
     suite: Annotated[
         str,
         typer.Option(
-            help="Suite to play: quick, standard, full, learners, learners-quick, real, or the path of a .toml file.",
+            help="Suite to play: quick, standard, full, learners, learners-quick, or the path of a .toml file.",
             autocompletion=completion.suites,
         ),
     ] = "quick",
@@ -92,12 +91,6 @@ def benchmark(
             show_default=False,
         ),
     ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of logs, for the suite real; see `roletrust real`.", show_default=False
-        ),
-    ] = None,
     workers: Workers = None,
     ray: Annotated[
         str | None,
@@ -128,9 +121,6 @@ def benchmark(
     is known. Learners are measured in games that they have not seen. Written: [green]learners.csv learners.md
     learners.png[/].
 
-    The suite [bold]real[/] plays no games: it is `roletrust real DIR`, with its models and its defaults, on the logs of
-    --data. Written: [green]real.csv real.md[/].
-
     The result of each cell is saved in [green]results.sqlite[/] as soon as it is complete, so that an interrupted
     command continues when it is given again. Written at the end: [green]leaderboard.csv leaderboard.md[/]; `roletrust
     report` makes a page of the results. If a cell fails, the others count, and the exit code is 1.
@@ -149,12 +139,6 @@ def benchmark(
     [dim]# your own learner beside PPO, in one or two minutes[/]
     [cyan]roletrust benchmark --suite learners-quick --learner mypackage.mine:MyLearner --learner PPO[/]
     """
-    if suite == "real":
-        given = {"--attack": attack, "--known": known, "--learner": learner, "--workers": workers, "--ray": ray}
-        _real(data, model, given | {"--dry-run": dry_run, "--force": force}, out)
-        return
-    if data is not None:
-        raise ValueError(f"--data is for the suite real only, and the suite is {suite}")
     require("the benchmark", "train", "scipy", "cma", "torch", "stable_baselines3")
     if ray is not None:
         require("--ray", "ray", "ray")
@@ -179,17 +163,6 @@ def benchmark(
     print_next("report", out / "results.sqlite", needs_code(named), "--out", out / "report")
     if any(done.failed for _, done in kept):
         raise typer.Exit(1)
-
-
-def _real(data: Path | None, model: list[str] | None, others: Mapping[str, Any], out: Path) -> None:
-    """Measure trust models on real ratings, as `roletrust real` does."""
-    if data is None:
-        raise ValueError(
-            "the suite real needs --data DIR, a folder of logs that are yours; see `roletrust real --help`"
-        )
-    if wrong := [flag for flag, value in others.items() if value]:
-        raise ValueError(f"{wrong[0]} is not for the suite real, which is `roletrust real {data}`")
-    real(data, model, out=out)
 
 
 def _play(suite: AnySuite, pool: Pool, force: bool, out: Path) -> list[StoredCell]:

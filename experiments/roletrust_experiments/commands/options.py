@@ -53,16 +53,6 @@ SeatedAttacks = Annotated[
         show_default=False,
     ),
 ]
-NamedAttacks = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar=NAMED,
-        help="Attack to try and to search, with the given parameters fixed; repeat for a mixture. By default on-off "
-        f"for providers and bad-mouthing for raters. {OWN}",
-        autocompletion=completion.named_attacks,
-        show_default=False,
-    ),
-]
 Compromised = Annotated[
     list[str] | None,
     typer.Option(
@@ -73,34 +63,14 @@ Compromised = Annotated[
 StealthWeight = Annotated[float, typer.Option(min=0, help="Price of a trust gap that gives the attacker away.")]
 StealthTolerance = Annotated[float, typer.Option(min=0, max=1, help="Trust gap that costs nothing.")]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same results.")]
-Threads = Annotated[int, typer.Option(min=1, help="Number of threads of torch.")]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Number of processes; by default one for each core.", show_default=False),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; it is created if it is missing.")]
-ConditionSuite = Annotated[
-    str,
-    typer.Option(
-        help="Suite with the scenario and the track: its name, or the path of a .toml file.",
-        autocompletion=completion.suites,
-    ),
-]
-ConditionScenario = Annotated[str, typer.Option("--scenario", help="Name of the scenario in the suite.")]
-ConditionTrack = Annotated[str, typer.Option(help="Name of the track in the suite, which says who is compromised.")]
-ConditionShare = Annotated[float, typer.Option(help="Share of compromised agents in each role of the track.")]
 SeededRuns = Annotated[
     int,
     typer.Option("--runs", min=1, help="Number of runs, with this seed and the seeds after it, in folders seed-..."),
-]
-Searches = Annotated[int, typer.Option("--runs", min=1, help="Number of searches, with this seed and those after it.")]
-FreshGames = Annotated[int, typer.Option(min=1, help="Number of fresh games that measure each attacker.")]
-Again = Annotated[bool, typer.Option("--force", help="Begin again, and overwrite the runs in --out.")]
-OptionalOut = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR", help="Folder for the results; nothing is written if it is left out.", show_default=False
-    ),
 ]
 
 

@@ -34,7 +34,6 @@ from roletrust_experiments.commands.extras import require
 from roletrust_experiments.commands.options import (
     Compromised,
     ModelOption,
-    NamedAttacks,
     Out,
     ScenarioOption,
     Seed,
@@ -48,6 +47,7 @@ from roletrust_experiments.commands.options import (
 from roletrust_experiments.plots.figure_files import write_figure
 from studies.ladder.rows import HEADER, Row, compared, lines, ranked, summary, top, wins
 from studies.ladder.trajectory import Trajectory, watch
+from studies.options import NamedAttacks
 from studies.running import run
 
 

@@ -1,12 +1,13 @@
 """A report that several files of tests read."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 import report_run
 
-from roletrust_env.benchmarking.pool import LocalPool
+from roletrust_env.benchmarking.pool import play_safely
 
 
 @pytest.fixture(scope="session")
@@ -17,12 +18,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
+class _InProcess:
+    """A pool that plays cells in this process, where they neither hang nor die."""
+
+    def __init__(self, workers: int | None, *, records: Any = None, isolated: bool = False) -> None:
+        self._records = records or {}
+
+    def play(self, suite: Any, cells: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+        for cell in cells:
+            yield cell, play_safely(suite, cell, b"", self._records.get(cell, ""))
+
+
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells are played in this process, where they neither hang nor die."""
-
-    def pool(workers: int | None, **options: Any) -> LocalPool:
-        return LocalPool(0, records=options.get("records", {}))
-
+    """Commands start no processes for cells."""
     for command in ("benchmark", "submit"):
-        monkeypatch.setattr(f"roletrust_experiments.commands.{command}.LocalPool", pool)
+        monkeypatch.setattr(f"roletrust_experiments.commands.{command}.LocalPool", _InProcess)
