@@ -19,7 +19,6 @@ from rich.text import Text
 
 from roletrust_env.metrics.confidence import Estimate
 from roletrust_env.trust.outside import KINDS as OUTSIDE
-from roletrust_experiments.paper.claims import Claim
 
 ALLOW_CODE = "Accept files that name classes that are not installed, as package.module:Class. This runs their code."
 """Help of the option `--allow-code`, for commands whose files name models or attacks."""
@@ -181,17 +180,3 @@ def plus_minus(value: Estimate, digits: int = 3) -> str:
         '0.250 ± 0.012'
     """
     return f"{value.mean + 0.0:.{digits}f} ± {value.half:.{digits}f}"
-
-
-def claims_table(title: str, found: Sequence[Claim]) -> FittedTable:
-    """Return the table of the paper's claims: the claim, the criterion and the measured value."""
-    table = FittedTable(title, needed=6)
-    for heading in ("fig", "what", "the paper", "needed", "measured", ""):
-        table.column(heading, "right" if heading == "measured" else "left")
-    for claim, following in zip(found, [*found[1:], None], strict=True):
-        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
-        ends = following is not None and following.figure != claim.figure
-        table.add_row(
-            str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends
-        )
-    return table

@@ -17,3 +17,8 @@ def require(what: str, extra: str, *modules: str) -> None:
     missing = [module for module in modules if find_spec(module) is None]
     if missing:
         raise ValueError(f"{what} needs {', '.join(missing)}: pip install 'roletrust-env[{extra}]'")
+
+
+def require_live() -> None:
+    """Check before the work that the packages of live nodes are installed."""
+    require("roletrust live", "live", "cyclonedds", "rosbags", "cryptography", "cv2")

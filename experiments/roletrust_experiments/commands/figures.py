@@ -1,5 +1,9 @@
 """`roletrust figures`: Figures 3 and 4 of Su and Saint-Jore (EWSN 2023), from real ratings."""
 
+import statistics
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -9,15 +13,26 @@ from rich.markup import escape
 
 from roletrust_env import Game, JointPolicy, State, make_scenario
 from roletrust_env.evaluation.curves import Curves
-from roletrust_env.storage.files import prepare_folder, write_json
+from roletrust_env.live.team import PublishedTrust
+from roletrust_env.live.validation import MANAGER, is_genuine
+from roletrust_env.storage.files import prepare_folder, write_csv, write_json
 from roletrust_env.storage.provenance import describe_policies, provenance
-from roletrust_experiments.commands.console import claims_table, console, print_next, progress_bar
+from roletrust_experiments.commands.console import FittedTable, console, print_next, progress_bar
+from roletrust_experiments.commands.extras import require_live
 from roletrust_experiments.commands.options import Out
-from roletrust_experiments.commands.recorded import draw_recording
 from roletrust_experiments.paper import claims
-from roletrust_experiments.paper.figures import BAD_MOUTHING, ON_OFF, Attack, Paper, papers
-from roletrust_experiments.paper.footage import loop_length_s, loop_note
-from roletrust_experiments.playing.tracked import track_curves
+from roletrust_experiments.paper.figures import (
+    BAD_MOUTHING,
+    ON_OFF,
+    Attack,
+    Paper,
+    loop_length_s,
+    loop_note,
+    paper_of,
+    papers,
+)
+from roletrust_experiments.paper.live_curves import curves_from_rounds
+from roletrust_experiments.playing.games import track_curves
 from roletrust_experiments.plots.figure_files import write_figure
 
 _MOMENTS_S = {15.0: "calm", 19.0: "fast target", 60.0: "SP_3 attacks"}  # of Figure 3, for the montage
@@ -99,7 +114,7 @@ def figures(
     if recording is not None and frames is not None:
         raise ValueError("--recording plays nothing, so --frames has no effect")
     if recording is not None:
-        draw_recording(recording, attack, keys, out)
+        _draw_recording(recording, attack, keys, out)
         return
     if attack is not None:
         raise ValueError("--attack says what a --recording shows; without a recording, both figures are played")
@@ -226,3 +241,101 @@ def _explain(found: list[claims.Claim], game: Game, rounds: list[Curves]) -> Non
             "[dim]n/a: the bound holds for the rendered scene; in these frames the detector still recognises the "
             "person when the picture is blurred[/]"
         )
+
+
+def _draw_recording(recording: Path, attack: Attack | None, keys: Path | None, out: Path) -> None:
+    """Draw and write the published trust of a team, or for the paper's team and attack its figure and claims.
+
+    Args:
+        recording: Folder of the recording.
+        attack: The paper's attack that was played; None for any other team.
+        keys: Folder with the manager's public key; None draws unsigned trust, too.
+        out: Folder for the results.
+
+    Raises:
+        ValueError: The folder is no recording, has fewer than two rounds, or has another team than the paper's.
+    """
+    require_live()
+    from roletrust_env.live.wire import messages
+    from roletrust_env.live.wire.keys import PublicKeys
+    from roletrust_env.live.wire.recording import read_recording
+
+    rounds, keyring = [], None if keys is None else PublicKeys(keys, [MANAGER])
+    for one in read_recording(recording):
+        if one.kind == messages.TRUST:
+            with suppress(ValueError):  # an unreadable message is not from the manager
+                trust, envelope = messages.read_trust(one.raw)
+                if is_genuine(envelope, keyring):
+                    rounds.append(trust)
+    gaps = [(b.stamp - a.stamp) / (b.round - a.round) for a, b in pairwise(rounds) if b.round > a.round]
+    period = round(statistics.median(gaps)) if gaps else 0
+    if period <= 0 or not (rounds[-1].tor and rounds[-1].top):
+        raise ValueError(
+            f"{recording} holds {len(rounds)} rounds of trust; it must hold two consecutive ones, with agents"
+        )
+    start = rounds[0].stamp - rounds[0].round * period
+    prepare_folder(out)
+    if attack is None:
+        written = _any_team(recording, rounds, curves_from_rounds(rounds, start, period, period / 1e9), out)
+    else:
+        written = _papers(recording, rounds, attack, start, period, out)
+    console.print(f"Written to {out}: {', '.join(written)}", soft_wrap=True)
+
+
+def _any_team(recording: Path, rounds: list[PublishedTrust], curves: Curves, out: Path) -> list[str]:
+    """Write the trust of all agents against time."""
+    from roletrust_experiments.plots.curves import Panel, trust_figure
+
+    last = rounds[-1]
+    panels = [
+        Panel("trust of raters, ToR", tuple(last.tor), curves.tor),
+        Panel("trust of providers, ToP", tuple(last.top), curves.top),
+    ]
+    header = ["time_s", *(f"ToR {name}" for name in last.tor), *(f"ToP {name}" for name in last.top)]
+    rows = zip(curves.time_s.tolist(), *curves.trust[..., 0].T.tolist(), strict=True)
+    write_csv(out / "figure.csv", header, rows)
+    title = f"{recording.name}: {len(last.tor)} raters, {len(last.top)} providers, {len(rounds)} rounds"
+    write_figure(out / "figure.png", trust_figure(title, panels, curves.time_s, float(curves.time_s[-1])))
+    return ["figure.csv", "figure.png"]
+
+
+def _papers(
+    recording: Path, rounds: list[PublishedTrust], attack: Attack, start: int, period: int, out: Path
+) -> list[str]:
+    """Write the paper's figure, with the paper's clock at any speed of the team."""
+    from roletrust_experiments.plots.paper import write_paper
+
+    scenario = make_scenario("paper-3x3-hog")
+    paper, size = paper_of(attack, scenario.period_s), (len(rounds[-1].tor), len(rounds[-1].top))
+    if size != (3, 3):
+        raise ValueError(
+            f"--attack {attack} needs the paper's three raters and three providers; {recording} has {size[0]} and "
+            f"{size[1]}; leave --attack out to draw its curves"
+        )
+    curves = curves_from_rounds(rounds, start, period, scenario.period_s)
+    if curves.time_s[0] > 5 or curves.time_s[-1] <= paper.attack.start_s + 20:
+        raise ValueError(
+            f"{recording} is from {curves.time_s[0]:g} to {curves.time_s[-1]:g} s of the paper's clock, too short for "
+            f"--attack {attack}; leave --attack out to draw its curves"
+        )
+    found = paper.check(curves, scenario, paper.attack)
+    note = f"recorded in {recording.name}: {len(rounds)} rounds"
+    written = write_paper(out, f"figure{paper.number}", paper, {"": curves}, scenario, note)
+    results = {"command": "roletrust figures", "recording": str(recording), "attack": attack, "period_s": period / 1e9}
+    write_json(out / "results.json", {**results, "claims": [claim._asdict() for claim in found]})
+    console.print(claims_table("Su and Saint-Jore (2023), from a recording", found))
+    return [*written, "results.json"]
+
+
+def claims_table(title: str, found: Sequence[claims.Claim]) -> FittedTable:
+    """Return the table of the paper's claims: the claim, the criterion and the measured value."""
+    table = FittedTable(title, needed=6)
+    for heading in ("fig", "what", "the paper", "needed", "measured", ""):
+        table.column(heading, "right" if heading == "measured" else "left")
+    for claim, following in zip(found, [*found[1:], None], strict=True):
+        verdict = {True: "[green]ok[/]", False: "[bold red]not ok[/]", None: "[dim]n/a[/]"}[claim.ok]
+        ends = following is not None and following.figure != claim.figure
+        table.add_row(
+            str(claim.figure), claim.what, claim.paper, claim.needed, claim.measured, verdict, end_section=ends
+        )
+    return table

@@ -1,10 +1,11 @@
 """Figures 3 and 4 of Su and Saint-Jore (2023): their attacks, their windows and their claims."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 from roletrust_baselines import BadMouthing, OnOff
-from roletrust_env import Policy
+from roletrust_env import Game, Policy
 from roletrust_experiments.paper import claims
 
 COLUMNS = ("time_s", "ToR_1", "ToR_2", "ToR_3", "ToP_1", "ToP_2", "ToP_3")
@@ -72,3 +73,20 @@ def papers(period_s: float) -> tuple[Paper, Paper]:
 def paper_of(attack: Attack, period_s: float) -> Paper:
     """Return the figure of an attack for rounds of a given length in seconds."""
     return papers(period_s)[0 if attack == "on-off" else 1]
+
+
+def loop_length_s(game: Game) -> float | None:
+    """Return the length of repeated footage in seconds; None if the footage was not repeated."""
+    if game.scenario.playback == "once":
+        return None
+    from roletrust_env.world.vision import HogService
+
+    return game.service.loop_length_s if isinstance(game.service, HogService) else None
+
+
+def loop_note(game: Game) -> str | None:
+    """Return a caption on repeated footage; None if the footage was not repeated."""
+    length = loop_length_s(game)
+    return (
+        None if length is None else f"the frames of {Path(str(game.scenario.frames)).name}, {length:.3g} s, are looped"
+    )

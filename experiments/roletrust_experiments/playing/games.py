@@ -1,17 +1,19 @@
 """Games of one scenario under several trust models: their cost, their results, and a table of these."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rich.progress import Progress
 
 from roletrust_env import Game, JointPolicy, Policy
-from roletrust_env.evaluation.curves import Curves, curve_bytes
+from roletrust_env.evaluation.curves import Curves, curve_bytes, record_curves
 from roletrust_env.evaluation.resources import Cost, trial_size, try_out
+from roletrust_env.game.policy import policy_name
 from roletrust_env.game.rollout import rollout
+from roletrust_env.game.state import State
 from roletrust_env.metrics.confidence import Estimate, over_games
 from roletrust_experiments.playing.group_measures import Group, damage, measure, measured_since, under_attack
-from roletrust_experiments.playing.tracked import track_curves
 
 HEADER = ("trust_model", "time_s", "agent", "trust", "mean", "low", "high", "games")
 
@@ -90,3 +92,37 @@ def rows(played: Played) -> list[tuple[Any, ...]]:
             table = zip(curves.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
             lines += [(played.model, time_s, name, trust, *rest) for time_s, *rest in table]
     return lines
+
+
+def track_curves(
+    joint_policy: JointPolicy,
+    seed: int,
+    progress: Progress,
+    label: str,
+    *,
+    games: int = 1,
+    on_round: Callable[[State], None] = lambda state: None,
+) -> Curves:
+    """Return the curves of games and show the progress. Other arguments as for `record_curves`.
+
+    Args:
+        joint_policy: Game and policies of its agents.
+        seed: Random seed.
+        progress: Progress display.
+        label: Name of the work in the display.
+        games: Number of games.
+        on_round: Called with the state after each round.
+    """
+    job = progress.add_task(label, total=joint_policy.game.scenario.max_cycles)
+
+    def advance(state: State) -> None:
+        on_round(state)
+        progress.advance(job)
+
+    return record_curves(joint_policy, seed, games=games, on_round=advance)
+
+
+def attacks_in_words(attackers: Mapping[str, Policy]) -> str:
+    """Return the attacks and the number of agents that play each, such as `bad-mouthing x3, on-off`."""
+    counts = Counter(policy_name(policy) for policy in attackers.values())
+    return ", ".join(f"{name} x{n}" if n > 1 else name for name, n in counts.items()) or "everyone honest"

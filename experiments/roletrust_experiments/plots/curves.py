@@ -13,7 +13,7 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.game.policy import WindowedAttack
 from roletrust_env.metrics.confidence import Floats, over_games
 from roletrust_env.metrics.score import mean_or_nan
-from roletrust_experiments.paper.footage import loop_note
+from roletrust_experiments.paper.figures import loop_note
 from roletrust_experiments.plots.style import ATTACKED, ATTACKERS, DASHES, HONEST, INK, PERTURBED, QUIET, shade, tidy
 
 _FAINT = 0.3  # opacity

@@ -15,7 +15,8 @@ from roletrust_env.trust.model import registry as trust_models
 from roletrust_env.world.presets import scenarios
 from roletrust_experiments.cli import app
 from roletrust_experiments.commands import completion
-from roletrust_experiments.commands.console import FittedTable, claims_table, number_table, option, print_next
+from roletrust_experiments.commands.console import FittedTable, number_table, option, print_next
+from roletrust_experiments.commands.figures import claims_table
 from roletrust_experiments.paper.claims import Claim
 
 LONG = "a-trust-model-with-quite-a-long-name:parameter=0.123456789,another=true"

@@ -10,8 +10,8 @@ from roletrust_env.evaluation.curves import Curves
 from roletrust_env.metrics.confidence import over_games
 from roletrust_env.world.roster import Roster
 from roletrust_experiments.commands.console import errors, progress_bar
+from roletrust_experiments.playing.games import track_curves
 from roletrust_experiments.playing.group_measures import under_attack
-from roletrust_experiments.playing.tracked import track_curves
 
 
 def test_metrics_of_an_attack_are_those_of_the_library(tmp_path):

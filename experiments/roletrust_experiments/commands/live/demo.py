@@ -20,13 +20,15 @@ from roletrust_env.live.team import Team
 from roletrust_env.storage.files import prepare_folder, write_json
 from roletrust_env.storage.provenance import describe, describe_policies
 from roletrust_env.trust import TrustModel, make_trust_model
-from roletrust_experiments.commands.console import claims_table, console, progress_bar
-from roletrust_experiments.commands.live.options import Browser, Port, Speed, period_ns, require_live
+from roletrust_experiments.commands.console import console, progress_bar
+from roletrust_experiments.commands.extras import require_live
+from roletrust_experiments.commands.figures import claims_table
+from roletrust_experiments.commands.live.options import Browser, Port, Speed, period_ns
 from roletrust_experiments.commands.live.processes import NodeProcesses
 from roletrust_experiments.commands.live.view import address, require_view
 from roletrust_experiments.paper.figures import Attack, Paper, paper_of
 from roletrust_experiments.paper.live_curves import curves_from_rounds, latencies_ms
-from roletrust_experiments.playing.tracked import track_curves
+from roletrust_experiments.playing.games import track_curves
 
 _NICENESS = 19  # the simulation gives way to the robots
 _PAPER = make_scenario("paper-3x3-hog")

@@ -14,7 +14,8 @@ from roletrust_env.storage.files import replacing
 from roletrust_env.storage.scenario_files import printable
 from roletrust_env.trust import TrustModel
 from roletrust_experiments.commands.console import console, errors
-from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns, require_live
+from roletrust_experiments.commands.extras import require_live
+from roletrust_experiments.commands.live.options import Keys, Network, Scenario, Speed, period_ns
 
 _PAPER = "paper-3x3"
 _UNSUPPORTED = {"treatment", "presence"}  # all readers of a topic get the same message, and a process has one name

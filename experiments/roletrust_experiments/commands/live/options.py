@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from roletrust_env.live.nodes.run_loop import SECOND
-from roletrust_experiments.commands.extras import require
 
 Scenario = Annotated[
     str, typer.Option(help="Name or file of a scenario, which sets the agents, the rounds and the disturbances.")
@@ -18,11 +17,6 @@ Network = Annotated[
 ]
 Port = Annotated[int, typer.Option(min=1024, max=65535, help="Port of the page, on this machine only.")]
 Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page.")]
-
-
-def require_live() -> None:
-    """Check before the work that the packages of live nodes are installed."""
-    require("roletrust live", "live", "cyclonedds", "rosbags", "cryptography", "cv2")
 
 
 def period_ns(period_s: float, speed: float) -> int:

@@ -9,7 +9,8 @@ from rich.markup import escape
 from roletrust_env.metrics.confidence import Interval
 from roletrust_env.storage.scenario_files import printable, write_scenario
 from roletrust_experiments.commands.console import console, number_table
-from roletrust_experiments.commands.live.options import Keys, Network, require_live
+from roletrust_experiments.commands.extras import require_live
+from roletrust_experiments.commands.live.options import Keys, Network
 
 
 def record(

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from roletrust_env import make_scenario
 from roletrust_experiments.commands.console import console, errors
-from roletrust_experiments.commands.extras import require
-from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed, require_live
+from roletrust_experiments.commands.extras import require, require_live
+from roletrust_experiments.commands.live.options import Browser, Keys, Network, Port, Scenario, Speed
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
